@@ -1,0 +1,34 @@
+"""Plane waves in hexagonal crystals of adhesive spheres, through LAMMPS.
+
+A scene says what to simulate; `build` turns it into a LAMMPS deck, `run` runs the deck and returns the `Record`
+of the centre sphere::
+
+    from granular_lmp import Scene, run
+    record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
+    record.p                                   # v/D0 of the centre sphere at the times record.tau
+
+The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave`, `effects`, `deck`, `launch`,
+`record`.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from granular_lmp.deck import Deck as Deck
+    from granular_lmp.deck import build as build
+    from granular_lmp.launch import run as run
+    from granular_lmp.record import Record as Record
+    from granular_lmp.scene import Scene as Scene
+
+__version__ = "0.1.0"
+
+# Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
+_HOMES = {"Scene": "scene", "Deck": "deck", "build": "deck", "run": "launch", "Record": "record"}
+__all__ = ["Deck", "Record", "Scene", "build", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

