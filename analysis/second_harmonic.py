@@ -1,0 +1,311 @@
+"""Second-harmonic generation by plane waves in a hexagonal granular crystal, in closed form.
+
+One wave cos ϑ, ϑ = ξn − Ωτ + phase, runs along y through rows n of adhesive micro-spheres. To first order it is a mode
+of the linear lattice (L, TR or RT); to second order it drives a longitudinal wave at (2ξ, 2Ω), and the initial
+condition launches two free waves at 2ξ that cancel it at τ=0. Everything is dimensionless, as in the paper
+
+    S. P. Wallen and N. Boechler, "Shear to longitudinal mode conversion via second harmonic generation in a
+    two-dimensional microscale granular crystal" (equation labels of its source are cited below),
+
+p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper prints
+τ = t/√(2m/(g1+3k1)); its own dispersion relation Ω_L = sin(ξ/2) needs the τ used here.) The amplitude is a = D0/Δ0.
+
+To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1} [eqp, eqq, eqr]:
+
+    p''  = ¼ D dp + (ε/8) D[dp² − α dq² + (2/√3) β σ dq]
+    q''  = (μ1/4) D dq − (√3μ2/2) D σ + (ε/4) D[γ dp dq − √3 β σ dp]
+    Ĩφ'' = (μ2/2)(√3 S dq − 2 S σ − 4φ) + (εβ/2) S[dp dq/√3 − σ dp]
+
+where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+ModeName = Literal["L", "TR", "RT"]
+
+SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """Dimensionless constants of the lattice: all follow from κ = g1/k1, the shear-to-normal stiffness of a contact.
+
+    inertia is Ĩ = I/(mR²); longitudinal multiplies ε where the L mode acts on itself (1 in the paper's geometry);
+    overlap_ratio is η = Δ0/2R (0 in the paper's geometry).
+    """
+
+    kappa: float
+    mu1: float
+    mu2: float
+    alpha: float
+    beta: float
+    gamma: float
+    inertia: float
+    longitudinal: float
+    overlap_ratio: float
+
+
+def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
+    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν).
+
+        μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
+
+    The overlap ratio η = Δ0/2R puts in, with h = η/(1−η), what contacts of true length and direction change:
+
+        Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
+
+    These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
+
+    Parameters
+    ----------
+    poisson_ratio : ν of the spheres, in [−1, 0.5].
+    inertia : I/(mR²) > 0.
+    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
+
+    Raises
+    ------
+    ValueError
+        For a value outside these ranges.
+
+    γ keeps its value of the paper at η > 0: no second harmonic depends on it.
+
+    Source: definitions below eqr, right as printed; the geometry is not in the paper.
+    """
+    if not -1.0 <= poisson_ratio <= 0.5:
+        raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
+    if not 0.0 < inertia < np.inf:
+        raise ValueError(f"inertia = {inertia} must be positive and finite")
+    if not 0.0 <= overlap_ratio <= 0.1:
+        raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
+    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    h = overlap_ratio / (1 - overlap_ratio)
+    return Ratios(
+        kappa=kappa,
+        mu1=(3 * kappa + 1) / (kappa + 3),
+        mu2=kappa / (kappa + 3),
+        alpha=(2 * kappa - 1 + 2 * h * (1 - 5 * kappa)) / (2 * kappa + 3),
+        beta=2 * kappa * (1 - 6 * h) / (2 * kappa + 3),
+        gamma=(2 * kappa + 1) / (2 * kappa + 3),
+        inertia=inertia / (1 - overlap_ratio),
+        longitudinal=1 - 6 * h * (1 - kappa) / (2 * kappa + 3),
+        overlap_ratio=overlap_ratio,
+    )
+
+
+def nonlinearity(ratios: Ratios, amplitude: float) -> float:
+    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)), negative: contacts soften when pulled.
+
+    The paper prints 3/2 in place of √3. amplitude is a = D0/Δ0.
+    """
+    kappa = ratios.kappa
+    return -np.sqrt(3) * amplitude * (2 * kappa + 3) / (4 * (kappa + 3))
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
+
+    L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if. It
+    normalises by "the sum of squares", which must be that of the moduli, because Φ̃/Q̃ is imaginary.
+    """
+
+    name: ModeName
+    wavenumber: float
+    frequency: float
+    p: float
+    q: float
+    f: float
+
+
+def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
+    """Frequency Ω(ξ) of a mode, array of the shape of wavenumbers (rad per row, in (0, π]).
+
+        L:       Ω = sin(ξ/2)                                     [Ldisp]
+        TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    [TRdisp]
+
+    Raises ValueError for a wavenumber outside (0, π] or an unknown name. Both right as printed.
+    """
+    return _branch(wavenumbers, name, ratios)[0]
+
+
+def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
+    """One plane-wave mode at wavenumber ξ (rad per row, in (0, π]): frequency and real amplitudes.
+
+        f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        [PhiQratio, which prints μ1(1−cos ξ) − Ω² for … − 2Ω²]
+
+    At ξ=π translation and rotation decouple; the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺
+    (rounding leaves ~1e-16) and |f|=1, f>0 if it is the lower root and f<0 if it is the upper.
+
+    Raises ValueError for a wavenumber outside (0, π] or an unknown name.
+    """
+    frequency, q, f = (float(value) for value in _branch(wavenumber, name, ratios))
+    return Mode(name, float(wavenumber), frequency, 1.0 if name == "L" else 0.0, q, f)
+
+
+def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Floats, Floats, Floats]:
+    """Ω, Q, f of a mode, free of cancellation: with 2d = b − ĨA and r² = d² + Ĩc0² the roots have b − ĨΩ² = d ± r."""
+    xi = np.asarray(wavenumbers, dtype=float)
+    if not np.all((xi > 0) & (xi <= np.pi)):
+        raise ValueError(f"wavenumber = {wavenumbers!r} is outside (0, pi]")
+    s, c = np.sin(xi / 2), np.cos(xi)
+    if name == "L":
+        return s, np.zeros_like(xi), np.zeros_like(xi)
+    if name not in ("TR", "RT"):
+        raise ValueError(f"mode name = {name!r} is not one of 'L', 'TR', 'RT'")
+    mu1, mu2, inertia = ratios.mu1, ratios.mu2, ratios.inertia
+    A, b, c0 = mu1 * s**2, 2 * mu2 * (2 + c), np.sqrt(3) * mu2 * np.sin(xi)
+    d = (b - inertia * A) / 2
+    r = np.hypot(d, np.sqrt(inertia) * c0)
+    half_trace = (b + inertia * A) / 2
+    if name == "RT":
+        squared = (half_trace + r) / inertia
+        q, f = np.where(d >= 0, inertia * c0, r - d), -np.where(d >= 0, d + r, c0)
+    else:
+        # Product of the roots over the upper one; Ab − c0² with its factor s² taken out, which a difference would lose.
+        determinant = 2 * mu2 * s**2 * (mu1 * (2 + c) - 3 * mu2 * (1 + c))
+        squared = determinant / (half_trace + r)
+        q, f = np.where(d >= 0, d + r, inertia * c0), np.where(d >= 0, c0, r - d)
+    norm = np.hypot(q, f)
+    return np.sqrt(squared), q / norm, f / norm
+
+
+def _source(mode: Mode, ratios: Ratios) -> float:
+    """Strength g of the drive: P1'' + sin²ξ P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp."""
+    s = np.sin(mode.wavenumber / 2)
+    if mode.name == "L":
+        return float(-ratios.longitudinal * s**2)
+    alpha, beta = ratios.alpha, ratios.beta
+    return float(mode.q * (alpha * s**2 * mode.q - beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f))
+
+
+def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
+    """Amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields take half of it.
+
+        TR, RT:  P̃1/i = sin ξ Q[α sin²(ξ/2) Q − (β/√3) sin ξ f]/(sin²ξ − 4Ω²)      [P1TR, which prints 4/3 for 1]
+        L:       P̃1/i = ½ cot(ξ/2)
+
+    On resonance it grows without bound and changes sign; where the denominator rounds to 0 it is ±inf, never nan.
+    """
+    if mode.name == "L":  # sin²ξ − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
+        return float(ratios.longitudinal / np.tan(mode.wavenumber / 2) / 2)
+    w = np.sin(mode.wavenumber)
+    strength = float(w * _source(mode, ratios))
+    denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
+    return strength / denominator if denominator else float(np.copysign(np.inf, strength))
+
+
+def second_harmonic_terms(
+    mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """The three waves of the second harmonic, real fields: generated, free forward, free backward, shaped like tau.
+
+        p_SH = (ε/2) Re i{P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = sin ξ = Ω_L(2ξ)   [ansatzPTR]
+        P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
+
+    (with phase, 2ξn + 2·phase for 2ξn). Breaks on resonance, w̃ = 2Ω: generated and forward wave are infinite with a
+    finite sum, which `second_harmonic` gives. Arguments as there.
+    """
+    tau = np.asarray(tau, dtype=float)
+    w, twice = np.sin(mode.wavenumber), 2 * mode.frequency
+    angle = 2 * (mode.wavenumber * row + phase)
+    half, g = nonlinearity(ratios, amplitude) / 2, _source(mode, ratios)
+    # P̃₊ and P̃₋ with the common factor w̃ of numerator and denominator taken out: regular at ξ=π.
+    forward, backward = -g / (2 * (w - twice)), -g / (2 * (w + twice))
+    return (
+        -half * generated_amplitude(mode, ratios) * np.sin(angle - twice * tau),
+        -half * forward * np.sin(angle - w * tau),
+        -half * backward * np.sin(angle + w * tau),
+    )
+
+
+def second_harmonic(
+    mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
+) -> Floats:
+    """Second-harmonic displacement p_SH(τ) in units of D0, the sum of `second_harmonic_terms`, regular on resonance.
+
+        p_SH = (ε/4) g Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
+
+    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω.
+
+    Parameters
+    ----------
+    mode : the fundamental wave.
+    ratios : constants the mode was made with.
+    amplitude : a = D0/Δ0.
+    tau : times, any shape.
+    row : n, counted from the row where ϑ = −Ωτ + phase.
+    phase : rad.
+
+    Breaks when p_SH is no longer small (near the resonance for τ ≳ 1/|ε|) and where g ≈ 0 (the antiresonance): there p
+    is of order a⁴. Away from both, the relative error of p, q and φ falls as a².
+
+    Source: eqP1TR and eqP1 with the initial conditions IC, ICprime, solved by Duhamel's integral.
+    """
+    tau = np.asarray(tau, dtype=float)
+    w, twice = np.sin(mode.wavenumber), 2 * mode.frequency
+    start = np.exp(2j * (mode.wavenumber * row + phase))
+    backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
+    forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)
+    return nonlinearity(ratios, amplitude) / 4 * _source(mode, ratios) * np.real(start * (backward - forward))
+
+
+def _phase_integral(x: float, tau: Floats) -> NDArray[np.complex128]:
+    """E(x) = ∫₀^τ e^{ixt} dt = τ e^{ixτ/2} sin(xτ/2)/(xτ/2), which is τ at x=0."""
+    return tau * np.exp(0.5j * x * tau) * np.sinc(x * tau / (2 * np.pi))
+
+
+def second_order(
+    mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """Displacements p, q, φ in units of D0 to second order: the mode, and `second_harmonic` in p. Arguments as there.
+
+    q and φ have no second-order term for any mode. The paper reads a second harmonic in their simulated signals at the
+    resonance; by symmetry they hold odd harmonics only, and what is seen is the third.
+    """
+    tau = np.asarray(tau, dtype=float)
+    theta = mode.wavenumber * row - mode.frequency * tau + phase
+    p = mode.p * np.cos(theta) + second_harmonic(mode, ratios, amplitude, tau, row, phase)
+    return p, mode.q * np.cos(theta), -mode.f * np.sin(theta)
+
+
+def resonance(ratios: Ratios) -> float:
+    """Wavenumber where the TR mode's second harmonic is a free L wave: 2Ω_TR(ξ) = sin ξ.
+
+    Put Ω² = (1−C²)/4, C = cos ξ, into [TRdisp] and divide by 1−C: what remains is a cubic in C,
+
+        [2μ2(2+C) − Ĩ(1−C²)/4][μ1 − (1+C)/2]/2 = 3μ2²(1+C).
+
+    The paper says the resonance may lie outside the first zone. It cannot, for any inertia: left minus right is
+    μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses zero. So the least
+    root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch. That TR has no second one is tested by scanning.
+    """
+    mu1, mu2, inertia = ratios.mu1, ratios.mu2, ratios.inertia
+    C = np.polynomial.Polynomial([0, 1])
+    b = 2 * mu2 * (2 + C) - inertia * (1 - C**2) / 4
+    roots = (b * (mu1 - (1 + C) / 2) / 2 - 3 * mu2**2 * (1 + C)).roots()
+    inside = roots.real[(np.abs(roots.imag) < 1e-12) & (np.abs(roots) < 1)]
+    return float(np.arccos(np.min(inside)))
+
+
+def antiresonance(ratios: Ratios) -> float | None:
+    """Wavenumber where TR generates no p at order ε: [TRdisp] with Ω = sin(ξ/2)√(μ1 − 3μ2 α/β)  [AntiRes].
+
+    With ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
+
+        C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
+
+    None if that is no wavenumber of TR inside (0, π). AntiRes is right as printed.
+    """
+    mu2, rho = ratios.mu2, ratios.alpha / ratios.beta
+    rate = ratios.mu1 - 3 * mu2 * rho
+    inertial = ratios.inertia * rate * rho / 2
+    numerator, denominator = 2 * mu2 * (1 - 2 * rho) + inertial, 2 * mu2 * (rho - 1) + inertial
+    # ρ > 0 is f > 0 at the crossing, which is TR; a crossing with f < 0 is on RT.
+    if rate <= 0 or rho <= 0 or abs(numerator) >= abs(denominator):
+        return None
+    return float(np.arccos(numerator / denominator))

@@ -1,0 +1,68 @@
+"""The two derivations stay independent: who may import whom."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FROM_PACKAGE = {"granular_lmp.record", "granular_lmp.sphere"}
+
+
+def imports(source: str) -> set[str]:
+    """Dotted names a source imports, at any depth; `from a import b` counts as a.b, `from a.b import c` as a.b too."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            module = "." * node.level + (node.module or "")
+            names |= {module} if "." in module else {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def roots(source: str) -> set[str]:
+    return {name.split(".")[0] for name in imports(source)}
+
+
+def forbidden_in_analysis(source: str) -> set[str]:
+    """Imports of granular_lmp other than record and sphere; relative imports are refused, they hide where they lead."""
+    return {name for name in imports(source) if name.split(".")[0] in ("granular_lmp", "")} - FROM_PACKAGE
+
+
+def sources(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+@pytest.mark.parametrize(
+    "line", ["import granular_lmp", "from granular_lmp import modes", "import granular_lmp.deck", "from . import x"]
+)
+def test_a_forbidden_import_is_seen(line):
+    assert forbidden_in_analysis(f"def f():\n    {line}\n")
+
+
+@pytest.mark.parametrize(
+    "line", ["from granular_lmp import sphere", "from granular_lmp.record import read", "import granular_lmp.sphere"]
+)
+def test_record_and_sphere_are_allowed(line):
+    assert not forbidden_in_analysis(line)
+
+
+def test_closed_form_needs_numpy_and_the_standard_library_only():
+    allowed = {"numpy"} | set(sys.stdlib_module_names)
+    assert roots((ROOT / "analysis/second_harmonic.py").read_text()) <= allowed
+
+
+def test_lattice_is_built_on_no_part_of_the_package():
+    allowed = {"numpy", "scipy", "analysis"} | set(sys.stdlib_module_names)
+    assert roots((ROOT / "analysis/lattice.py").read_text()) <= allowed
+
+
+@pytest.mark.parametrize("path", sources("analysis"), ids=lambda path: path.name)
+def test_analysis_imports_record_and_sphere_at_most(path):
+    assert not forbidden_in_analysis(path.read_text())
+
+
+def test_package_never_imports_analysis():
+    assert not [path.name for path in sources("granular_lmp") if "analysis" in roots(path.read_text())]
