@@ -1,0 +1,623 @@
+"""Every row of docs/errata.md: the misprints of the paper derived or decided, and the table's numbers measured again.
+
+`ERRORS` names, per row of the first table, a function that returns the error of the printed and of the correct form.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.optimize import brentq
+
+from tests.validation import paper_equations as paper
+from tests.validation.paper_equations import CORRECT, PRINTED, Coefficients
+
+ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"
+KAPPA = float(paper.stiffness_ratio(0.17))  # the silica spheres of the paper
+POISSON_GRID = np.linspace(-1, 0.5, 1501)
+XI_GRID = np.linspace(0, np.pi, 2003)[1:-1]
+RESONANT, ORDINARY = 1.475, 0.802  # ξ2 and ξ1 of Fig. 3
+
+z, wave, back = sp.symbols("z E_forward E_backward")  # z = e^{iξ/2}, E = e^{i(ξn ∓ Ωτ)}
+Q, Phi, Qc, Phic, P = sp.symbols("Q Phi Qc Phic P")
+SIN_XI, SIN2_HALF = (z**2 - z**-2) / (2 * sp.I), -((z - 1 / z) ** 2) / 4
+
+
+@cache
+def derived() -> paper.Row:
+    return paper.derived_rows(CORRECT.time_scale_squared)
+
+
+def vanishes(expression: sp.Expr) -> bool:
+    return sp.together(sp.expand(expression)).expand() == 0
+
+
+def agrees(coefficients: Coefficients) -> bool:
+    """Whether `eqp`, `eqq`, `eqr` with these factors are the rows derived for the same time scale."""
+    scale = coefficients.time_scale_squared / CORRECT.time_scale_squared
+    return all(vanishes(scale * a - b) for a, b in zip(derived(), paper.paper_rows(coefficients), strict=True))
+
+
+# ---------------------------------------------------------------- equations of motion
+
+
+def projection_error() -> tuple[float, float]:
+    """Largest relative error of a weight of `equ`, `eqv` against virtual work."""
+
+    def worst(factor: sp.Expr) -> float:
+        pairs = [
+            (float(printed), float(true))
+            for label, weights in paper.printed_weights(factor).items()
+            for line, exact in zip(weights, paper.force_weights(label), strict=False)
+            for printed, true in zip(line, exact, strict=True)
+        ]
+        assert all(printed == 0 for printed, true in pairs if true == 0)
+        return max(abs(printed / true - 1) for printed, true in pairs if true)
+
+    return worst(sp.sqrt(sp.Rational(3, 2))), worst(sp.sqrt(3) / 2)
+
+
+def test_projection_factor_is_half_root_three() -> None:
+    printed, correct = projection_error()
+    assert printed > 0.4
+    assert correct < 1e-15  # round-off of float(√3/2)
+
+
+def sixth_shear_error() -> tuple[float, float]:
+    """Shear at contact 6 when the crystal turns as one body by θ, over Rθ; a rigid rotation strains nothing."""
+    theta = sp.Symbol("theta")
+
+    def strain(label: int, shear: sp.Expr) -> float:
+        normal, _ = paper.normal_and_tangent(label)
+        x, y = (2 * paper.R * component for component in normal)
+        turned = {paper.u0: 0, paper.v0: 0, paper.ul: -theta * y, paper.vl: theta * x}
+        turned |= {paper.th0: theta, paper.thl: theta}
+        return abs(float(sp.simplify(shear.subs(turned) / (paper.R * theta))))
+
+    assert max(strain(label, paper.PRINTED_SEPARATIONS[label][1]) for label in range(1, 6)) == 0
+    return strain(6, paper.PRINTED_SEPARATIONS[6][1]), strain(6, paper.separation(6)[1])
+
+
+def test_sixth_shear_refers_to_particle_zero() -> None:
+    assert sixth_shear_error() == (0.5, 0.0)
+    assert vanishes(paper.PRINTED_SEPARATIONS[6][1] - (paper.vl - paper.v0) / 2 - paper.separation(6)[1])
+
+
+def test_the_other_eleven_separations_are_right() -> None:
+    wrong = [
+        (label, kind)
+        for label in paper.CONTACT_ANGLES
+        for kind, printed, true in zip("NS", paper.PRINTED_SEPARATIONS[label], paper.separation(label), strict=True)
+        if not vanishes(printed - true)
+    ]
+    assert wrong == [(6, "S")]
+
+
+def test_torque_sums_the_six_shear_forces_with_arm_r() -> None:
+    assert all(paper.force_weights(label)[2] == (0, paper.R) for label in paper.CONTACT_ANGLES)
+
+
+def test_taylor_coefficients() -> None:
+    for taylor, spring in zip(paper.quadratic_forces(), paper.SPRINGS, strict=True):
+        assert sp.simplify(taylor - spring.subs(paper.SPRING_CONSTANTS)) == 0
+
+
+def test_static_force_cancels() -> None:
+    """`springN` leaves the adhesive force out; a constant normal force drops out of every row."""
+    assert not any(row.has(paper.k0) for row in derived())
+
+
+def test_stiffness_ratio_of_hertz_mindlin() -> None:
+    young, nu, rc = sp.symbols("E nu R_c", positive=True)
+    normal, shear = young / (2 * (1 - nu**2)), young / (2 * (1 + nu)) / (2 * (2 - nu))
+    ratio = 8 * shear * sp.sqrt(rc) / (sp.Rational(3, 2) * sp.Rational(4, 3) * normal * sp.sqrt(rc))
+    assert sp.simplify(ratio - 2 * (1 - nu) / (2 - nu)) == 0
+
+
+# ---------------------------------------------------------------- reduced equations
+
+
+def time_scale_error() -> tuple[float, float]:
+    """Relative error of the cut-off frequency of L, which `Ldisp` sets to one."""
+
+    def cutoff(time_scale_squared: sp.Expr) -> float:
+        row = paper.derived_rows(time_scale_squared)[0]
+        zigzag = dict.fromkeys(paper.UNKNOWNS, 0) | {paper.p[-1]: -1, paper.p[0]: 1, paper.p[1]: -1}
+        return float(sp.sqrt(sp.simplify(-row.subs(zigzag))))
+
+    return cutoff(PRINTED.time_scale_squared) - 1, cutoff(CORRECT.time_scale_squared) - 1
+
+
+def test_time_scale_puts_the_cutoff_of_l_at_one() -> None:
+    assert time_scale_error() == (1.0, 0.0)
+
+
+# Rows (p, q, φ) of three neighbours that leave one quadratic term alone, and the equation it stands in.
+SINGLE_TERMS = {
+    "epsilon": (0, ((0.3, -0.2, 0.9), (0, 0, 0), (0, 0, 0))),
+    "p_alpha": (0, ((0, 0, 0), (0.3, -0.2, 0.9), (0, 0, 0))),
+    "p_beta": (0, ((0, 0, 0), (0.3, -0.2, 0.3), (0.5, 0.1, -0.4))),
+    "q_beta": (1, ((0.3, -0.2, 0.9), (0, 0, 0), (0.5, 0.1, -0.4))),
+}
+
+
+def numeric_rows(coefficients: Coefficients, state: np.ndarray, amplitude: float) -> np.ndarray:
+    """The paper's p'', q'', φ'' for three rows, `state` of shape (3 unknowns, 3 rows)."""
+    numbers = {paper.kappa: KAPPA, paper.D0: amplitude} | dict(zip(paper.UNKNOWNS, state.ravel(), strict=True))
+    rows = [float(row.subs(paper.HERTZ_MINDLIN).subs(numbers)) for row in paper.paper_rows(coefficients)]
+    return np.array(rows) / (1, 1, 0.4)
+
+
+def exact_rows(state: np.ndarray, amplitude: float) -> np.ndarray:
+    behind, here, ahead = state.T[:, :, None]
+    return paper.exact_acceleration(ahead, here, behind, amplitude, KAPPA)[:, 0]
+
+
+def quadratic_error(name: str) -> tuple[float, float]:
+    """Relative error of one quadratic term against the even part of the exact acceleration at a = 1e-4."""
+    equation, rows = SINGLE_TERMS[name]
+    state, amplitude = np.array(rows, dtype=float), 1e-4
+
+    def even(accelerate: Callable[[np.ndarray], np.ndarray]) -> float:
+        return float((accelerate(state) + accelerate(-state))[equation])
+
+    exact = even(lambda x: exact_rows(x, amplitude))
+    printed = replace(CORRECT, **{name: getattr(PRINTED, name)})
+    errors = [abs(even(lambda x, c=c: numeric_rows(c, x, amplitude)) / exact - 1) for c in (printed, CORRECT)]
+    return errors[0], errors[1]
+
+
+def assert_misprint(name: str) -> None:
+    printed, correct = quadratic_error(name)
+    assert printed > 0.1
+    assert correct < 1e-6  # next term a² = 1e-8, round-off 1e-16/a = 1e-12
+    assert not agrees(replace(CORRECT, **{name: getattr(PRINTED, name)}))
+    assert agrees(CORRECT)
+
+
+def test_epsilon_has_root_three() -> None:
+    assert_misprint("epsilon")
+
+
+def test_alpha_term_has_an_eighth() -> None:
+    assert_misprint("p_alpha")
+
+
+def test_beta_term_of_p_has_four_root_three() -> None:
+    assert_misprint("p_beta")
+
+
+def test_beta_term_of_q_has_root_three() -> None:
+    assert_misprint("q_beta")
+
+
+def test_no_other_epsilon_saves_the_printed_p_equation() -> None:
+    """ε stands in three terms of p: no single value of it makes ε/8, εα/6 and εβ/(3√3) right together."""
+    scale = sp.Symbol("scale")
+    row = paper.paper_rows(replace(PRINTED, epsilon=scale * PRINTED.epsilon))[0]
+    quadratic = sp.Poly(sp.expand((row - derived()[0]) * (paper.g1 + 3 * paper.k1)), *paper.UNKNOWNS).coeffs()
+    assert sp.solve(quadratic, scale) == []
+
+
+@pytest.mark.parametrize(("name", "order"), [(None, 2), *((name, 1) for name in SINGLE_TERMS)])
+def test_only_the_correct_equations_are_second_order(name: str | None, order: int) -> None:
+    """The error of the acceleration (in units of D0) falls as a², with one misprint put back only as a."""
+    coefficients = CORRECT if name is None else replace(CORRECT, **{name: getattr(PRINTED, name)})
+    state = np.array([[0.3, -0.2, 0.9], [0.7, 0.4, -0.6], [0.5, 0.1, -0.4]])
+    error = [np.linalg.norm(numeric_rows(coefficients, state, a) - exact_rows(state, a)) for a in (1e-2, 1e-3)]
+    assert np.log10(error[0] / error[1]) == pytest.approx(order, abs=0.05)  # next order: a few times a = 1e-2
+
+
+# ---------------------------------------------------------------- linear modes
+
+
+def plane_wave(along: sp.Expr, across: sp.Expr, turning: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+    """Values of (p, q, φ) in the three rows for complex amplitudes times e^{iξn}."""
+    amplitudes = ((paper.p, along), (paper.q, across), (paper.f, turning))
+    return {x[j]: amplitude * z ** (2 * j) for x, amplitude in amplitudes for j in x}
+
+
+def bloch_matrix() -> sp.Matrix:
+    """M of the derived rows for (Q̃, Φ̃) e^{iξn}, with −Ω² left off."""
+    plane = plane_wave(P, Q, Phi)
+    linear = [row.subs({paper.k2: 0, paper.g2: 0}).subs(plane) for row in derived()]
+    assert vanishes(linear[0] + SIN2_HALF * P)  # `Ldisp`, and no coupling to q and φ
+    return sp.Matrix([[-sp.expand(row).coeff(x) for x in (Q, Phi)] for row in linear[1:]])
+
+
+def test_dispersion_matrix_and_l_branch_are_right() -> None:
+    cos_xi, mu1, mu2 = (z**2 + z**-2) / 2, paper.MU1, paper.MU2
+    printed = sp.Matrix(
+        [
+            [mu1 / 2 * (1 - cos_xi), sp.sqrt(3) * sp.I * mu2 * SIN_XI],
+            [-sp.sqrt(3) * sp.I * mu2 * SIN_XI, 2 * mu2 * (2 + cos_xi)],
+        ]
+    )
+    assert all(vanishes(entry) for entry in printed - bloch_matrix())
+
+
+def shape_ratio_error() -> tuple[float, float]:
+    """Relative error of Φ̃/Q̃ against the eigenvector of the derived matrix, TR at ξ = 0.802."""
+    numbers = {paper.k1: 1, paper.g1: KAPPA, z: np.exp(0.5j * ORDINARY)}
+    matrix = np.array(bloch_matrix().subs(numbers).evalf(), dtype=complex) / [[1], [0.4]]
+    squares, vectors = np.linalg.eig(matrix)
+    lower = int(np.argmin(squares.real))
+    exact, omega2 = vectors[1, lower] / vectors[0, lower], squares[lower].real
+    mu1, mu2 = (3 * KAPPA + 1) / (KAPPA + 3), KAPPA / (KAPPA + 3)
+
+    def ratio(factor: int) -> complex:
+        return -(mu1 * (1 - np.cos(ORDINARY)) - factor * omega2) / (2j * np.sqrt(3) * mu2 * np.sin(ORDINARY))
+
+    return abs(ratio(1) / exact - 1), abs(ratio(2) / exact - 1)
+
+
+def test_shape_ratio_has_twice_omega_squared() -> None:
+    printed, correct = shape_ratio_error()
+    assert printed > 0.1
+    assert correct < 1e-12  # round-off of a 2×2 eigenproblem
+
+
+def normalisation_error() -> tuple[float, float]:
+    """|Q̃²+Φ̃²−1| and ||Q̃|²+|Φ̃|²−1| of a unit RT vector at ξ = 0.802, the wave of Fig. 2(b)."""
+    shape_q, shape_f = paper.transverse_shape(ORDINARY, KAPPA, float(paper.transverse_branches(ORDINARY, KAPPA)[1]))
+    vector = np.array([shape_q, 1j * shape_f])
+    return abs(np.sum(vector**2) - 1), abs(np.sum(abs(vector) ** 2) - 1)
+
+
+def test_normalisation_takes_moduli() -> None:
+    """Q̃²+Φ̃² = Q²−f² < 0 for RT: no real factor can bring it to one."""
+    printed, correct = normalisation_error()
+    assert printed > 1
+    assert correct < 1e-15
+
+
+# ---------------------------------------------------------------- second harmonic
+
+
+def complex_forcing(coefficients: Coefficients) -> sp.Expr:
+    """Coefficient of ε E² in p'' for complex q=Q̃E, φ=Φ̃E."""
+    row = paper.paper_rows(coefficients)[0].subs(plane_wave(sp.Integer(0), Q * wave, Phi * wave))
+    return sp.expand(row).coeff(wave, 2) / coefficients.epsilon
+
+
+def real_forcing() -> sp.Expr:
+    """p''/ε for the real fields of a forward and an equal backward wave.
+
+    The mirror y → −y keeps q and turns φ; for real Q̃ and imaginary Φ̃ that leaves both amplitudes as they are when the
+    backward wave is written with e^{i(ξn+Ωτ)}.
+    """
+    plane = dict.fromkeys(paper.p.values(), 0)
+    for x, amplitude, conjugate in ((paper.q, Q, Qc), (paper.f, Phi, Phic)):
+        for j in x:
+            waves = (wave * z ** (2 * j), back * z ** (2 * j))
+            plane[x[j]] = sum(amplitude * e + conjugate / e for e in waves) / 2
+    return sp.expand(derived()[0].subs(plane)) / CORRECT.epsilon
+
+
+def harmonic(expression: sp.Expr, forward: int, backward: int) -> sp.Expr:
+    return sp.expand(expression).coeff(wave, forward).coeff(back, backward)
+
+
+def numerator(prefactor: sp.Expr) -> sp.Expr:
+    """Numerator of `P1TR`."""
+    bracket = -paper.BETA / sp.sqrt(3) * SIN_XI * Phi + sp.I * paper.ALPHA * SIN2_HALF * Q
+    return prefactor * SIN_XI * Q * bracket
+
+
+def complex_prefactor_error() -> tuple[float, float]:
+    """Relative error of the prefactor of `P1TR` for complex fields in the equation derived here."""
+    prefactor = sp.cancel(sp.together(complex_forcing(CORRECT) / numerator(sp.Integer(1))))
+    return abs(4 / 3 / float(prefactor) - 1), abs(1 / float(prefactor) - 1)
+
+
+def test_complex_fields_give_prefactor_one() -> None:
+    assert complex_prefactor_error() == (pytest.approx(1 / 3), 0.0)
+
+
+def test_printed_prefactor_follows_from_the_printed_equation() -> None:
+    """4/3 is what α/6 and β/(3√3) give: one misprint, carried on, not two."""
+    printed_terms = replace(CORRECT, p_alpha=PRINTED.p_alpha, p_beta=PRINTED.p_beta)
+    assert vanishes(complex_forcing(printed_terms) - numerator(sp.Rational(4, 3)))
+
+
+def test_real_fields_give_prefactor_one_half() -> None:
+    """(Re z)² = ½ Re z² + ½|z|²; the second part is uniform and moves nothing."""
+    forcing = real_forcing()
+    assert vanishes(2 * harmonic(forcing, 2, 0) - numerator(sp.Rational(1, 2)))
+    assert vanishes(harmonic(forcing, 0, 0))
+
+
+def real_prefactor_error() -> tuple[float, float]:
+    """Error of p(τ≤60) over its maximum in the exact lattice at ξ = 0.802, a = 1e-3, for the prefactors 4/3 and ½."""
+    amplitude, times = 1e-3, np.linspace(0, 60, 121)
+    field = paper.integrate_wave(ORDINARY, KAPPA, amplitude, times)[:, 0]
+    measured = 2 * np.fft.fft(field, axis=-1)[:, 2] / field.shape[1]
+    omega, free = float(paper.transverse_branches(ORDINARY, KAPPA)[0]), np.sin(ORDINARY)
+    shape_q, shape_f = paper.transverse_shape(ORDINARY, KAPPA, omega)
+    alpha, beta = (2 * KAPPA - 1) / (2 * KAPPA + 3), 2 * KAPPA / (2 * KAPPA + 3)
+    bracket = -beta / np.sqrt(3) * free * 1j * shape_f + 1j * alpha * np.sin(ORDINARY / 2) ** 2 * shape_q
+    generated = free * shape_q * bracket / (free**2 - 4 * omega**2)
+    plus, minus = -(free + 2 * omega) / (2 * free), -(free - 2 * omega) / (2 * free)  # `Pplus`, `Pminus`
+    shape = np.exp(-2j * omega * times) + plus * np.exp(-1j * free * times) + minus * np.exp(1j * free * times)
+    epsilon = -np.sqrt(3) * amplitude * (2 * KAPPA + 3) / (4 * (KAPPA + 3))
+    errors = [np.max(abs(c * epsilon * generated * shape - measured)) / np.max(abs(measured)) for c in (4 / 3, 1 / 2)]
+    return float(errors[0]), float(errors[1])
+
+
+def test_exact_lattice_decides_for_one_half() -> None:
+    printed, correct = real_prefactor_error()
+    assert printed > 1
+    assert correct < 1e-4  # a² = 1e-6 times a factor that grows with τ
+
+
+def test_free_wave_amplitudes_start_from_rest() -> None:
+    free, omega = sp.symbols("w Omega", positive=True)
+    plus, minus = -(free + 2 * omega) / (2 * free), -(free - 2 * omega) / (2 * free)
+    assert vanishes(plus + minus + 1)
+    assert vanishes(-free * plus + free * minus - 2 * omega)
+
+
+def test_l_wave_amplitude_is_half_cot() -> None:
+    """i/2·cot(ξ/2), complex fields: grows as 1/ξ in long waves, no resonance in 0<ξ≤π, zero at ξ=π only."""
+    plane = plane_wave(wave, sp.Integer(0), sp.Integer(0))
+    forcing = sp.expand(derived()[0].subs(plane)).coeff(wave, 2) / CORRECT.epsilon
+    cot_half = sp.I * (z + 1 / z) / (z - 1 / z)
+    assert vanishes(forcing - sp.I / 2 * cot_half * (SIN_XI**2 - 4 * SIN2_HALF))
+    assert [row.subs(plane) for row in derived()[1:]] == [0, 0]
+
+
+def test_opposite_waves_make_a_standing_static_wave() -> None:
+    """Real fields: the product of both waves has wave number 2ξ and no frequency; their quotient (2Ω, no ξ) is idle."""
+    forcing = real_forcing()
+    assert vanishes(harmonic(forcing, 1, 1) - 2 * harmonic(forcing, 2, 0))
+    assert vanishes(harmonic(forcing, 1, -1))
+
+
+def test_antiresonance_condition_follows_from_the_correct_ratio_only() -> None:
+    mu1, mu2, alpha, beta = sp.symbols("mu1 mu2 alpha beta", positive=True)
+
+    def square(factor: int) -> sp.Expr:
+        omega2 = sp.Symbol("omega2")
+        ratio = -(mu1 * 2 * SIN2_HALF - factor * omega2) / (2 * sp.sqrt(3) * sp.I * mu2 * SIN_XI)
+        bracket = -beta / sp.sqrt(3) * SIN_XI * ratio + sp.I * alpha * SIN2_HALF
+        return sp.solve(bracket, omega2)[0]
+
+    printed = SIN2_HALF * (mu1 - 3 * mu2 * alpha / beta)
+    assert vanishes(square(2) - printed)
+    assert vanishes(square(1) - 2 * printed)
+
+
+# ---------------------------------------------------------------- existence of resonance and antiresonance
+
+
+def crossings(gap: np.ndarray) -> np.ndarray:
+    """Number of sign changes along the last axis."""
+    return np.count_nonzero(np.diff(np.signbit(gap), axis=-1), axis=-1)
+
+
+def test_crossings_are_counted() -> None:
+    assert crossings(np.array([[1.0, -1, 1], [1, 2, 3]])).tolist() == [2, 0]
+
+
+def tr_resonance(ratio: float, inertia: float = 0.4) -> float:
+    def gap(xi: float) -> float:
+        return float(2 * paper.transverse_branches(xi, ratio, inertia)[0] - np.sin(xi))
+
+    return float(brentq(gap, 1e-2, np.pi - 1e-9))
+
+
+def antiresonance_gap(wavenumber: np.ndarray | float, ratio: np.ndarray | float, branch: int) -> np.ndarray:
+    """Ω² − `AntiRes`², with μ1 − 3μ2α/β = 5/(2(κ+3))."""
+    return paper.transverse_branches(wavenumber, ratio)[branch] ** 2 - np.sin(wavenumber / 2) ** 2 * 2.5 / (ratio + 3)
+
+
+def long_wave_slope_squared() -> sp.Expr:
+    """(dΩ/dξ)² of TR at ξ=0: det M = 0 to order ξ², with I standing for Ĩ."""
+    xi, slope2 = sp.symbols("xi slope2")
+    mu1, mu2 = (3 * paper.kappa + 1) / (paper.kappa + 3), paper.kappa / (paper.kappa + 3)
+    determinant = (mu1 / 2 * (1 - sp.cos(xi)) - slope2 * xi**2) * (
+        2 * mu2 * (2 + sp.cos(xi)) - paper.inertia * slope2 * xi**2
+    ) - 3 * mu2**2 * sp.sin(xi) ** 2
+    return sp.solve(sp.series(determinant, xi, 0, 3).removeO().coeff(xi, 2), slope2)[0]
+
+
+def test_resonance_exists_for_every_stiffness_ratio() -> None:
+    """2Ω starts below sin ξ, as (κ+1)/(κ+3) < 1, and ends above it, as Ω(π) > 0: they cross in 0<ξ<π for any κ, Ĩ."""
+    assert sp.simplify(4 * long_wave_slope_squared() - (paper.kappa + 1) / (paper.kappa + 3)) == 0
+    ratio = paper.stiffness_ratio(POISSON_GRID)[:, None]
+    gap = 2 * paper.transverse_branches(XI_GRID, ratio)[0] - np.sin(XI_GRID)
+    assert set(crossings(gap)) == {1}
+
+
+def test_resonance_stays_in_the_first_zone() -> None:
+    """ξ_res runs from 1.351 (ν=−1) to 1.568 (ν=½), so even 2ξ_res < π; and ξ_res = 1.4763 at ν = 0.17."""
+    found = np.array([tr_resonance(ratio) for ratio in paper.stiffness_ratio(POISSON_GRID)])
+    assert np.all(np.diff(found) > 0)
+    assert found[[0, -1]] == pytest.approx([1.351158, 1.567672], abs=1e-6)
+    assert 2 * found.max() < np.pi
+    assert tr_resonance(KAPPA) == pytest.approx(1.476255, abs=1e-6)
+
+
+def test_resonance_without_rotation_needs_positive_poisson_ratio() -> None:
+    """φ=0: Ω=√μ1 sin(ξ/2), 2Ω=sin ξ only at cos(ξ/2)=√μ1, and μ1<1 only for κ<1, that is ν>0."""
+    ratio = paper.stiffness_ratio(POISSON_GRID)
+    mu1 = (3 * ratio + 1) / (ratio + 3)
+    gap = 2 * np.sqrt(mu1)[:, None] * np.sin(XI_GRID / 2) - np.sin(XI_GRID)
+    found = 2 * np.arccos(np.sqrt(np.minimum(mu1, 1)))
+    visible = found > XI_GRID[1]  # a crossing below the first grid points is not resolved
+    assert np.array_equal(found > 0, POISSON_GRID > 1e-12)
+    assert np.array_equal(crossings(gap)[visible], np.ones(visible.sum()))
+    assert not crossings(gap)[POISSON_GRID < 0].any()
+    mu1_silica = (3 * KAPPA + 1) / (KAPPA + 3)
+    assert 2 * np.arccos(np.sqrt(mu1_silica)) == pytest.approx(0.43966, abs=5e-6)
+    assert found[-1] == pytest.approx(2 * np.arccos(3 / np.sqrt(11)))  # κ = ⅔
+
+
+def test_resonance_of_the_lower_branch_leaves_for_the_zone_edge() -> None:
+    """Large but finite Ĩ: the lower branch becomes the slow rotation, and its resonance goes to ξ=π with Q → 0."""
+    found = [tr_resonance(KAPPA, inertia) for inertia in (1e2, 1e4)]
+    shapes = [
+        paper.transverse_shape(xi, KAPPA, float(paper.transverse_branches(xi, KAPPA, i)[0]), i)[0]
+        for xi, i in zip(found, (1e2, 1e4), strict=True)
+    ]
+    assert np.pi - found[1] < 0.02
+    assert shapes[1] < 0.01
+
+
+def test_resonance_without_shear_exists() -> None:
+    """g → 0: μ1=⅓, μ2=0, 2 sin(ξ/2)/√3 = sin ξ at ξ = 2 arccos(1/√3) = 1.91063, whatever ν."""
+    xi = 2 * np.arccos(np.sqrt(1 / 3))
+    assert xi == pytest.approx(1.91063, abs=5e-6)
+    rotation, transverse = paper.transverse_branches(xi, 0.0)
+    assert rotation == 0
+    assert 2 * transverse == pytest.approx(np.sin(xi))
+
+
+def test_rt_waves_have_neither_resonance_nor_antiresonance() -> None:
+    ratio = paper.stiffness_ratio(POISSON_GRID)[:, None]
+    upper = paper.transverse_branches(XI_GRID, ratio)[1]
+    assert np.min(2 * upper - np.sin(XI_GRID)) > 1.6
+    assert np.min(antiresonance_gap(XI_GRID, ratio, 1)) > 0.2
+
+
+def test_antiresonance_exists_for_every_admissible_poisson_ratio() -> None:
+    """AntiRes² = 5/(2(κ+3)) sin²(ξ/2): below TR at π for κ>½, above it at 0 for κ<3/2; −1≤ν≤½ is ⅔≤κ≤4/3."""
+    kappa = paper.kappa
+    curve = sp.Rational(5, 2) / (kappa + 3)
+    alpha_over_beta, mu2 = (2 * kappa - 1) / (2 * kappa), kappa / (kappa + 3)
+    mu1 = (3 * kappa + 1) / (kappa + 3)
+    assert sp.simplify(mu1 - 3 * mu2 * alpha_over_beta - curve) == 0
+    assert sp.simplify((mu1 - curve) * (kappa + 3) - 3 * (kappa - sp.Rational(1, 2))) == 0  # cut-off: Ω²(π) = μ1 there
+    assert sp.simplify((curve - 4 * long_wave_slope_squared()) * (kappa + 3) - (sp.Rational(3, 2) - kappa)) == 0
+    ratio = paper.stiffness_ratio(POISSON_GRID)
+    assert set(crossings(antiresonance_gap(XI_GRID, ratio[:, None], 0))) == {1}
+    ends = (ratio[0], KAPPA, ratio[-1])
+    found = [brentq(lambda xi, k=k: antiresonance_gap(xi, k, 0), 0.1, np.pi - 1e-6) for k in ends]
+    assert found == pytest.approx([1.029612, 2.128060, 2.701617], abs=1e-6)
+
+
+def test_antiresonance_needs_rotation() -> None:
+    """Φ̃=0 leaves α sin ξ sin²(ξ/2): zero only where α=0, κ=½, ν=⅔, outside −1≤ν≤½."""
+    ratio = paper.stiffness_ratio(POISSON_GRID)
+    assert np.min((2 * ratio - 1) / (2 * ratio + 3)) == pytest.approx(1 / 13)
+    assert paper.stiffness_ratio(2 / 3) == pytest.approx(0.5)
+
+
+def test_antiresonance_needs_shear() -> None:
+    """g → 0: β=0, α=−⅓, so the numerator has no zero in 0<ξ<π."""
+    no_shear = {paper.g2: 0}
+    assert (paper.ALPHA.subs(no_shear), paper.BETA.subs(no_shear)) == (-sp.Rational(1, 3), 0)
+
+
+# ---------------------------------------------------------------- harmonics of q and φ
+
+
+@cache
+def resonant_run() -> tuple[np.ndarray, np.ndarray]:
+    times = np.arange(0, 300.01, 0.5)
+    return times, paper.integrate_wave(RESONANT, KAPPA, 0.2, times)
+
+
+def test_exact_law_is_odd_in_q_and_phi() -> None:
+    rng = np.random.default_rng(0)
+    rows = rng.normal(size=(3, 3, 5))
+    mirror = np.array([1, -1, -1])[:, None]
+    seen = paper.exact_acceleration(*(mirror * row for row in rows), 0.2, KAPPA)
+    assert seen == pytest.approx(mirror * paper.exact_acceleration(*rows, 0.2, KAPPA), abs=1e-14)
+    assert seen != pytest.approx(paper.exact_acceleration(*rows, 0.2, KAPPA), abs=1e-2)
+
+
+def test_q_and_phi_hold_odd_harmonics_only() -> None:
+    _, fields = resonant_run()
+    harmonic = 2 * abs(np.fft.fft(fields, axis=-1)).max(axis=0) / fields.shape[-1]
+    p, q, phi = harmonic
+    assert max(q[0:14:2].max(), phi[0:14:2].max(), p[1:14:2].max()) < 1e-10  # round-off
+    assert [q[3] / q[1], phi[3] / phi[1]] == pytest.approx([0.0225, 0.2056], abs=5e-5)
+    assert p[2] > 0.1
+
+
+def test_what_shows_in_q_and_phi_is_the_third_harmonic() -> None:
+    """Fourier amplitude of q and φ at one particle, over that of the fundamental, Hann window over τ ≤ 300."""
+    times, fields = resonant_run()
+    omega, window = float(paper.transverse_branches(RESONANT, KAPPA)[0]), np.hanning(len(times))
+
+    def relative(component: int, order: int) -> float:
+        at = [abs(np.sum(window * fields[:, component, 0] * np.exp(1j * m * omega * times))) for m in (order, 1)]
+        return float(at[0] / at[1])
+
+    assert [relative(1, 3), relative(2, 3)] == pytest.approx([0.0074, 0.0680], abs=5e-5)
+    assert max(relative(1, 2), relative(2, 2)) < 1e-4  # leakage of the window
+
+
+def test_third_harmonic_is_nearly_resonant_with_rt() -> None:
+    """At ξ=1.475: 3Ω−Ω_RT(3ξ) = 0.00105 and Ω+Ω_L(2ξ)−Ω_RT(3ξ) = 0.00172."""
+    omega, upper = paper.transverse_branches(RESONANT, KAPPA)[0], paper.transverse_branches(3 * RESONANT, KAPPA)[1]
+    assert 3 * omega - upper == pytest.approx(0.00105, abs=5e-6)
+    assert omega + np.sin(RESONANT) - upper == pytest.approx(0.00172, abs=5e-6)
+
+
+def test_nonlinearity_parameter_of_the_simulations() -> None:
+    """The paper's ε ≈ −0.1 fits both forms: −0.1067 with √3, −0.0924 with 3/2."""
+    silica = {paper.kappa: KAPPA, paper.D0: 0.2}
+    values = [float(c.epsilon.subs(paper.HERTZ_MINDLIN).subs(silica)) for c in (CORRECT, PRINTED)]
+    assert values == pytest.approx([-0.1067, -0.0924], abs=5e-5)
+
+
+# ---------------------------------------------------------------- the document
+
+
+ERRORS: dict[str, Callable[[], tuple[float, float]]] = {
+    "test_projection_factor_is_half_root_three": projection_error,
+    "test_sixth_shear_refers_to_particle_zero": sixth_shear_error,
+    "test_time_scale_puts_the_cutoff_of_l_at_one": time_scale_error,
+    "test_epsilon_has_root_three": lambda: quadratic_error("epsilon"),
+    "test_alpha_term_has_an_eighth": lambda: quadratic_error("p_alpha"),
+    "test_beta_term_of_p_has_four_root_three": lambda: quadratic_error("p_beta"),
+    "test_beta_term_of_q_has_root_three": lambda: quadratic_error("q_beta"),
+    "test_shape_ratio_has_twice_omega_squared": shape_ratio_error,
+    "test_normalisation_takes_moduli": normalisation_error,
+    "test_complex_fields_give_prefactor_one": complex_prefactor_error,
+    "test_exact_lattice_decides_for_one_half": real_prefactor_error,
+}
+
+
+def rows_of(document: str) -> dict[str, tuple[float, float]]:
+    """Test name → (error printed, bound of the error correct): the last three cells of a row of the first table."""
+    cell = r"\| *([0-9.]+) *\| *≤ ([0-9.e-]+) *\| *`(test_\w+)` *\|$"
+    return {name: (float(printed), float(bound)) for printed, bound, name in re.findall(cell, document, re.MULTILINE)}
+
+
+@cache
+def measured(name: str) -> tuple[float, float]:
+    return ERRORS[name]()
+
+
+def disagreements(document: str) -> set[str]:
+    """Rows whose printed error is off by more than rounding to three digits, or whose correct error is too large."""
+    return {
+        name
+        for name, (printed, bound) in rows_of(document).items()
+        if not (abs(measured(name)[0] / printed - 1) < 6e-3 and measured(name)[1] <= bound)
+    }
+
+
+def test_numbers_in_the_document_are_measured() -> None:
+    document = ERRATA.read_text(encoding="utf-8")
+    assert rows_of(document).keys() == ERRORS.keys()
+    assert disagreements(document) == set()
+
+
+def test_a_wrong_number_in_the_document_is_found() -> None:
+    document = ERRATA.read_text(encoding="utf-8")
+    assert disagreements(document.replace("| 0.414 |", "| 0.424 |")) == {"test_projection_factor_is_half_root_three"}
+
+
+def test_every_test_named_in_the_document_exists() -> None:
+    named = set(re.findall(r"`(test_\w+)`", ERRATA.read_text(encoding="utf-8")))
+    assert named
+    assert named <= globals().keys()
