@@ -1,0 +1,401 @@
+"""The general-direction theory against the paper's direction, the symmetry of the lattice, and the exact force laws."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from analysis import directions, second_harmonic
+from analysis import map as zone_map
+from analysis.directions import (
+    BONDS,
+    SOLID_SPHERE,
+    bloch_matrix,
+    branch_index,
+    mean_rotation,
+    modes,
+    nonlinearity,
+    second_harmonic_amplitude,
+    second_order,
+    stiffness_ratio,
+)
+
+SILICA = 0.17  # Poisson's ratio of the paper's spheres
+OBLIQUE = {"19 degrees": (1.10, 0.38), "66 degrees": (0.55, 1.25)}  # off both mirror lines (multiples of 30 degrees)
+
+# Derived with computer algebra for ν = 0.17, Ĩ = 0.4: ξ, mode, Ω, Q, f, P̃1/i.
+CLOSED_FORM = [
+    (0.802, "TR", 0.276935327978, 0.973101202335, 0.230378058881, -0.0365016850),
+    (0.802, "RT", 1.788072111095, 0.094276715198, -0.995546031568, -0.0008730171),
+    (0.802, "L", 0.390339208440, None, None, 1.1793218504),
+    (1.475, "TR", 0.497369073475, 0.909207489850, 0.416343296332, -13.8651197840),
+    (2.127, "TR", 0.699055989569, 0.819326692835, 0.573326931521, 4.07540e-5),
+]
+
+
+def along_y(xi: float) -> NDArray[np.float64]:
+    """Return the wave vector of the paper's ξ, per row of spacing √3/2."""
+    return np.array([0.0, 2.0 * xi / np.sqrt(3.0)])
+
+
+def rotation(angle: float) -> NDArray[np.float64]:
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def largest_error(measured: NDArray, expected: NDArray) -> float:
+    return float(np.max(np.abs(np.asarray(measured) - expected)))
+
+
+def relative_error(measured: NDArray, expected: NDArray) -> float:
+    return float(np.linalg.norm(measured - expected) / np.linalg.norm(expected))
+
+
+def slope(amplitudes: list[float], errors: list[float]) -> float:
+    return float(np.polyfit(np.log(amplitudes), np.log(errors), 1)[0])
+
+
+# ---- an independent witness: the exact force laws, six contacts written out, on the phase torus --
+
+
+def torus_even_part(
+    k: tuple[float, float],
+    branch: int,
+    amplitude: float,
+    times: NDArray[np.float64],
+    phase: float = 0.0,
+    points: int = 15,
+    poisson_ratio: float = SILICA,
+) -> NDArray[np.float64]:
+    """Return harmonics 0 and ±2 at a phase, (time, 3) in D0, of the exact lattice started in a pure mode.
+
+        F_N = (2/3)(1 − (1−x)₊^1.5),    F_S = κ t (1−x)₊^½        (displacements in Δ0)
+
+    A wave that starts as a function of the phase k·r alone stays one, and a neighbour at d is a shift of the phase by
+    k·d: the infinite lattice without boundaries. These harmonics are the second-order field up to relative O(a²).
+    """
+    k = np.asarray(k)
+    kappa = stiffness_ratio(poisson_ratio)
+    theta = 2.0 * np.pi * np.arange(points) / points
+    order = np.fft.fftfreq(points, 1.0 / points)
+
+    def shift(angle: float) -> NDArray[np.float64]:
+        return np.real(np.fft.ifft(np.exp(1j * order * angle)[:, None] * np.fft.fft(np.eye(points), axis=0), axis=0))
+
+    normals = [np.array([np.cos(a), np.sin(a)]) for a in np.deg2rad([0, 60, 120, 180, 240, 300])]
+    contacts = [(n, np.array([-n[1], n[0]]), shift(k @ n)) for n in normals]
+
+    def rate(_: float, state: NDArray[np.float64]) -> NDArray[np.float64]:
+        field, velocity = state.reshape(2, points, 3)
+        force = np.zeros((points, 3))
+        for n, t, shifted in contacts:
+            other = shifted @ field
+            stretch = (other - field)[:, :2] @ n
+            slide = (other - field)[:, :2] @ t - (other[:, 2] + field[:, 2])
+            overlap = np.clip(1.0 - stretch, 0.0, None)
+            pull, shear = (2.0 / 3.0) * (1.0 - overlap**1.5), kappa * slide * np.sqrt(overlap)
+            force += np.column_stack([np.outer(pull, n) + np.outer(shear, t), shear])
+        return np.concatenate([velocity, force / (2.0 * (kappa + 3.0)) / [1.0, 1.0, SOLID_SPHERE]], axis=None)
+
+    frequencies, shapes = modes(k, poisson_ratio)
+    wave = amplitude * np.exp(1j * theta)[:, None] * shapes[branch]
+    start = np.concatenate([wave.real, (-1j * frequencies[branch] * wave).real], axis=None)
+    # Tighter than the smallest second harmonic (a² ~ 1e-4) times its smallest error (a² ~ 1e-4) by five decades.
+    solver = DOP853(rate, 0.0, start, times[-1], rtol=1e-12, atol=1e-14)
+    states = []
+    while len(states) < len(times):
+        solver.step()
+        interpolate = solver.dense_output()
+        while len(states) < len(times) and times[len(states)] <= solver.t:
+            states.append(interpolate(times[len(states)])[: 3 * points].reshape(points, 3))
+    harmonics = np.fft.fft(np.array(states), axis=1) / points
+    return np.real(harmonics[:, 0] + 2.0 * harmonics[:, 2] * np.exp(2j * phase)) / amplitude
+
+
+# ---- the paper's direction -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("xi", "name", "frequency", "transverse", "rotational", "generated"), CLOSED_FORM)
+def test_along_y_the_table_of_the_closed_form_is_met(xi, name, frequency, transverse, rotational, generated):
+    k = along_y(xi)
+    branch = branch_index(name, k, SILICA)
+    frequencies, shapes = modes(k, SILICA)
+    mode = [0, 1, 0] if name == "L" else [-transverse, 0, 1j * rotational]  # p = v, q = −u
+    assert abs(frequencies[branch] - frequency) < 1e-12  # the table has 12 decimals
+    assert largest_error(shapes[branch], np.array(mode)) < 1e-12
+    amplitude = second_harmonic_amplitude(k, branch, SILICA)
+    # 10 decimals of P̃1; at ξ = 2.127 six digits of a number of 4e-5.
+    assert largest_error(amplitude, np.array([0, 1j * generated, 0])) < 1e-10
+
+
+def closed_form(name: str, xi: float, poisson_ratio: float, inertia: float) -> tuple[float, float]:
+    """Return Ω and P̃1/i along y from the paper's constants: Ω² from (b−Ĩx)(A−x) = c0², P̃1 = iG/(w̃²−4Ω²)."""
+    kappa = stiffness_ratio(poisson_ratio)
+    mu1, mu2 = (3 * kappa + 1) / (kappa + 3), kappa / (kappa + 3)
+    alpha, beta = (2 * kappa - 1) / (2 * kappa + 3), 2 * kappa / (2 * kappa + 3)
+    if name == "L":
+        return np.sin(xi / 2), 0.5 / np.tan(xi / 2)
+    a, b, c0 = mu1 * (1 - np.cos(xi)) / 2, 2 * mu2 * (2 + np.cos(xi)), np.sqrt(3) * mu2 * np.sin(xi)
+    middle, half = (
+        (a * inertia + b) / (2 * inertia),
+        np.hypot(a * inertia - b, 2 * c0 * np.sqrt(inertia)) / (2 * inertia),
+    )
+    x = middle + half if name == "RT" else (a * b - c0**2) / (inertia * (middle + half))
+    f_over_q = c0 / (b - inertia * x)
+    q = 1 / np.hypot(1, f_over_q)
+    g = np.sin(xi) * q * (alpha * np.sin(xi / 2) ** 2 * q - beta / np.sqrt(3) * np.sin(xi) * f_over_q * q)
+    return np.sqrt(x), g / (np.sin(xi) ** 2 - 4 * x)
+
+
+GRID = np.linspace(0.05, 3.1, 62)
+
+
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+@pytest.mark.parametrize("poisson_ratio", [-1.0, -0.5, 0.0, SILICA, 0.35, 0.5])
+@pytest.mark.parametrize("inertia", [0.4, 0.5])
+def test_along_y_the_closed_form_is_met_for_any_material(name, poisson_ratio, inertia):
+    for xi in GRID:
+        k = along_y(xi)
+        branch = branch_index(name, k, poisson_ratio, inertia)
+        frequency, generated = closed_form(name, xi, poisson_ratio, inertia)
+        assert abs(modes(k, poisson_ratio, inertia)[0][branch] - frequency) < 1e-12
+        # Rounding of the detuning is magnified as |P̃1|² close to the resonance.
+        amplitude = second_harmonic_amplitude(k, branch, poisson_ratio, inertia)
+        assert abs(amplitude[1] - 1j * generated) < 1e-12 * max(1.0, generated**2)
+
+
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+@pytest.mark.parametrize("poisson_ratio", [-0.5, 0.0, SILICA, 0.35])
+def test_two_derivations_agree_along_y(name, poisson_ratio):
+    ratios = second_harmonic.ratios(poisson_ratio)
+    for xi in GRID:
+        k = along_y(xi)
+        expected = 1j * second_harmonic.generated_amplitude(second_harmonic.mode(name, xi, ratios), ratios)
+        amplitude = second_harmonic_amplitude(k, branch_index(name, k, poisson_ratio), poisson_ratio)[1]
+        assert abs(amplitude - expected) < 1e-12 * max(1.0, abs(expected) ** 2)  # as above
+
+
+def test_neither_derivation_imports_the_other():
+    tree = ast.parse(Path(directions.__file__).read_text(encoding="utf-8"))
+    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert imported == {"numpy", "numpy.typing"}
+
+
+def test_the_paper_s_resonance_is_where_the_lower_branch_meets_the_middle_one():
+    k = along_y(1.476255486117)  # ξ_res for silica, 12 decimals
+    detuning = 2.0 * modes(k, SILICA)[0][0] - modes(2.0 * k, SILICA)[0][1]
+    assert abs(detuning) < 1e-11
+
+
+def test_the_paper_s_antiresonance_is_a_zero():
+    amplitude = second_harmonic_amplitude(along_y(2.128060480170), 0, SILICA)
+    assert largest_error(amplitude, np.zeros(3)) < 1e-11  # slope 4e-2 times 12 decimals, and rounding
+
+
+# ---- the lattice's symmetry ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", OBLIQUE.values(), ids=OBLIQUE.keys())
+def test_bloch_matrix_is_hermitian_and_periodic_and_has_the_modes(k):
+    matrix = bloch_matrix(k, SILICA)
+    assert largest_error(matrix, matrix.conj().T) < 1e-15
+    reciprocal = 2.0 * np.pi * np.array([1.0, -1.0 / np.sqrt(3.0)])
+    # φ is sampled at the sphere's centre: D itself, not only its spectrum, has the period of the reciprocal lattice.
+    assert largest_error(bloch_matrix(k + reciprocal, SILICA), matrix) < 1e-14
+    frequencies, shapes = modes(k, SILICA)
+    residual = matrix @ shapes.T - shapes.T * frequencies**2 * np.array([1, 1, SOLID_SPHERE])[:, None]
+    assert largest_error(residual, np.zeros(3)) < 1e-14
+    assert largest_error(np.linalg.norm(shapes, axis=-1), np.ones(3)) < 1e-14
+
+
+@pytest.mark.parametrize("branch", [0, 1, 2])
+@pytest.mark.parametrize("sixths", [1, 2, 3, 4, 5])
+def test_rotation_by_60_degrees_rotates_the_second_harmonic(branch, sixths):
+    turn = rotation(sixths * np.pi / 3)
+    for k in OBLIQUE.values():
+        assert largest_error(modes(turn @ k, SILICA)[0], modes(k, SILICA)[0]) < 1e-14
+        before, after = (second_harmonic_amplitude(q, branch, SILICA) for q in (k, turn @ k))
+        assert largest_error(after, np.append(turn @ before[:2], before[2])) < 1e-12
+        assert abs(mean_rotation(turn @ k, branch, SILICA) - mean_rotation(k, branch, SILICA)) < 1e-14
+
+
+@pytest.mark.parametrize("branch", [0, 1, 2])
+@pytest.mark.parametrize("axis", [0.0, np.pi / 6, np.pi / 2])
+def test_a_mirror_turns_rotations_round(branch, axis):
+    mirror = rotation(axis) @ np.diag([1.0, -1.0]) @ rotation(-axis)
+    for k in OBLIQUE.values():
+        assert largest_error(modes(mirror @ k, SILICA)[0], modes(k, SILICA)[0]) < 1e-14
+        before, after = (second_harmonic_amplitude(q, branch, SILICA) for q in (k, mirror @ k))
+        assert largest_error(after, np.append(mirror @ before[:2], -before[2])) < 1e-12
+        assert abs(mean_rotation(mirror @ k, branch, SILICA) + mean_rotation(k, branch, SILICA)) < 1e-14
+
+
+@pytest.mark.parametrize("line", [0.0, np.pi / 6])
+def test_on_a_mirror_line_the_second_harmonic_is_longitudinal_and_nothing_turns(line):
+    along = np.array([np.cos(line), np.sin(line)])
+    for length in np.linspace(0.2, 3.4, 17):
+        for branch in range(3):
+            amplitude = second_harmonic_amplitude(length * along, branch, SILICA)
+            transverse = amplitude[1] * along[0] - amplitude[0] * along[1]
+            assert abs(transverse) < 1e-12 * max(1.0, np.linalg.norm(amplitude))
+            assert abs(amplitude[2]) < 1e-12 * max(1.0, np.linalg.norm(amplitude))
+            assert abs(mean_rotation(length * along, branch, SILICA)) < 1e-14
+
+
+def test_long_waves_have_the_isotropic_speeds():
+    # The hexagonal symmetry makes them so; Ω_L = sin(ξ/2) and ξ = (√3/2) k_y give c_L = √3/4.
+    angles = np.linspace(0.0, np.pi, 13)
+    k = 1e-3 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    frequencies, _ = modes(k, SILICA)
+    assert largest_error(frequencies[:, 1] / 1e-3, np.sqrt(3.0) / 4.0) < 1e-6  # dispersion: |k|²
+    assert np.ptp(frequencies[:, 0]) < 1e-9
+
+
+# ---- the exact force laws ------------------------------------------------------------------------
+
+
+AMPLITUDES = [0.02, 0.01, 0.005]
+
+
+@pytest.mark.parametrize("branch", [0, 1, 2])
+@pytest.mark.parametrize("k", OBLIQUE.values(), ids=OBLIQUE.keys())
+def test_exact_lattice_approaches_the_second_order_field_as_the_square_of_the_amplitude(k, branch):
+    times = np.linspace(0.5, 20.0, 40)
+    site = (3, -2)
+    phase = float(np.dot(k, 3 * BONDS[0] - 2 * BONDS[1]))
+    errors = [
+        relative_error(
+            torus_even_part(k, branch, a, times, phase), second_order(k, branch, a, times, site, poisson_ratio=SILICA)
+        )
+        for a in AMPLITUDES
+    ]
+    assert errors[0] < 2e-3
+    assert abs(slope(AMPLITUDES, errors) - 2.0) < 0.05
+
+
+def test_the_mean_rotation_is_real():
+    # Harmonic 0 of φ alone: two phases a quarter apart leave harmonic 2 out.
+    times = np.linspace(0.5, 20.0, 40)
+    k = OBLIQUE["19 degrees"]
+    mean = 0.5 * (torus_even_part(k, 0, 0.01, times, 0.0) + torus_even_part(k, 0, 0.01, times, np.pi / 2))
+    optical = modes((0.0, 0.0), SILICA)[0][2]
+    expected = 0.5 * nonlinearity(0.01, SILICA) * mean_rotation(k, 0, SILICA) * (1.0 - np.cos(optical * times))
+    assert relative_error(mean[:, 2], expected) < 1e-3  # next order, a² times a number of order one
+    assert largest_error(mean[:, :2], np.zeros(2)) < 1e-12  # momentum
+
+
+def test_without_the_mean_rotation_the_exact_lattice_is_not_met():
+    times = np.linspace(0.5, 20.0, 40)
+    k = OBLIQUE["19 degrees"]
+    field = second_order(k, 0, 0.01, times, poisson_ratio=SILICA)
+    exact = torus_even_part(k, 0, 0.01, times)
+    assert relative_error(exact, field) < 2e-5
+    optical = modes((0.0, 0.0), SILICA)[0][2]
+    field[:, 2] -= 0.5 * nonlinearity(0.01, SILICA) * mean_rotation(k, 0, SILICA) * (1.0 - np.cos(optical * times))
+    assert relative_error(exact, field) > 1e-3
+
+
+def test_the_response_starts_from_rest():
+    k = OBLIQUE["66 degrees"]
+    field = second_order(k, 0, 0.1, [0.0, 1e-4], poisson_ratio=SILICA)
+    assert largest_error(field[0], np.zeros(3)) == 0.0
+    assert largest_error(field[1], np.zeros(3)) < 1e-8  # τ²/2 times accelerations of order one
+
+
+def test_on_resonance_the_response_grows_as_time():
+    xi = 1.476255486117  # ξ_res for silica
+    tau = np.linspace(0.0, 1000.0, 2001)
+    w = np.sin(xi)  # Ω_L(2ξ)
+    frequency, generated = closed_form("TR", xi + 1e-4, SILICA, 0.4)
+    source = generated * (np.sin(xi + 1e-4) ** 2 - 4 * frequency**2)  # G, smooth across the resonance
+    response = 1j * tau * np.exp(-1j * w * tau) / (2 * w) - 1j * np.sin(w * tau) / (2 * w**2)
+    expected = 0.5 * nonlinearity(0.1, SILICA) * np.real(1j * source * response)
+    measured = second_order(along_y(xi), 0, 0.1, tau, poisson_ratio=SILICA)
+    assert relative_error(measured[:, 1], expected) < 1e-3  # G is taken 1e-4 off the resonance
+    assert largest_error(measured[:, [0, 2]], np.zeros((2001, 2))) < 1e-12
+
+
+def test_a_uniform_rotation_has_no_second_harmonic():
+    # 2k = 0, where two of the target frequencies are exactly zero.
+    field = second_order((0.0, 0.0), 2, 0.1, np.linspace(0, 100, 50), poisson_ratio=SILICA)
+    assert largest_error(field, np.zeros(3)) < 1e-15
+
+
+def test_waves_of_the_zone_edge_stay_finite():
+    # 2k is a reciprocal vector at M: the lattice as a whole could drift, and is not pushed.
+    field = second_order(along_y(np.pi), 1, 0.1, np.linspace(0, 100, 50), poisson_ratio=SILICA)
+    assert largest_error(field, np.zeros(3)) < 1e-12
+
+
+# ---- the map -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("branch", "poisson_ratio", "names"), [(0, SILICA, "TR"), (1, SILICA, "L"), (2, SILICA, "RT"), (0, -0.5, "TR/L")]
+)
+def test_panels_carry_the_names_of_the_paper_s_direction(branch, poisson_ratio, names):
+    assert zone_map.names_along_y(branch, poisson_ratio) == names
+
+
+def test_the_map_never_meets_gamma():
+    assert np.linalg.norm(zone_map.wave_vectors(zone_map.POINTS), axis=-1).min() > 1e-3
+
+
+@pytest.mark.parametrize("poisson_ratio", [-1.0, SILICA, 0.5])
+def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatch):
+    monkeypatch.setattr(zone_map, "POINTS", 40)
+    target = tmp_path / "new folder" / "map.png"
+    zone_map.main(["-o", str(target), "--poisson-ratio", str(poisson_ratio)])
+    assert target.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_map_refuses_an_impossible_material(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        zone_map.main(["--poisson-ratio", "0.7"])
+    assert "--poisson-ratio is 0.7; allowed: -1 to 0.5" in capsys.readouterr().err
+
+
+# ---- the helpers and what is refused -------------------------------------------------------------
+
+
+def test_the_error_measures_see_a_wrong_value():
+    right = np.array([1.0, 2.0, 3.0])
+    assert relative_error(right, right) == 0.0
+    assert relative_error(1.01 * right, right) == pytest.approx(0.01)
+    assert largest_error(right - [0.0, 0.5, 0.0], right) == pytest.approx(0.5)
+    assert slope([1.0, 2.0, 4.0], [1.0, 2.0, 4.0]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("xi", [0.802, 1.475])
+def test_the_paper_s_printed_prefactor_is_seen_as_wrong(xi):
+    amplitude = second_harmonic_amplitude(along_y(xi), 0, SILICA)[1]
+    assert abs(amplitude - 4 / 3 * 1j * closed_form("TR", xi, SILICA, 0.4)[1]) > 1e-2
+
+
+def test_the_0_over_0_at_gamma_is_refused():
+    with pytest.raises(np.linalg.LinAlgError):
+        second_harmonic_amplitude((0.0, 0.0), 0, SILICA)
+
+
+def test_arrays_of_wave_vectors_give_what_single_ones_give():
+    k = np.array(list(OBLIQUE.values()))
+    together = second_harmonic_amplitude(k, [0, 2], SILICA)
+    apart = np.array([second_harmonic_amplitude(k[0], 0, SILICA), second_harmonic_amplitude(k[1], 2, SILICA)])
+    assert largest_error(together, apart) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: stiffness_ratio(0.6), r"poisson_ratio is 0\.6; allowed: -1 to 0\.5"),
+        (lambda: modes((1.0, 0.0), SILICA, 0.0), r"inertia is 0\.0; allowed: above 0"),
+        (lambda: branch_index("T", (1.0, 0.0), SILICA), "name is 'T'; allowed: L, TR, RT"),
+        (lambda: mean_rotation((1.0, 0.0), 3, SILICA), "branch is 3; allowed: 0, 1, 2"),
+    ],
+)
+def test_a_bad_value_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
