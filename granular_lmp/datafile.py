@@ -1,7 +1,7 @@
 """LAMMPS data files of spheres with a direction (``atom_style hybrid sphere dipole``), every digit kept.
 
 ASE has no sphere style. The writer gives each number in the shortest form that reads back to the same double; the
-reader also takes what LAMMPS's ``write_data`` writes. An extra section ``Wave`` carries a field per particle (``fix
+reader also takes what LAMMPS's ``write_data`` writes. An extra section ``wave`` carries a field per particle (``fix
 property/atom``).
 """
 
@@ -55,7 +55,7 @@ class DataFile:
         return (
             f"{title}\n\n{count} atoms\n2 atom types\n\n{faces}\n\n"
             f"Atoms # hybrid (id type x y z diameter density q mux muy muz)\n\n{atoms}\n\n"
-            f"Wave\n\n{wave}\n"
+            f"wave\n\n{wave}\n"
         )
 
 
@@ -65,7 +65,7 @@ def read(path: str | Path) -> DataFile:
     Raises
     ------
     RunFolderError
-        When the file cannot be read, a section is missing or a line is malformed. A file without the section ``Wave``
+        When the file cannot be read, a section is missing or a line is malformed. A file without the section ``wave``
         gives an empty ``wave`` array, (0, 6).
     """
     try:
@@ -74,7 +74,7 @@ def read(path: str | Path) -> DataFile:
         box = [next(line.split()[:2] for line in header if line.endswith(f"{axis}hi")) for axis in "xyz"]
         atoms = np.array([line.split()[:_ATOM_COLUMNS] for line in sections["Atoms"]], dtype=float)
         atoms = atoms[np.argsort(atoms[:, 0])]
-        wave = np.array([line.split() for line in sections.get("Wave", [])], dtype=float).reshape(-1, 7)
+        wave = np.array([line.split() for line in sections.get("wave", [])], dtype=float).reshape(-1, 7)
         if len(atoms) != count or len(wave) not in (0, count):
             raise ValueError(f"{count} atoms announced, {len(atoms)} found")
     except (OSError, ValueError, KeyError, IndexError, StopIteration) as error:

@@ -14,7 +14,7 @@ from granular_lmp.datafile import DataFile
 from granular_lmp.effects import FRICTION_PER_AMPLITUDE, Effect, effects
 from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Mode, mode_along_y
-from granular_lmp.packing import PER_METRE, centre, hexagonal
+from granular_lmp.packing import centre, hexagonal
 from granular_lmp.scene import Scene
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import plane_wave
@@ -110,7 +110,7 @@ def _title(scene: Scene) -> str:
 
 
 def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
-    to_deck = units.number(1.0, length=1) / PER_METRE
+    to_deck = units.number(scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
     fields = plane_wave(packing, mode, scene.wave.phase)
@@ -137,7 +137,7 @@ def _input_text(scene: Scene, units: Units, centre_id: int) -> str:
         _contacts(scene, units),
         _preload(),
         _wave(),
-        _guards(),
+        _guards(scene),
         _record(centre_id),
         "run ${steps}",
     ]
@@ -178,7 +178,7 @@ def _lattice(scene: Scene, units: Units) -> str:
     along_y = "p" if scene.packing.ends == "periodic" else "f"
     skin = units.number(scene.sphere.radius / 10, length=1)
     return f"""\
-# --- lattice at rest; the section Wave of the data file holds the wave for unit amplitude
+# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        {units.style}
 dimension    2
 boundary     p {along_y} p
@@ -186,7 +186,7 @@ atom_style   hybrid sphere dipole
 atom_modify  map array
 comm_modify  vel yes
 fix          wave all property/atom d_ux d_uy d_phi d_vx d_vy d_vphi
-read_data    ${{data}} fix wave NULL Wave
+read_data    ${{data}} fix wave NULL wave
 mass         * 1.0  # asked for by the dipole style, not used: spheres have their own
 group        mobile type 1
 neighbor     {skin!r} bin"""
@@ -237,17 +237,26 @@ set          group all dipole v_mx v_my v_zero
 fix          move mobile nve/sphere update dipole"""
 
 
-def _guards() -> str:
+def _guards(scene: Scene) -> str:
     return f"""\
-# --- guards: smallest overlap in Delta0, largest shear force over the sliding force (never less than the truth)
+# --- guards: smallest overlap in Delta0 of the contacts that touch, how many have opened since the start, largest
+#     shear force over the sliding force (never less than the truth)
 compute      contact all pair/local dist p4
-compute      far     all reduce max c_contact[1] inputs local
-compute      shear   all reduce max c_contact[2] inputs local
+compute      largest all reduce max c_contact[1] c_contact[2] inputs local
+compute      total   all reduce sum c_contact[1] inputs local
+compute      mean    all reduce ave c_contact[1] inputs local
 variable     tau     equal step*v_step/v_t0
-variable     overlap equal (2*v_R-c_far)/v_Delta0
-variable     slip    equal c_shear/(v_friction*v_F*(1+(v_overlap>0)*abs(v_overlap)^1.5))
-thermo_style custom step v_tau v_overlap v_slip
+variable     overlap equal (2*v_R-c_largest[1])/v_Delta0
+variable     open    equal {_contact_count(scene)}-round(c_total/c_mean)
+variable     slip    equal c_largest[2]/(v_friction*v_F*(1+v_overlap^1.5))
+thermo_style custom step v_tau v_overlap v_open v_slip
 thermo       {GUARD_INTERVAL}"""
+
+
+def _contact_count(scene: Scene) -> int:
+    """Contacts at rest: three a sphere, less the two a column that held ends leave out."""
+    packing = scene.packing
+    return 3 * packing.rows * packing.columns - (0 if packing.ends == "periodic" else 2 * packing.columns)
 
 
 def _record(centre_id: int) -> str:

@@ -158,7 +158,7 @@ def _description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
 def _outcome(folder: Path, record: Record, seconds: float) -> dict[str, Any]:
     """What is known after the run: time split into loop and the rest, and the guards."""
     table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
-    overlap, slip = table.get("v_overlap", np.empty(0)), table.get("v_slip", np.empty(0))
+    overlap, opened, slip = (table.get(name, np.empty(0)) for name in ("v_overlap", "v_open", "v_slip"))
     return {
         "samples": len(record.tau),
         "wall_seconds": {"total": seconds, "loop": _finite(loop), "other": _finite(seconds - loop)},
@@ -167,13 +167,19 @@ def _outcome(folder: Path, record: Record, seconds: float) -> dict[str, Any]:
                 "value": _finite(np.min(overlap, initial=np.inf)),
                 "unit": "Delta0",
                 "quiet": bool((overlap > 0).all()),
-                "meaning": "contacts never opened while it is positive",
+                "meaning": "of the contacts that touch",
+            },
+            "open_contacts": {
+                "value": _finite(np.max(opened, initial=0.0)),
+                "unit": "contacts",
+                "quiet": bool((opened == 0).all()),
+                "meaning": "contacts opened: no closed form holds, and shear forces are lost",
             },
             "largest_slip": {
                 "value": _finite(np.max(slip, initial=0.0)),
                 "unit": "sliding force",
                 "quiet": bool((slip < 1).all()),
-                "meaning": "no contact slid while it is below 1",
+                "meaning": "contacts may have slid: the paper's no-slip contact does not hold",
             },
         },
         "lammps_version": _lammps_version(folder),

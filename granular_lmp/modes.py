@@ -7,7 +7,7 @@ by +90°) and phase difference χ = k·d by
 
 up to a common phase factor. With one row √k1 δN and one row √g1 δS for each contact, the rows form a real matrix S and
 ω² are the eigenvalues of M^{-1/2} SᵀS M^{-1/2}, hence ω the singular values of S M^{-1/2}: accurate for long waves too,
-where the eigenvalues of the dynamical matrix lose half their digits. Frequencies are in rad/t0, wave vectors in 1/Å.
+where the eigenvalues of the dynamical matrix lose half their digits. Frequencies are in rad/t0, wave vectors in 1/R.
 
 This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
 """
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.errors import SceneError
-from granular_lmp.packing import PER_METRE, ROW_SPACING, centre, contacts
+from granular_lmp.packing import ROW_SPACING, centre, contacts, lattice_constant
 from granular_lmp.sphere import INERTIA_RATIO, Sphere
 
 _UX, _UY, _F = range(3)
@@ -58,7 +58,7 @@ def bloch_modes(packing: ase.Atoms, sphere: Sphere, wavevector: ArrayLike) -> tu
     sphere : Sphere
         Gives the contact stiffnesses and the inertia.
     wavevector : array_like, (2,)
-        k, 1/Å.
+        k, 1/R.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def largest_stretch(packing: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[flo
 
 
 def _along_y(sphere: Sphere, wavenumber: float) -> NDArray:
-    return np.array([0.0, wavenumber / (ROW_SPACING * sphere.lattice_constant * PER_METRE)])
+    return np.array([0.0, wavenumber / (ROW_SPACING * lattice_constant(sphere))])
 
 
 def _contact_frames(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -124,7 +124,7 @@ def _sign(name: str, shape: NDArray) -> float:
 
 
 def _stretch_matrix(packing: ase.Atoms, sphere: Sphere, wavevector: NDArray) -> tuple[NDArray, NDArray]:
-    """S (two rows a contact; columns ux, uy, f) and M^{-1/2}, in units of t0, m and Å."""
+    """S (two rows a contact; columns ux, uy, f) and M^{-1/2}, in units of t0, m and R."""
     n, t, half_phase = _contact_frames(packing, wavevector)
     sine, cosine = 2 * np.sin(half_phase)[:, None], 2 * np.cos(half_phase)[:, None]
     kappa = sphere.stiffness_ratio

@@ -1,7 +1,8 @@
 """Hexagonal 2D packings of touching spheres at the adhesive equilibrium, as `ase.Atoms`.
 
 Rows are stacked along y, the direction of propagation; within a row the spheres touch along x. Lattice constant
-a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. Lengths are in Å, the unit of ASE.
+a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. **Lengths are in radii R**: ASE, which thinks in Å
+and draws cells in steps of a fraction of one, then shows spheres of 5 mm as well as of 50 nm.
 """
 
 from math import sqrt
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 from granular_lmp.scene import Packing
 from granular_lmp.sphere import Sphere
 
-PER_METRE = 1e10  # Å
 ROW_SPACING = sqrt(3) / 2  # in lattice constants
 
 
@@ -30,8 +30,8 @@ def hexagonal(sphere: Sphere, shape: Packing) -> ase.Atoms:
     Returns
     -------
     ase.Atoms
-        One atom ("X") a sphere, row by row, positions in Å, periodic along x, and along y when the ends are periodic.
-        Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (Å).
+        One atom ("X") a sphere, row by row, positions in radii, periodic along x, and along y with periodic ends.
+        Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (1).
         The centre sphere sits next to the origin, where coordinates carry the most digits. No sphere is on a periodic
         face: columns are shifted by a quarter of the lattice constant, rows by half a row.
 
@@ -40,7 +40,7 @@ def hexagonal(sphere: Sphere, shape: Packing) -> ase.Atoms:
     ASE draws it (``ase.visualize.view``) and writes it to its own formats, but has none for LAMMPS spheres: see
     `granular_lmp.datafile`.
     """
-    a = sphere.lattice_constant * PER_METRE
+    a = lattice_constant(sphere)
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
     n = row - shape.centre_row
     left = -(shape.columns // 2)
@@ -48,21 +48,26 @@ def hexagonal(sphere: Sphere, shape: Packing) -> ase.Atoms:
     y = n * (ROW_SPACING * a)
     periodic = shape.ends == "periodic"
     # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
-    margin = 0.5 * ROW_SPACING * a if periodic else sphere.radius * PER_METRE
+    margin = 0.5 * ROW_SPACING * a if periodic else 1.0
     bottom = -shape.centre_row * (ROW_SPACING * a) - margin
     height = shape.rows * ROW_SPACING * a if periodic else (shape.rows - 1) * ROW_SPACING * a + 2 * margin
     packing = ase.Atoms(
         numbers=np.zeros(len(row), dtype=int),
         positions=np.column_stack([x, y, np.zeros_like(x)]),
-        cell=[shape.columns * a, height, 2 * sphere.radius * PER_METRE],
-        celldisp=[left * a, bottom, -sphere.radius * PER_METRE],
+        cell=[shape.columns * a, height, 2.0],
+        celldisp=[left * a, bottom, -1.0],
         pbc=[True, periodic, False],
     )
     packing.set_array("row", row)
     packing.set_array("column", column)
     packing.set_array("fixed", (row == 0) | (row == shape.rows - 1) if not periodic else np.zeros(len(row), dtype=bool))
-    packing.set_array("radius", np.full(len(row), sphere.radius * PER_METRE))
+    packing.set_array("radius", np.ones(len(row)))
     return packing
+
+
+def lattice_constant(sphere: Sphere) -> float:
+    """a = 2 − Δ0/R, in radii."""
+    return sphere.lattice_constant / sphere.radius
 
 
 def unit_lattice(sphere: Sphere) -> ase.Atoms:
@@ -78,7 +83,7 @@ def centre(packing: ase.Atoms) -> int:
 
 
 def contacts(packing: ase.Atoms, index: int) -> NDArray[np.float64]:
-    """Vectors (contacts, 2), in Å, from the centre of sphere `index` to those of the spheres that it overlaps."""
+    """Vectors (contacts, 2), in radii, from the centre of sphere `index` to those of the spheres that it overlaps."""
     radius = packing.arrays["radius"]
     others = np.delete(np.arange(len(packing)), index)
     vectors = packing.get_distances(index, others, mic=True, vector=True)[:, :2]

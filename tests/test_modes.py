@@ -1,0 +1,83 @@
+"""Numerical Bloch modes against the closed form of the independent theory, and their limits."""
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+from analysis import second_harmonic
+from granular_lmp.errors import SceneError
+from granular_lmp.modes import MODES, bloch_modes, largest_stretch, mode_along_y
+from granular_lmp.packing import ROW_SPACING, lattice_constant, unit_lattice
+from granular_lmp.sphere import Sphere
+from tests.test_sphere import SILICA
+
+LATTICE = unit_lattice(SILICA)
+
+
+@pytest.mark.parametrize("name", MODES)
+@pytest.mark.parametrize("poisson_ratio", [-0.9, -0.5, 0.0, 0.17, 0.5])
+def test_modes_equal_the_closed_form_along_y(name: str, poisson_ratio: float) -> None:
+    sphere = Sphere(0.5e-6, 73e9, poisson_ratio, 0.063, 2200.0)
+    lattice = unit_lattice(sphere)
+    constants = second_harmonic.ratios(poisson_ratio, overlap_ratio=sphere.overlap_ratio)
+    for xi in (1e-3, 0.1, 0.802, 1.475, 2.127, 3.0, pi - 1e-3):
+        closed = second_harmonic.mode(name, xi, constants)
+        mode = mode_along_y(lattice, sphere, xi, name)
+        # 1e-12: 13 digits of the singular values, less one for the smallest of them at ξ = 1e-3
+        assert abs(mode.frequency / closed.frequency - 1) < 1e-12
+        np.testing.assert_allclose([mode.uy, -mode.ux, mode.f], [closed.p, closed.q, closed.f], atol=1e-12)
+
+
+def test_a_wrong_inertia_is_seen() -> None:
+    # The comparison above is able to fail: the paper's own geometry, 2.5e-4 away, is told apart
+    closed = second_harmonic.mode("TR", 0.802, second_harmonic.ratios(0.17))
+    assert abs(mode_along_y(LATTICE, SILICA, 0.802, "TR").frequency / closed.frequency - 1) > 1e-6
+
+
+def test_translation_and_rotation_part_at_the_zone_boundary() -> None:
+    tr, rt = (mode_along_y(LATTICE, SILICA, pi, name) for name in ("TR", "RT"))
+    assert (tr.ux, tr.f) == pytest.approx((-1, 0), abs=1e-12)
+    assert (rt.ux, rt.f) == pytest.approx((0, -1), abs=1e-12)
+    near = mode_along_y(LATTICE, SILICA, pi - 1e-6, "RT")
+    assert near.frequency == pytest.approx(rt.frequency, abs=1e-11)  # dΩ/dξ vanishes at π
+    assert near.f == pytest.approx(rt.f, abs=1e-9)
+
+
+def test_long_waves_run_with_the_elastic_speeds() -> None:
+    kappa = SILICA.stiffness_ratio
+    for xi in (1e-2, 1e-4, 1e-6):
+        # L: sin(ξ/2)/ξ → 1/2; TR: √((κ+1)/(κ+3))/2 from the determinant of M, both with a correction of order ξ²
+        assert mode_along_y(LATTICE, SILICA, xi, "L").frequency / xi == pytest.approx(0.5, rel=xi**2 + 1e-9)
+        expected = sqrt((kappa + 1) / (kappa + 3)) / 2
+        assert mode_along_y(LATTICE, SILICA, xi, "TR").frequency / xi == pytest.approx(expected, rel=xi**2 + 1e-9)
+
+
+def test_any_direction_holds_the_three_modes_of_y() -> None:
+    xi = 1.3
+    k = [0.0, xi / (ROW_SPACING * lattice_constant(SILICA))]
+    frequencies, shapes = bloch_modes(LATTICE, SILICA, k)
+    along_y = sorted(mode_along_y(LATTICE, SILICA, xi, name).frequency for name in MODES)
+    np.testing.assert_allclose(frequencies, along_y, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(shapes, axis=1), 1, rtol=1e-14)
+
+
+def test_frequencies_have_the_six_fold_symmetry_of_the_lattice() -> None:
+    k = np.array([1.0, 0.5])
+    turn = np.array([[0.5, -sqrt(0.75)], [sqrt(0.75), 0.5]])
+    np.testing.assert_allclose(
+        bloch_modes(LATTICE, SILICA, k)[0], bloch_modes(LATTICE, SILICA, turn @ k)[0], rtol=1e-10
+    )
+
+
+def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> None:
+    xi = 0.802
+    normal, shear = largest_stretch(LATTICE, SILICA, mode_along_y(LATTICE, SILICA, xi, "L"))
+    # Contacts at 60° to x: δN = sin 60° Δv, δS = cos 60° Δv with Δv = 2 sin(ξ/2)
+    assert normal == pytest.approx(sqrt(3) * np.sin(xi / 2), rel=1e-9)
+    assert shear == pytest.approx(np.sin(xi / 2), rel=1e-9)
+
+
+def test_an_unknown_mode_is_refused() -> None:
+    with pytest.raises(SceneError, match="wave.mode = 'X'"):
+        mode_along_y(LATTICE, SILICA, 1.0, "X")
