@@ -1,0 +1,31 @@
+"""What the figures share: colours and dashes that stay apart in grey, and how a figure is written."""
+
+import argparse
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
+
+
+def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
+    """A parser with the first line of the script's docstring and the option -o with its default."""
+    result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
+    result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
+    return result
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Write the figure in the format of the file's ending; its folder is made.
+
+    Raises SystemExit with one line for an ending that matplotlib does not write, or a file that cannot be written.
+    """
+    path = Path(path)
+    known = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in known:
+        raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise SystemExit(f"{path}: cannot be written: {error.strerror or error}") from error
