@@ -153,7 +153,9 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     return rate
 
 
-def initial_state(mode: Mode, amplitude: float, phases: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
+def initial_state(
+    mode: Mode, amplitude: float | Floats, phases: Floats, contact: Contact, neighbours: Neighbours
+) -> Floats:
     """State of a mode of amplitude D0/Δ0 at τ=0, ϑ = phases (K,) [ICqTR, ICrTR, IC], with the shear of the contacts."""
     cos, sin = np.cos(phases), np.sin(phases)
     omega = mode.frequency

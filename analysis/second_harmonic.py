@@ -60,6 +60,7 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
     These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
+    What the geometry adds to the start of a wave is in `second_harmonic`.
 
     Parameters
     ----------
@@ -207,8 +208,8 @@ def second_harmonic_terms(
         p_SH = (ε/2) Re i{P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = sin ξ = Ω_L(2ξ)   [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
-    (with phase, 2ξn + 2·phase for 2ξn). Breaks on resonance, w̃ = 2Ω: generated and forward wave are infinite with a
-    finite sum, which `second_harmonic` gives. Arguments as there.
+    (with phase, 2ξn + 2·phase for 2ξn), without the `_preload_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
+    and forward wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
     """
     tau = np.asarray(tau, dtype=float)
     w, twice = np.sin(mode.wavenumber), 2 * mode.frequency
@@ -230,7 +231,7 @@ def second_harmonic(
 
         p_SH = (ε/4) g Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
 
-    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω.
+    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `_preload_wave` is added.
 
     Parameters
     ----------
@@ -251,7 +252,23 @@ def second_harmonic(
     start = np.exp(2j * (mode.wavenumber * row + phase))
     backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
     forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)
-    return nonlinearity(ratios, amplitude) / 4 * _source(mode, ratios) * np.real(start * (backward - forward))
+    driven = nonlinearity(ratios, amplitude) / 4 * _source(mode, ratios) * np.real(start * (backward - forward))
+    return driven + _preload_wave(mode, ratios, amplitude, tau, row, phase)
+
+
+def _preload_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
+    """What the preload of the contacts adds to p with η > 0, in D0; zero where ξn + phase is a multiple of π/2.
+
+        p = a κh√3/(4(κ+3)) sin²(ξ/2) (Q² − P²) sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)
+
+    The shear springs are loaded in one step along the tangents of the displaced lattice (LAMMPS's rule), not along the
+    path there. The difference, second order in the displacements, stays in the contacts as a static force at 2ξ.
+    """
+    h = ratios.overlap_ratio / (1 - ratios.overlap_ratio)
+    w, kappa = np.sin(mode.wavenumber), ratios.kappa
+    force = amplitude * kappa * h * np.sqrt(3) / (4 * (kappa + 3)) * np.sin(mode.wavenumber / 2) ** 2
+    force *= (mode.q**2 - mode.p**2) * w * np.sin(2 * (mode.wavenumber * row + phase))
+    return force * tau**2 / 2 * np.sinc(w * tau / (2 * np.pi)) ** 2  # (1 − cos w̃τ)/w̃², regular at w̃ = 0
 
 
 def _phase_integral(x: float, tau: Floats) -> NDArray[np.complex128]:
