@@ -1,0 +1,284 @@
+"""Near the resonance 2Ω_TR(ξ) ≈ Ω_L(2ξ): the few waves that exchange energy, and equations for their amplitudes.
+
+Second order breaks where the wave it generates is a free wave, because it keeps the fundamental as it was. Here the
+amplitudes follow the energy. A wave of harmonic m and one branch, in the infinite lattice and in units of Δ0, is
+
+    (p, q, φ) = Re A v e^{imξn},    A' = −iωA + (forces of the other waves),    v = (P, Q, if),
+
+with ω > 0 if it runs forward and ω < 0 if backward. What drives it is read off the contacts. Contact c ∈ {R, L} is
+stretched by A·x_c and sheared by A·t_c, has N = x − x²/4 − x³/24 and S = κt(1 − x/2 − x²/8) to third order (`lattice`),
+and the work of N and S on x_k and t_k is the force on wave k. No equation of motion has to be projected by hand:
+
+    A_k' = −iω_k A_k + (iC/ω_k|v_k|²) Σ_c {[x̄_k x_i x_j/4 + κ t̄_k t_i x_j/2] A_i A_j/4
+                                           + [x̄_k x_i x_j x_l/24 + κ t̄_k t_i x_j x_l/8] A_i A_j A_l/8}
+
+summed over all waves and their conjugates (m, ω, A, v → −m, −ω, Ā, v̄) with m_k = m_i + m_j (+ m_l), where
+|v|² = P² + Q² + Ĩf², C = 1/(2(κ+3)). `Waves` holds v, x, t; `quadratic` and `cubic` are the braces, for any ξ, ν, mode.
+
+Three of the waves can resonate: those that run with the fundamental and are nearest to 1Ω, 2Ω, 3Ω in harmonic 1, 2, 3.
+For TR near the resonance they are TR(ξ), L(2ξ), RT(3ξ), and *two* exchanges feed them,
+
+    TR(ξ) + TR(ξ) ↔ L(2ξ)   and   TR(ξ) + L(2ξ) ↔ RT(3ξ)     (out of tune by −6.77e-4 and 1.72e-3 at ξ=1.475, ν=0.17),
+
+so that `two_mode`, the first alone and in closed form, is good only until L(2ξ) has grown (τ ≈ 300 at a = 0.2), and
+what is seen in φ is RT(3ξ). `three_mode` has both. All other waves (harmonics to 6 = 3+3, other branches, backward)
+never grow: they are slaved to products of the three, A_k = Z_k + Σ W_kij Z_i Z_j, and the start launches them free
+once. Slaving acts back on the three at third order, like the cubic springs; this shifts their frequencies.
+
+    Z_k' = −iω_k Z_k + Σ N_kij Z_i Z_j + Σ [N_kijl + 2Σ_s N_kis W_sjl] Z_i Z_j Z_l
+    W_kij = N_kij/(i(ω_k − ω_i − ω_j))
+
+with i, j, l among the three and their conjugates, k one of the three, and s any other wave. This is Poincaré's normal
+form with exactly those terms kept that stay constant if the three run at Ω, 2Ω, 3Ω. Keeping a term that does not is no
+error, so there is no threshold for "near": off resonance the same equations are second order with the frequency shift.
+
+What is left out: slaved waves of third order, which dominate at early τ as a², and the fourth order, which detunes the
+exchange and dominates at late τ, as a³τ on resonance (a⁴τ off it).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj
+
+from analysis.second_harmonic import Mode, ModeName, Ratios
+from analysis.second_harmonic import mode as linear_mode
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Indices = NDArray[np.intp]
+
+HARMONICS = 6  # as far as products of two of the three waves reach
+TRANSLATION = 1e-9  # rad; stands for wavenumber 0, where Ω = 0 and D takes every force away from the mode
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Linear waves of harmonics 1 … 6 of a fundamental, followed by their conjugates in the same order: K in all.
+
+    harmonic, frequency (K,): m and ω. shape (K, 3): v = (P, Q, if). stretch, slip (K, 2): x, t of contacts R, L to the
+    next row, for A = 1. response (K,): iC/(ω|v|²), the rate of A per force. kappa: κ of the lattice.
+    """
+
+    harmonic: Indices
+    frequency: Floats
+    shape: Complexes
+    stretch: Complexes
+    slip: Complexes
+    response: Complexes
+    kappa: float
+
+
+def waves(fundamental: Mode, ratios: Ratios) -> Waves:
+    """All waves a fundamental can drive, by symmetry: L for L; L in even and TR, RT in odd harmonics otherwise."""
+    even: tuple[ModeName, ...] = ("L",)
+    odd: tuple[ModeName, ...] = even if fundamental.name == "L" else ("TR", "RT")
+    labels = [
+        (harmonic, name, direction)
+        for harmonic in range(1, HARMONICS + 1)
+        for name in (odd if harmonic % 2 else even)
+        for direction in (1, -1)
+    ]
+    m = np.array([harmonic for harmonic, _, _ in labels])
+    folded = np.remainder(m * fundamental.wavenumber + np.pi, 2 * np.pi) - np.pi
+    wavenumbers = np.maximum(np.abs(folded), TRANSLATION)
+    modes = [linear_mode(name, xi, ratios) for (_, name, _), xi in zip(labels, wavenumbers, strict=True)]
+    frequency = np.array([d * each.frequency for (_, _, d), each in zip(labels, modes, strict=True)])
+    # A wave e^{−i|ξ|n} has the conjugate shape of e^{i|ξ|n}.
+    shape = np.array([(each.p, each.q, 1j * np.sign(k) * each.f) for each, k in zip(modes, folded, strict=True)])
+
+    m, frequency = np.concatenate([m, -m]), np.concatenate([frequency, -frequency])
+    shape = np.concatenate([shape, shape.conj()])
+    step = np.exp(1j * m * fundamental.wavenumber)
+    dp, dq, sigma = (step - 1) * shape[:, 0], (step - 1) * shape[:, 1], (step + 1) * shape[:, 2]
+    side = np.array([[1.0], [-1.0]])
+    stretch = (np.sqrt(3) * dp - side * dq) / 2
+    slip = np.sqrt(3) / 2 * dq - sigma + side * dp / 2
+    norm = np.abs(shape) ** 2 @ [1.0, 1.0, ratios.inertia]
+    response = 1j / (2 * (ratios.kappa + 3) * frequency * norm)
+    return Waves(m, frequency, shape, stretch.T, slip.T, response, ratios.kappa)
+
+
+def quadratic(waves: Waves, k: Indices, i: Indices, j: Indices) -> Complexes:
+    """N_kij, (k, i, j): the rate of A_k is Σ_ij N_kij A_i A_j. Symmetric in i, j, and zero unless m_k = m_i + m_j."""
+    x, t, m = waves.stretch, waves.slip, waves.harmonic
+    work = np.einsum("kc,ic,jc->kij", x[k].conj(), x[i], x[j]) / 4
+    work += waves.kappa / 4 * np.einsum("kc,ic,jc->kij", t[k].conj(), t[i], x[j])
+    work += waves.kappa / 4 * np.einsum("kc,ic,jc->kij", t[k].conj(), x[i], t[j])
+    allowed = m[k][:, None, None] == np.add.outer(m[i], m[j])
+    return waves.response[k][:, None, None] * np.where(allowed, work, 0) / 4
+
+
+def cubic(waves: Waves, k: Indices, i: Indices, j: Indices, l: Indices) -> Complexes:  # noqa: E741
+    """N_kijl, (k, i, j, l), of the springs alone: the rate of A_k is Σ_ijl N_kijl A_i A_j A_l. Not symmetrised."""
+    x, t, m = waves.stretch, waves.slip, waves.harmonic
+    work = np.einsum("kc,ic,jc,lc->kijl", x[k].conj(), x[i], x[j], x[l]) / 24
+    work += waves.kappa / 8 * np.einsum("kc,ic,jc,lc->kijl", t[k].conj(), t[i], x[j], x[l])
+    allowed = m[k][:, None, None, None] == np.add.outer(m[i], np.add.outer(m[j], m[l]))
+    return waves.response[k][:, None, None, None] * np.where(allowed, work, 0) / 8
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """Equations of the three waves, written for (Z_1, Z_2, Z_3, Z̄_1, Z̄_2, Z̄_3), and what follows them.
+
+    waves : every wave; three (3,): which of them are the resonant ones, in harmonics 1, 2, 3.
+    quadratic (3, 6, 6), cubic (3, 6, 6, 6): coefficients of the products of two and three in the rate of Z_k.
+    slaved (K/2, 6, 6): W_kij, coefficients in A_k of the products of two; zero for the three.
+    """
+
+    waves: Waves
+    three: Indices
+    quadratic: Complexes
+    cubic: Complexes
+    slaved: Complexes
+
+
+def normal_form(mode: Mode, ratios: Ratios) -> NormalForm:
+    """The equations of the module docstring for a fundamental of any ξ; on its resonance nothing in them is singular.
+
+    Breaks where one of the waves that are not of the three happens to resonate too: W is then large.
+    """
+    every = waves(mode, ratios)
+    m, omega = every.harmonic, every.frequency
+    everyone = np.arange(m.size)
+    detuning = np.abs(omega - m * mode.frequency)
+    three = np.array([min(np.flatnonzero(m == harmonic), key=lambda k: detuning[k]) for harmonic in (1, 2, 3)])
+    six = np.concatenate([three, three + m.size // 2])
+    driven = quadratic(every, everyone, six, six)
+    others = driven.copy()
+    others[six] = 0
+    denominator = 1j * (omega[:, None, None] - np.add.outer(omega[six], omega[six]))
+    slaved = np.divide(others, denominator, out=others, where=others != 0)
+    back = 2 * np.einsum("kis,sjl->kijl", quadratic(every, three, six, everyone), slaved)
+    return NormalForm(every, three, driven[three], cubic(every, three, six, six, six) + back, slaved[: m.size // 2])
+
+
+def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
+    """Z_1, Z_2, Z_3 in Δ0, (3, …) of the shape of tau, from Z = (a, 0, 0) at τ=0, without the factors e^{−imΩτ}.
+
+    In that frame the equations are autonomous and slow, because every term kept has m_k = m_i + m_j (+ m_l).
+
+    Raises ValueError for a negative time, RuntimeError if the waves grow without bound (gh > 0, see `two_mode`).
+    """
+    times, position = np.unique(np.asarray(tau, dtype=float), return_inverse=True)
+    if times.size and times[0] < 0:
+        raise ValueError(f"tau = {times[0]} is negative")
+    three, every = form.three, form.waves
+    frame = every.harmonic[three] * every.frequency[three[0]]
+    linear = -1j * (every.frequency[three] - frame)
+    second, third = form.quadratic.reshape(3, -1), form.cubic.reshape(3, -1)
+
+    def rate(_: float, z: Complexes) -> Complexes:
+        six = np.concatenate([z, z.conj()])
+        pairs = np.outer(six, six).ravel()
+        return linear * z + second @ pairs + third @ np.outer(six, pairs).ravel()
+
+    start = np.array([amplitude, 0, 0], dtype=complex)
+    # Of the fundamental; the L wave, smaller by a, is then right to 1e-6 even at a = 0.025, τ = 120.
+    tolerance = 1e-10
+    solution = solve_ivp(
+        rate, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=tolerance, atol=tolerance * abs(amplitude)
+    )
+    if not solution.success:
+        raise RuntimeError(f"integration of the three amplitudes failed: {solution.message}")
+    return solution.y[:, position.reshape(np.shape(tau))]
+
+
+def three_mode(
+    mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """Displacements p, q, φ in units of D0: three resonant waves, the slaved ones, and those the start sets free.
+
+    The start has A_1 = a and every other wave at rest, so Z = (a, 0, 0), and of the slaved waves free ones remain:
+
+        A_k(τ) = Σ W_kij Z_i Z_j − e^{−iω_kτ} [Σ W_kij Z_i Z_j]_{τ=0}
+
+    Parameters
+    ----------
+    mode, ratios, amplitude, row, phase : as in `second_harmonic.second_harmonic`.
+    tau : times ≥ 0, any shape.
+
+    Raises what `amplitudes` raises. κ, Ĩ and the frequencies are those of the ratios, but the contacts are the paper's:
+    with overlap_ratio η > 0 corrections of relative order η are missing in the coefficients (2.5e-4 for the paper's
+    spheres), which shows near the antiresonance only.
+
+    Breaks near the antiresonance in p, which is of order a⁴ there, and for L waves that steepen into more than three
+    harmonics.
+    """
+    form = normal_form(mode, ratios)
+    every, count = form.waves, len(form.slaved)
+    times = np.ravel(np.asarray(tau, dtype=float))
+
+    def turning(k: Indices | slice) -> Complexes:
+        return np.exp(-1j * np.multiply.outer(every.frequency[k], times))
+
+    frame = np.exp(-1j * mode.frequency * np.multiply.outer(every.harmonic[form.three], times))
+    Z = amplitudes(form, amplitude, times) * frame
+    six = np.concatenate([Z, Z.conj()])
+    A = np.einsum("kij,it,jt->kt", form.slaved, six, six)
+    start = amplitude * np.array([1, 0, 0, 1, 0, 0])
+    A -= (form.slaved @ start @ start)[:, None] * turning(slice(count))
+    A[form.three] = Z
+    A *= np.exp(1j * every.harmonic[:count] * (mode.wavenumber * row + phase))[:, None]
+    p, q, phi = (every.shape[:count].T @ A).real.reshape(3, *np.shape(tau)) / amplitude
+    return p, q, phi
+
+
+def two_mode_amplitudes(mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike) -> tuple[Complexes, Complexes]:
+    """A and B, in units of D0, of the fundamental A e^{−iΩτ} and the L wave B e^{−iw̃τ} at 2ξ that it feeds.
+
+        A' = −ah ĀB e^{iδτ},   B' = −ag A²e^{−iδτ},   δ = 2Ω − w̃,   A(0) = 1, B(0) = 0
+
+        B = sgn(ah) √(−g/h) v sn(rτ/v | v⁴) e^{−iδτ/2},   A² = −B' e^{iδτ}/(ag)
+        r = |a|√(−gh),   v = √(1+S²/4) − |S|/2,   S = δ/2r
+
+    On resonance v = 1, B ∝ tanh rτ and A = sech rτ: the fundamental dies. Off resonance it comes back. Arguments and
+    errors as in `two_mode`.
+    """
+    g, h = exchange(normal_form(mode, ratios))
+    if g * h >= 0:
+        raise ValueError(f"the exchange at wavenumber = {mode.wavenumber} has g h = {g * h:.3g} >= 0: it is explosive")
+    tau = np.asarray(tau, dtype=float)
+    delta = 2 * mode.frequency - abs(np.sin(mode.wavenumber))
+    rate = abs(amplitude) * np.sqrt(-g * h)
+    S = delta / (2 * rate)
+    v = 1 / (np.hypot(1, S / 2) + abs(S) / 2)
+    sn, cn, dn, turn = ellipj(rate * tau / v, v**4)
+    peak = np.sqrt(-g / h) * v
+    B = np.sign(h) * peak * sn * np.exp(-0.5j * delta * tau) * np.sign(amplitude)
+    # A² e^{−iδτ/2}; its argument, without jumps of 2π, winds once with every period of sn, as `turn` does.
+    square = peak / abs(g * amplitude) * (rate / v * cn * dn - 0.5j * abs(delta) * sn)
+    angle = np.angle(square)
+    angle -= 2 * np.pi * np.round((angle + turn) / (2 * np.pi))
+    A = np.sqrt(np.abs(square)) * np.exp(0.5j * np.copysign(1, delta) * angle + 0.25j * delta * tau)
+    return A, B
+
+
+def exchange(form: NormalForm) -> tuple[float, float]:
+    """g and h of `two_mode_amplitudes`: how the fundamental feeds the wave at 2ξ, and what that takes from it."""
+    return -float(form.quadratic[1, 0, 0].real), -2 * float(form.quadratic[0, 3, 1].real)
+
+
+def two_mode(
+    mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike, row: float = 0, phase: float = 0.0
+) -> tuple[Floats, Floats, Floats]:
+    """Displacements p, q, φ in units of D0 of the fundamental and the L wave it feeds, in closed form.
+
+    Arguments as in `second_harmonic.second_harmonic`; the amplitudes are `two_mode_amplitudes`.
+
+    Raises ValueError where gh ≥ 0 (TR at its resonance for ν < −0.541): A and B grow together, and no elliptic function
+    of a real modulus describes it. `three_mode` integrates that.
+
+    Breaks when RT(3ξ) has grown, which this knows nothing of: |A| is right within 5 % until τ=304 and within 10 % until
+    361 at ξ=1.475, a = 0.2, ν=0.17. p lacks the backward free wave, which matters while B is small; off resonance it is
+    no better than `second_harmonic.second_order`, in p worse.
+    """
+    tau = np.asarray(tau, dtype=float)
+    A, B = two_mode_amplitudes(mode, ratios, amplitude, tau)
+    start = np.exp(1j * (mode.wavenumber * row + phase))
+    A = A * start * np.exp(-1j * mode.frequency * tau)
+    B = B * start**2 * np.exp(-1j * abs(np.sin(mode.wavenumber)) * tau)
+    return (mode.p * A + B).real, mode.q * A.real, -mode.f * A.imag
