@@ -1,9 +1,11 @@
-"""What the figures share: colours and dashes that stay apart in grey, and how a figure is written."""
+"""What the scripts share: colours that stay apart in grey, how runs are read, and how a figure is written."""
 
 import argparse
 from pathlib import Path
 
 from matplotlib.figure import Figure
+
+from granular_lmp.record import GranularError, Record
 
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
@@ -13,6 +15,14 @@ def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
+
+
+def load(folder: str | Path, *, unfinished: bool = False) -> Record:
+    """`Record.load` for a script: what is wrong with the folder is one line and SystemExit."""
+    try:
+        return Record.load(folder, unfinished=unfinished)
+    except GranularError as error:
+        raise SystemExit(str(error)) from error
 
 
 def save(figure: Figure, path: str | Path) -> None:

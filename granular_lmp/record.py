@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for

@@ -21,9 +21,7 @@ A, B, R, mass, D0, Delta0 = sp.symbols("A B R m D0 Delta0", positive=True)
 k1, g1, kappa, inertia = sp.symbols("k1 g1 kappa Itilde", positive=True)
 k0, k2, g2, dN, dS = sp.symbols("k0 k2 g2 delta_N delta_S", real=True)
 u0, v0, th0, ul, vl, thl = sp.symbols("u0 v0 theta0 u_l v_l theta_l", real=True)
-p, q, f = (
-    {row: sp.Symbol(f"{name}_{row}", real=True) for row in (-1, 0, 1)} for name in ("p", "q", "phi")
-)
+p, q, f = ({row: sp.Symbol(f"{name}_{row}", real=True) for row in (-1, 0, 1)} for name in ("p", "q", "phi"))
 UNKNOWNS = (*p.values(), *q.values(), *f.values())
 
 # The contacts of Fig. 1 in degrees from x; the wave runs along y, so 1 and 6 lie one row ahead, 3 and 4 one row behind.
@@ -176,9 +174,15 @@ def paper_rows(c: Coefficients) -> Row:
         - c.p_alpha * ALPHA * _diff2(q) * _diff(q)
         + c.p_beta * BETA * (f[0] * _diff2(q) - q[0] * _sum(f) + _sum(_product(q, f)))
     )
-    across = MU1 / 4 * _diff2(q) - ROOT3 * MU2 / 2 * _diff(f) - c.epsilon / 4 * (
-        GAMMA * (p[0] * _diff(q) + q[0] * _diff(p) - _diff(_product(q, p)))
-        + c.q_beta * BETA * (-p[0] * _sum2(f) + f[0] * _sum(p) + _sum(_product(f, p)))
+    across = (
+        MU1 / 4 * _diff2(q)
+        - ROOT3 * MU2 / 2 * _diff(f)
+        - c.epsilon
+        / 4
+        * (
+            GAMMA * (p[0] * _diff(q) + q[0] * _diff(p) - _diff(_product(q, p)))
+            + c.q_beta * BETA * (-p[0] * _sum2(f) + f[0] * _sum(p) + _sum(_product(f, p)))
+        )
     )
     turning = MU2 / 2 * (-2 * (_sum2(f) + 2 * f[0]) + ROOT3 * _diff(q)) + c.epsilon * BETA / 2 * (
         (-q[0] * _diff2(p) - p[0] * _sum(q) + _sum(_product(q, p))) / ROOT3

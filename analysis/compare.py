@@ -1,0 +1,177 @@
+"""Compare runs with theory: relative L2 errors of p, q, φ, and the second-harmonic amplitude measured and predicted.
+
+    python -m analysis.compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
+
+Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
+*exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
+walls, rounding. Each run gets a figure ``compare.png`` in its folder.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.norms import relative_error
+from analysis.plotting import load, save
+from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
+from analysis.theories import THEORIES, Wave, best
+from granular_lmp.record import Record
+
+COMPONENTS = ("p", "q", "phi")
+LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
+# A component that theory says is zero is compared with nothing: rounding over rounding.
+SILENT = 1e-9
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One run against theory.
+
+    Attributes
+    ----------
+    error, lattice_error : dict
+        Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
+        component is zero by symmetry.
+    measured, standard_error, predicted : float
+        Amplitude |ε P̃1|/2 of the generated second harmonic in D0: from the run by least squares, and by theory.
+    """
+
+    name: str
+    mode: str
+    wavenumber: float
+    amplitude: float
+    theory: str
+    error: dict[str, float | None]
+    lattice_error: dict[str, float | None]
+    measured: float
+    standard_error: float
+    predicted: float
+
+
+def compare(record: Record, theory: str | None = None) -> Comparison:
+    """Compare one run with the theory named, or with the best for its wave.
+
+    Raises ValueError for a theory that is not in `analysis.theories.THEORIES`.
+    """
+    wave = Wave.of(record)
+    name = theory or best(wave)
+    if name not in THEORIES:
+        raise ValueError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
+    measured, standard_error = measured_amplitude(record, wave)
+    return Comparison(
+        name=record.scene.name,
+        mode=wave.mode.name,
+        wavenumber=wave.mode.wavenumber,
+        amplitude=wave.amplitude,
+        theory=name,
+        error=errors(record, THEORIES[name](wave, record.tau)),
+        lattice_error=errors(record, THEORIES["exact-lattice"](wave, record.tau)),
+        measured=measured,
+        standard_error=standard_error,
+        predicted=abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2,
+    )
+
+
+def errors(
+    record: Record, reference: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+) -> dict[str, float | None]:
+    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent."""
+    return {
+        name: relative_error(getattr(record, name), values) if np.max(np.abs(values)) > SILENT else None
+        for name, values in zip(COMPONENTS, reference, strict=True)
+    }
+
+
+def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
+    """Amplitude of the generated second harmonic in a run, |ε P̃1|/2 in D0, and its standard error.
+
+    Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
+    second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
+    proportion keeps the fit well-posed at the resonance, where they are one function.
+    """
+    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
+    columns = [shape]
+    if wave.mode.p:
+        angle = wave.mode.frequency * record.tau
+        columns += [np.cos(angle), np.sin(angle)]
+    matrix = np.column_stack(columns)
+    solution, *_ = np.linalg.lstsq(matrix, record.p)
+    residual = record.p - matrix @ solution
+    variance = residual @ residual / max(len(record.tau) - len(columns), 1)
+    spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
+    predicted = abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
+    return float(solution[0] * predicted), float(spread * predicted)
+
+
+# --- output ----------------------------------------------------------------------------------------------------------
+
+
+def table(comparisons: list[Comparison]) -> str:
+    """The comparisons as a text table, two lines a run: against theory, and against the exact lattice."""
+    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>22}{'predicted':>11}"
+    lines = [f"{'run':18}{'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
+    for c in comparisons:
+        head = f"{c.name:18.18}{c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
+        amplitude = f"{c.measured:12.4g} ± {c.standard_error:7.1g}{c.predicted:11.4g}"
+        lines.append(f"{head}  {c.theory:15}{_cells(c.error)}   {amplitude}")
+        lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
+    return "\n".join(lines)
+
+
+def _cells(values: dict[str, float | None]) -> str:
+    return "".join(f"{'0' if value is None else format(value, '.1e'):>9}" for value in values.values())
+
+
+def figure(record: Record, comparison: Comparison) -> Figure:
+    """p, q and φ of the run over theory, the difference below each in its own scale."""
+    theory = THEORIES[comparison.theory](Wave.of(record), record.tau)
+    result = Figure(figsize=(7.5, 7.0), layout="constrained")
+    panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
+    for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, theory, strict=True):
+        run = getattr(record, name)
+        error = comparison.error[name]
+        signal.plot(record.tau, run, color="black", label="LAMMPS")
+        signal.plot(record.tau, values, color="tab:red", linestyle="--", label=comparison.theory)
+        signal.set_ylabel(LABELS[name])
+        signal.set_title(
+            "zero by symmetry" if error is None else f"relative error {error:.1e}", fontsize="small", pad=2
+        )
+        difference.plot(record.tau, run - values, color="tab:grey", linewidth=0.8)
+        difference.set_ylabel("difference", fontsize="x-small")
+    result.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    panels[-1].set_xlabel(r"time $\tau$")
+    panels[-1].margins(x=0)
+    c = comparison
+    result.suptitle(rf"{c.name}: {c.mode}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$")
+    return result
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("runs", nargs="+", metavar="RUN", help="run folders")
+    parser.add_argument(
+        "--theory", choices=sorted(THEORIES), help="compare with this one, not with the best for each wave"
+    )
+    parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
+    parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
+    options = parser.parse_args(argv)
+    comparisons = []
+    for folder in options.runs:
+        record = load(folder, unfinished=options.force)
+        comparisons.append(compare(record, options.theory))
+        save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
+    print(table(comparisons))
+    if options.json:
+        Path(options.json).write_text(json.dumps([asdict(c) for c in comparisons], indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

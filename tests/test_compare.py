@@ -1,0 +1,162 @@
+"""Comparison of runs with theory: it sees what is wrong, picks its theory, and refuses what is no finished run."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import compare, figure2, figure3
+from analysis.second_harmonic import second_harmonic
+from analysis.theories import THEORIES, Wave, best, cancellation
+from granular_lmp import Record, Scene, run
+from granular_lmp.errors import RunFolderError
+from granular_lmp.record import read_status, write_status
+from tests.conftest import PAPER
+
+
+def from_theory(scene: Scene, theory: str, tau: np.ndarray) -> Record:
+    """A record that is a theory, to the last digit."""
+    empty = Record(tau, tau, tau, tau, scene)
+    p, q, phi = THEORIES[theory](Wave.of(empty), tau)
+    return replace(empty, p=p, q=q, phi=phi)
+
+
+TAU = np.arange(0.0, 60.0, 0.5)
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_a_record_made_by_a_theory_has_no_error_against_it(theory: str) -> None:
+    result = compare.compare(from_theory(PAPER, theory, TAU), theory)
+    assert result.theory == theory
+    assert all(error is not None and error < 1e-12 for error in result.error.values())
+
+
+@pytest.mark.parametrize("component", compare.COMPONENTS)
+def test_one_percent_in_one_component_is_seen_there_and_only_there(component: str) -> None:
+    record = from_theory(PAPER, "second-order", TAU)
+    wrong = replace(record, **{component: getattr(record, component) * 1.01})
+    error = compare.compare(wrong, "second-order").error
+    assert error.pop(component) == pytest.approx(0.01, rel=1e-9)
+    assert all(value is not None and value < 1e-12 for value in error.values())
+
+
+def test_silent_components_are_compared_with_nothing() -> None:
+    record = from_theory(PAPER.with_values({"wave.mode": "L"}), "second-order", TAU)
+    assert compare.compare(record, "second-order").error["q"] is None
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
+    record = from_theory(PAPER.with_values({"wave.mode": mode, "wave.phase": 0.4}), "second-order", TAU)
+    wave = Wave.of(record)
+    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU, phase=0.4)
+    result = compare.compare(record, "second-order")
+    assert result.measured == pytest.approx(result.predicted, rel=1e-9)
+    louder = compare.compare(replace(record, p=record.p + 0.1 * shape), "second-order")
+    assert louder.measured == pytest.approx(1.1 * result.predicted, rel=1e-9)
+
+
+def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
+    record, random = from_theory(PAPER, "second-order", TAU), np.random.default_rng(5)
+    wave = Wave.of(record)
+    truth, _ = compare.measured_amplitude(record, wave)
+    off = []
+    for _ in range(2000):
+        noisy = replace(record, p=record.p + random.normal(0, 1e-4, len(TAU)))
+        measured, standard_error = compare.measured_amplitude(noisy, wave)
+        off.append((measured - truth) / standard_error)
+    # 2000 draws of a unit normal: mean 0 ± 0.022, spread 1 ± 0.016; three of those, and 0.01 for Student's t
+    assert abs(np.mean(off)) < 0.07
+    assert np.std(off) == pytest.approx(1, abs=0.06)
+
+
+def test_the_best_theory_is_the_hierarchy_only_where_the_drive_cancels() -> None:
+    def chosen(**changes: object) -> str:
+        scene = PAPER.with_values({f"wave.{key}": value for key, value in changes.items()})
+        return best(Wave.of(Record(TAU, TAU, TAU, TAU, scene)))
+
+    assert chosen(wavenumber=2.127) == "hierarchy"
+    assert [chosen(wavenumber=xi) for xi in (0.802, 1.475, 2.6)] == ["three-mode"] * 3
+    assert chosen(wavenumber=2.127, mode="RT") == "three-mode"
+    assert chosen(wavenumber=2.127, amplitude=0.002) == "three-mode"  # so small that the second order is left
+
+
+def test_the_drive_cancels_at_the_antiresonance() -> None:
+    at = Wave.of(Record(TAU, TAU, TAU, TAU, PAPER.with_values({"wave.wavenumber": 2.129233691})))
+    away = Wave.of(Record(TAU, TAU, TAU, TAU, PAPER))
+    assert cancellation(at) < 1e-8
+    assert cancellation(away) > 0.1
+
+
+@pytest.mark.parametrize("xi", [0.802, 1.475, 2.127])
+def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
+    xi: float, paper_run: Callable[..., Record]
+) -> None:
+    record = paper_run({"wave.wavenumber": xi, "time.timestep": 0.025})
+    ours, paper = compare.compare(record).error, compare.compare(record, "second-order").error
+    for name in compare.COMPONENTS:
+        assert ours[name] is not None
+        assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
+
+
+def test_an_unknown_theory_is_refused() -> None:
+    with pytest.raises(ValueError, match="theory = 'none' is not one of second-order"):
+        compare.compare(from_theory(PAPER, "second-order", TAU), "none")
+
+
+# --- the scripts ---
+
+
+@pytest.fixture
+def folder(small: Scene, tmp_path: Path) -> Path:
+    run(small, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_compare_prints_a_table_and_writes_json_and_a_figure(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert compare.main([str(folder), "--json", str(tmp_path / "out.json"), "--theory", "second-order"]) == 0
+    out = capsys.readouterr().out
+    assert "second-order" in out
+    assert "exact lattice" in out
+    (entry,) = json.loads((tmp_path / "out.json").read_text())
+    assert entry["name"] == "small"
+    assert set(entry["error"]) == {"p", "q", "phi"}
+    assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -> None:
+    write_status(folder, read_status(folder) | {"status": "failed", "message": "for the test"})
+    with pytest.raises(RunFolderError, match="not a finished run"):
+        Record.load(folder)
+    with pytest.raises(SystemExit, match="not a finished run"):
+        compare.main([str(folder)])
+    assert compare.main([str(folder), "--force"]) == 0
+
+
+def test_figures_are_written_where_they_are_asked_for(folder: Path, tmp_path: Path) -> None:
+    assert figure2.main(["-o", str(tmp_path / "new" / "two.pdf")]) == 0
+    assert figure3.main([str(folder), "-o", str(tmp_path / "three.svg")]) == 0
+    assert (tmp_path / "new" / "two.pdf").stat().st_size > 1000
+    assert (tmp_path / "three.svg").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("script", "words", "message"),
+    [
+        (figure2, ["-o", "{tmp}/a.xyz"], "must end in one of"),
+        (figure2, ["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside"),
+        (figure3, ["{tmp}/nowhere"], "not a run folder"),
+        (compare, ["{tmp}/nowhere"], "not a run folder"),
+    ],
+)
+def test_scripts_say_in_one_line_what_is_wrong(
+    script: object, words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        script.main([word.replace("{tmp}", str(tmp_path)) for word in words])  # type: ignore[attr-defined]
+    assert message in f"{caught.value} {capsys.readouterr().err}"
