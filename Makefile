@@ -3,20 +3,25 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make decks (rewrites the committed decks of lammps_inputs), make clean.
+# Also: make figures (those of the theory alone), make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
 BIN = .venv/bin
 CASES = tr_nonresonant tr_resonant tr_antiresonant
 RUNS = $(CASES:%=runs/%)
 
-.PHONY: paper test figures decks clean
+.PHONY: paper figures test decks clean
 
 paper: .venv/ready
 	for case in $(CASES); do $(BIN)/granular-lmp run $$case -o runs/$$case --force || exit 1; done
-	$(BIN)/python -m analysis.compare $(RUNS) --json runs/compare.json
+	$(BIN)/python -m analysis.compare $(RUNS) --json runs/compare.json | tee runs/compare.txt
 	$(BIN)/python -m analysis.figure2 -o figures/figure2.png
 	$(BIN)/python -m analysis.figure3 $(RUNS) -o figures/figure3.png
+
+figures: .venv/ready
+	$(BIN)/python -m analysis.convergence -o figures/convergence.png
+	$(BIN)/python -m analysis.laws -o figures/laws.png
+	$(BIN)/python -m analysis.map -o figures/map.png
 
 test: .venv/ready
 	$(BIN)/ruff check .

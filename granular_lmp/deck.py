@@ -4,7 +4,10 @@ The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. What
 is an index variable, to be overridden with ``-var``. Each block of the deck is a function here that returns its lines.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 
 import ase
@@ -20,6 +23,9 @@ from granular_lmp.units import Units, units_for
 from granular_lmp.wave import plane_wave
 
 DUMP = "dump.centre"
+LOG = "log.lammps"
+CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
+CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
 GUARD_INTERVAL = 50  # steps; a guard costs 1.3 steps, so this is 2.6 % of the run
 
 
@@ -72,14 +78,21 @@ class Deck:
             When the folder is there (without `force`) or cannot be written.
         """
         folder = Path(folder)
-        try:
+        with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
             for name, text in self.files().items():
                 (folder / name).write_text(text, encoding="utf-8")
-        except FileExistsError as error:
-            raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
-        except OSError as error:
-            raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
+    try:
+        yield
+    except FileExistsError as error:
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def build(scene: Scene) -> Deck:
@@ -137,9 +150,31 @@ def _input_text(scene: Scene, units: Units, centre_id: int) -> str:
         _contacts(scene, units),
         _preload(),
         _wave(),
+        _motion(),
         _guards(scene),
-        _record(centre_id),
+        _record(scene, centre_id),
         "run ${steps}",
+    ]
+    return "\n\n".join(blocks) + "\n"
+
+
+def resume_text(deck: Deck, checkpoint: str) -> str:
+    """The input that continues a run of `deck` from a checkpoint, to the same bytes as if it had not been stopped.
+
+    LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
+    ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
+    """
+    scene, units = deck.scene, units_for(deck.scene.sphere.radius)
+    blocks = [
+        f"# {_title(scene)}: continues from {checkpoint}\nlog {LOG} append",
+        _variables(scene, units),
+        f"comm_modify  vel yes\nread_restart {checkpoint}\n{_neighbours(scene, units)}",
+        _contacts(scene, units),
+        "timestep     $(v_step:%.17g)\ncompute      u all displace/atom\nfix          plane all enforce2d",
+        _motion(),
+        _guards(scene),
+        _record(scene, centre(deck.packing) + 1) + "\ndump_modify  centre append yes",
+        "run ${steps} upto",
     ]
     return "\n\n".join(blocks) + "\n"
 
@@ -176,7 +211,6 @@ variable steps  equal v_every*floor(v_duration/v_sample+1e-9)"""
 
 def _lattice(scene: Scene, units: Units) -> str:
     along_y = "p" if scene.packing.ends == "periodic" else "f"
-    skin = units.number(scene.sphere.radius / 10, length=1)
     return f"""\
 # --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        {units.style}
@@ -189,7 +223,11 @@ fix          wave all property/atom d_ux d_uy d_phi d_vx d_vy d_vphi
 read_data    ${{data}} fix wave NULL wave
 mass         * 1.0  # asked for by the dipole style, not used: spheres have their own
 group        mobile type 1
-neighbor     {skin!r} bin"""
+{_neighbours(scene, units)}"""
+
+
+def _neighbours(scene: Scene, units: Units) -> str:
+    return f"neighbor     {units.number(scene.sphere.radius / 10, length=1)!r} bin"
 
 
 def _contacts(scene: Scene, units: Units) -> str:
@@ -233,7 +271,12 @@ variable     mx atom cos(v_D0*d_phi/v_R)
 variable     my atom sin(v_D0*d_phi/v_R)
 velocity     all set v_vx v_vy NULL units box
 set          group all omega v_zero v_zero v_om
-set          group all dipole v_mx v_my v_zero
+set          group all dipole v_mx v_my v_zero"""
+
+
+def _motion() -> str:
+    return """\
+# --- motion: translation, rotation, and the dipole that turns with the sphere
 fix          move mobile nve/sphere update dipole"""
 
 
@@ -259,9 +302,11 @@ def _contact_count(scene: Scene) -> int:
     return 3 * packing.rows * packing.columns - (0 if packing.ends == "periodic" else 2 * packing.columns)
 
 
-def _record(centre_id: int) -> str:
+def _record(scene: Scene, centre_id: int) -> str:
+    particles = scene.packing.rows * scene.packing.columns
     return f"""\
-# --- record of the centre sphere, all digits
+# --- record of the centre sphere, all digits; a checkpoint every {CHECKPOINT_INTERVAL:.0e} particle-steps
+restart      {ceil(CHECKPOINT_INTERVAL / particles)} {" ".join(CHECKPOINTS)}
 group        centre id {centre_id}
 compute      dipole centre property/atom mux muy
 variable     theta atom atan2(c_dipole[2],c_dipole[1])

@@ -4,29 +4,32 @@ Whatever the route, LAMMPS reads the same ``in.NAME`` in the run folder and the 
 one rank). LAMMPS works in a second thread, so that Ctrl-C and the progress display are served at once.
 """
 
+import fcntl
 import os
 import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import chdir
+from contextlib import chdir, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from granular_lmp import __version__
-from granular_lmp.deck import DUMP, Deck, build
+from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, Deck, build, resume_text, writable
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.locate import lammps_module, lmp_command
-from granular_lmp.record import LOG, TRAJECTORY, Record, read_log, write_status
+from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
 from granular_lmp.scene import Scene
+from granular_lmp.status import description, outcome
 
 Progress = Callable[[int, int], None]
+Report = Callable[[int | None], None]
+Route = Callable[[Path, str, Report], None]  # runs an input in a folder
 LAUNCHERS = ("module", "lmp")
-_SWITCHES = ("-log", LOG, "-screen", "none", "-nocite")
 _POLL = 0.1  # s between two looks at a run: progress, and the longest wait for a program to stop
 _GRACE = 0.5  # s that a stopped program gets before it is killed
 _working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
@@ -48,7 +51,7 @@ def run(
     scene : Scene
     folder : path
         The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
-        ``dump.centre``, ``trajectory.csv``, ``run.json``.
+        ``dump.centre``, ``trajectory.csv``, ``run.json``, and of a run that was stopped or is long ``checkpoint.*``.
     launcher : "module" or "lmp"
         In this process, or the program ``lmp``. More than one rank always means the program.
     ranks : int
@@ -64,59 +67,98 @@ def run(
         When the folder is there (without `force`) or cannot be written.
     LammpsMissingError, LammpsError
     RunInterrupted
-        On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept.
+        On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
     """
     if launcher not in LAUNCHERS:
         raise ValueError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
     if ranks < 1:
         raise ValueError(f"ranks = {ranks!r}: must be at least 1")
-    started = time.perf_counter()
-    program = launcher == "lmp" or ranks > 1
     deck = build(scene)
-    # Everything that can be missing is asked for before a file is written.
-    command = [*lmp_command(ranks), "-in", deck.input_name, *_SWITCHES, "-nonbuf"] if program else []
-    module = None if program else lammps_module()
+    program = launcher == "lmp" or ranks > 1
+    route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder)
-    deck.write(folder, force=force)
-    _clear(folder)
-    info = _description(deck, "lmp" if program else "module", ranks)
+    with _locked(folder, make=True, force=force) as lock:
+        deck.write(folder, force=True)
+        for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
+            (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
+        info = description(deck, "lmp" if program else "module", ranks)
+        return _execute(deck, deck.input_name, folder, partial(route, lock), info, progress)
+
+
+def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
+    """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
+
+    The dump ends up with the same bytes as if the run had not been stopped.
+
+    Raises
+    ------
+    RunFolderError
+        When the run is finished, or stopped before its first checkpoint.
+    LammpsMissingError, LammpsError, RunInterrupted
+        As in `run`.
+    """
+    folder = Path(folder)
+    info = read_status(folder)
+    if info.get("status") == "finished":
+        raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+    deck = build(Scene.load(folder / "scene.toml"))
+    checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and path.stat().st_size]
+    if not checkpoints:
+        raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
+    last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
+    route = _route(info["launcher"] == "lmp", info["ranks"], log="none")  # the input opens the log to append to it
+    name = f"{deck.input_name}.resume"
+    with _locked(folder) as lock:
+        (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
+        mend_dump(folder / DUMP)
+        return _execute(deck, name, folder, partial(route, lock), info, progress)
+
+
+def _execute(
+    deck: Deck, input_name: str, folder: Path, route: Route, info: dict[str, Any], progress: Progress | None
+) -> Record:
+    """Run an input in the folder, collect what it recorded, and say in ``run.json`` how it ended."""
+    scene, started = deck.scene, time.perf_counter()
     write_status(folder, info | {"status": "running", "message": "started"})
     report = _reporter(progress, scene.time.steps)
-    status, message = "finished", ""
     failure: GranularError | None = None
     try:
-        if module is None:
-            _run_program(command, folder, report)
-        else:
-            _run_module(module, deck, folder, report)
+        route(folder, input_name, report)
     except KeyboardInterrupt:
         failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept")
-        status, message = "interrupted", "stopped by the user"
     except GranularError as error:
-        failure, status, message = error, "failed", str(error)
+        failure = error
     record = _collect(folder, scene)
-    if failure is None and not all(np.isfinite(x).all() for x in (record.p, record.q, record.phi)):
-        failure = LammpsError("the record holds numbers that are not finite", deck.input_name, "")
-        status, message = "failed", str(failure)
-    if failure is None and len(record.tau) != scene.time.samples + 1:
-        failure = LammpsError(
-            f"{len(record.tau)} records instead of {scene.time.samples + 1}", deck.input_name, _log_tail(folder)
-        )
-        status, message = "failed", str(failure)
-    info |= _outcome(folder, record, time.perf_counter() - started) | {"status": status, "message": message}
-    write_status(folder, info)
+    if failure is None:
+        failure = _defect(record, input_name, folder)
+    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
+    info |= outcome(folder, record, time.perf_counter() - started)
+    write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure
+    report(scene.time.steps)
+    for name in CHECKPOINTS:
+        (folder / name).unlink(missing_ok=True)
     return Record.load(folder)
 
 
-# --- the folder ------------------------------------------------------------------------------------------------------
+@contextmanager
+def _locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
+    """Hold the folder for one run; gives the descriptor of the lock, which a program that works there inherits.
 
-
-def _clear(folder: Path) -> None:
-    """Remove what an earlier run of ours recorded, so that it cannot pass for this one's."""
-    for name in (LOG, DUMP, TRAJECTORY):
-        (folder / name).unlink(missing_ok=True)
+    The lock lives as long as any of its holders: a program that outlives us, when we are killed, keeps it.
+    """
+    with writable(folder):
+        if make:
+            folder.mkdir(parents=True, exist_ok=force)
+        lock = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield lock
+        except BlockingIOError as error:
+            raise RunFolderError(f"{folder}: another run is at work there") from error
+        finally:
+            os.close(lock)
 
 
 def _collect(folder: Path, scene: Scene) -> Record:
@@ -124,79 +166,20 @@ def _collect(folder: Path, scene: Scene) -> Record:
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
+    mend_dump(folder / DUMP)
     record = Record.from_dump(folder, scene)
     record.write_csv(folder / TRAJECTORY)
     return record
 
 
-def _description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
-    """What is known before the run."""
-    scene, sphere, time_ = deck.scene, deck.scene.sphere, deck.scene.time
-    phase_lag = (deck.mode.frequency * time_.step) ** 2 / 24 * deck.mode.frequency * time_.duration
-    return {
-        "name": scene.name,
-        "versions": {"granular_lmp": __version__},
-        "launcher": launcher,
-        "ranks": ranks,
-        "particles": len(deck.packing),
-        "steps": time_.steps,
-        "timestep_used": time_.step,
-        "wavenumber_used": scene.wavenumber,
-        "frequency": deck.mode.frequency,
-        "amplitude": scene.wave.amplitude,
-        "epsilon": sphere.nonlinearity(scene.wave.amplitude),
-        "Delta0_m": sphere.static_overlap,
-        "t0_s": sphere.time_scale,
-        "overlap_ratio": sphere.overlap_ratio,
-        "effects": {e.name: {"on": e.on, "number": _finite(e.number), "reason": e.reason} for e in deck.effects},
-        # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
-        "error_estimate": {"timestep_fundamental": phase_lag / 3**0.5},
-        "remarks": scene.remarks(),
-    }
-
-
-def _outcome(folder: Path, record: Record, seconds: float) -> dict[str, Any]:
-    """What is known after the run: time split into loop and the rest, and the guards."""
-    table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
-    overlap, opened, slip = (table.get(name, np.empty(0)) for name in ("v_overlap", "v_open", "v_slip"))
-    return {
-        "samples": len(record.tau),
-        "wall_seconds": {"total": seconds, "loop": _finite(loop), "other": _finite(seconds - loop)},
-        "guards": {
-            "smallest_overlap": {
-                "value": _finite(np.min(overlap, initial=np.inf)),
-                "unit": "Delta0",
-                "quiet": bool((overlap > 0).all()),
-                "meaning": "of the contacts that touch",
-            },
-            "open_contacts": {
-                "value": _finite(np.max(opened, initial=0.0)),
-                "unit": "contacts",
-                "quiet": bool((opened == 0).all()),
-                "meaning": "contacts opened: no closed form holds, and shear forces are lost",
-            },
-            "largest_slip": {
-                "value": _finite(np.max(slip, initial=0.0)),
-                "unit": "sliding force",
-                "quiet": bool((slip < 1).all()),
-                "meaning": "contacts may have slid: the paper's no-slip contact does not hold",
-            },
-        },
-        "lammps_version": _lammps_version(folder),
-    }
-
-
-def _finite(value: float) -> float | None:
-    """JSON has no inf and no nan."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _lammps_version(folder: Path) -> str | None:
-    try:
-        with (folder / LOG).open(encoding="utf-8", errors="replace") as stream:
-            return stream.readline().strip().removeprefix("LAMMPS (").removesuffix(")") or None
-    except OSError:
-        return None
+def _defect(record: Record, input_name: str, folder: Path) -> LammpsError | None:
+    """What is wrong with a record of which LAMMPS did not complain."""
+    expected = record.scene.time.samples + 1
+    if not all(np.isfinite(x).all() for x in (record.p, record.q, record.phi)):
+        return LammpsError("the record holds numbers that are not finite", input_name, _log_tail(folder))
+    if len(record.tau) != expected:
+        return LammpsError(f"{len(record.tau)} records instead of {expected}", input_name, _log_tail(folder))
+    return None
 
 
 def _log_tail(folder: Path, lines: int = 15) -> str:
@@ -209,7 +192,7 @@ def _log_tail(folder: Path, lines: int = 15) -> str:
 # --- the two routes --------------------------------------------------------------------------------------------------
 
 
-def _reporter(progress: Progress | None, steps: int) -> Callable[[int | None], None]:
+def _reporter(progress: Progress | None, steps: int) -> Report:
     def report(step: int | None) -> None:
         if progress is not None and step is not None:
             progress(min(step, steps), steps)
@@ -217,23 +200,31 @@ def _reporter(progress: Progress | None, steps: int) -> Callable[[int | None], N
     return report
 
 
-def _run_module(module: Any, deck: Deck, folder: Path, report: Callable[[int | None], None]) -> None:
+def _route(program: bool, ranks: int, log: str = LOG) -> Callable[[int, Path, str, Report], None]:
+    """A `Route` that still wants the lock of the folder; raises LammpsMissingError when what it needs is not there."""
+    switches = ["-log", log, "-screen", "none", "-nocite"]
+    if program:
+        return partial(_run_program, lmp_command(ranks), [*switches, "-nonbuf"])
+    return partial(_run_module, lammps_module(), switches)
+
+
+def _run_module(module: Any, switches: list[str], lock: int, folder: Path, input_name: str, report: Report) -> None:
     with _working_directory, chdir(folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        opened = pool.submit(module.lammps, cmdargs=list(_SWITCHES))
-        instance = opened.result()
+        instance = pool.submit(module.lammps, cmdargs=switches).result()
         try:
-            job = pool.submit(instance.file, deck.input_name)
+            job = pool.submit(instance.file, input_name)
             try:
                 _watch(job, lambda: report(instance.extract_global("ntimestep")))
             except KeyboardInterrupt:
                 instance.force_timeout()  # the time loop ends at its next step
-                job.exception()
+                # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
+                if job.exception() is None and instance.extract_global("ntimestep") > 0:
+                    pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
                 raise
             except Exception as error:  # the module raises plain Exception and MPIAbortException
                 raise LammpsError(_first_line(error), _last_command(folder), _log_tail(folder)) from error
         finally:
             pool.submit(instance.close).result()
-    report(deck.scene.time.steps)
 
 
 def _watch(job: "Future[Any]", look: Callable[[], None]) -> None:
@@ -248,7 +239,10 @@ def _watch(job: "Future[Any]", look: Callable[[], None]) -> None:
             look()
 
 
-def _run_program(command: list[str], folder: Path, report: Callable[[int | None], None]) -> None:
+def _run_program(
+    program: list[str], switches: list[str], lock: int, folder: Path, input_name: str, report: Report
+) -> None:
+    command = [*program, "-in", input_name, *switches]
     process = subprocess.Popen(
         command,
         cwd=folder,
@@ -257,6 +251,7 @@ def _run_program(command: list[str], folder: Path, report: Callable[[int | None]
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
+        pass_fds=[lock],
     )
     try:
         while True:

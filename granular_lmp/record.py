@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.deck import DUMP
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.scene import Scene
@@ -22,7 +23,6 @@ from granular_lmp.units import units_for
 
 TRAJECTORY = "trajectory.csv"
 STATUS = "run.json"
-LOG = "log.lammps"
 HEADER = ["tau", "p", "q", "phi"]
 DUMP_COLUMNS = ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"]
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
@@ -75,7 +75,7 @@ class Record:
         return cls(tau, p, q, phi, scene, info, folder)
 
     @classmethod
-    def from_dump(cls, folder: str | Path, scene: Scene, dump: str = "dump.centre") -> Self:
+    def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
         """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
         table = read_dump(Path(folder) / dump)
         displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
@@ -123,10 +123,14 @@ def read_status(folder: str | Path) -> dict[str, Any]:
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
-    """Write ``run.json`` in one piece: a reader sees the old or the new one, never half of it."""
-    path = Path(folder) / STATUS
-    draft = path.with_suffix(".json.part")
-    draft.write_text(json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    """Write ``run.json``."""
+    replace_text(Path(folder) / STATUS, json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file in one piece: a reader, and a machine that stops, see the old or the new one, never half of it."""
+    draft = path.with_name(path.name + ".part")
+    draft.write_text(text, encoding="utf-8")
     os.replace(draft, path)
 
 
@@ -152,25 +156,49 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
     return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
 
 
+def mend_dump(path: str | Path) -> None:
+    """Make a one-particle dump that a stopped run wrote, or two runs one after the other, into that of one run.
+
+    A snapshot cut off in the middle goes; of those that the continuation wrote again, the first.
+    """
+    size = _LINES_BEFORE_ATOMS + 1
+    lines = Path(path).read_text(encoding="utf-8").splitlines(keepends=True)
+    kept: list[list[str]] = []
+    for start in range(0, len(lines) // size * size, size):
+        snapshot = lines[start : start + size]
+        while kept and int(kept[-1][1]) >= int(snapshot[1]):
+            kept.pop()
+        if snapshot[-1].endswith("\n"):
+            kept.append(snapshot)
+    replace_text(Path(path), "".join(line for snapshot in kept for line in snapshot))
+
+
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
-    """Last thermo table of a LAMMPS log, by column name, and the seconds of its time loop (nan if it did not end)."""
-    names: list[str] = []
-    rows: list[list[float]] = []
-    seconds = float("nan")
+    """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
+
+    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended.
+    """
+    tables: dict[tuple[str, ...], list[list[float]]] = {}
+    seconds: dict[tuple[str, ...], float] = {}
+    names: tuple[str, ...] = ()
     try:
         lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    inside = False
     for line in lines:
         words = line.split()
         if words[:1] == ["Step"]:
-            names, rows, seconds = words, [], float("nan")
+            names, inside = tuple(words), True
+            tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
-            seconds = float(words[3])
-        elif names and np.isnan(seconds) and len(words) == len(names):
+            seconds[names] = seconds.get(names, 0.0) + float(words[3])
+            inside = False
+        elif inside and len(words) == len(names):
             try:
-                rows.append([float(word) for word in words])
+                tables[names].append([float(word) for word in words])
             except ValueError:
                 continue  # a warning between two thermo lines
+    rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
-    return dict(zip(names, table.T, strict=True)), seconds
+    return dict(zip(names, table.T, strict=True)), seconds.get(names, float("nan"))

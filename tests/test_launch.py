@@ -14,7 +14,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, launch, locate, run
 from granular_lmp.errors import LammpsError, LammpsMissingError, RunFolderError
-from granular_lmp.record import read_dump, read_log, read_status
+from granular_lmp.record import mend_dump, read_dump, read_log, read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
 
@@ -122,26 +122,25 @@ def test_a_record_that_is_cut_short_or_not_finite_is_a_failed_run(
     assert read_status(tmp_path / "run")["status"] == "failed"
 
 
+def started(folder: Path, size: int, *words: str, prologue: str = "") -> "subprocess.Popen[str]":
+    """A long run as its own process, once its dump has `size` bytes."""
+    changes = ("time.allow_echo=true", "packing.rows=21", *words)
+    arguments = ["run", "tr_nonresonant", "-o", str(folder)]
+    arguments += [word for change in changes for word in (("--set", change) if "=" in change else (change,))]
+    lines = ("import sys", "from granular_lmp import deck", prologue, "from granular_lmp.cli import main")
+    code = "\n".join([*lines, f"sys.exit(main({arguments!r}))"])
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 30
+    while not ((folder / "dump.centre").exists() and (folder / "dump.centre").stat().st_size > size):
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline, "the run did not start"
+        time.sleep(0.02)
+    return process
+
+
 @pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
 def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: list[str], tmp_path: Path) -> None:
-    long = ["--set", "time.allow_echo=true", "--set", "time.duration=1e6", "--set", "packing.rows=21"]
-    command = [
-        sys.executable,
-        "-m",
-        "granular_lmp",
-        "run",
-        "tr_nonresonant",
-        *long,
-        *switch,
-        "-o",
-        str(tmp_path / "run"),
-    ]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    dump = tmp_path / "run" / "dump.centre"
-    deadline = time.monotonic() + 30
-    while not (dump.exists() and dump.stat().st_size > 50_000):
-        assert time.monotonic() < deadline, "the run did not start"
-        time.sleep(0.05)
+    process = started(tmp_path / "run", 50_000, "time.duration=1e6", *switch)
     process.send_signal(signal.SIGINT)
     stopped = time.monotonic()
     _, message = process.communicate(timeout=30)
@@ -154,6 +153,83 @@ def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: l
     record = Record.load(tmp_path / "run", unfinished=True)
     assert len(record.tau) == status["samples"] > 100
     assert np.isfinite(record.q).all()
+
+
+LONG = 600.0  # τ, 12000 steps of 63 spheres: a fifth of a second
+
+
+def uninterrupted(folder: Path) -> bytes:
+    changes = {"packing.rows": 21, "time.allow_echo": True, "time.duration": LONG}
+    run(PAPER.with_values(changes), folder)
+    return (folder / "dump.centre").read_bytes()
+
+
+def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
+    process = started(tmp_path / "run", 20_000, f"time.duration={LONG}")
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert 0 < read_status(tmp_path / "run")["samples"] < 1200
+    record = launch.resume(tmp_path / "run")
+    assert record.info["status"] == "finished"
+    assert (tmp_path / "run" / "dump.centre").read_bytes() == uninterrupted(tmp_path / "whole")
+    # The guards have seen both parts
+    whole = Record.load(tmp_path / "whole").info["guards"]
+    assert record.info["guards"]["smallest_overlap"]["value"] == pytest.approx(
+        whole["smallest_overlap"]["value"], rel=0.05
+    )
+    with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
+        launch.resume(tmp_path / "run")
+
+
+@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(switch: list[str], tmp_path: Path) -> None:
+    process = started(
+        tmp_path / "run", 60_000, f"time.duration={LONG}", *switch, prologue="deck.CHECKPOINT_INTERVAL = 63 * 1003"
+    )
+    children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
+    process.kill()
+    process.communicate(timeout=30)
+    if children:  # the program has outlived its parent, and still holds the folder
+        with pytest.raises(RunFolderError, match="another run is at work there"):
+            launch.resume(tmp_path / "run")
+        for child in map(int, children.split()):
+            os.killpg(child, signal.SIGKILL)
+        time.sleep(0.2)
+    assert read_status(tmp_path / "run")["status"] == "running"  # nobody was left to say otherwise
+    launch.resume(tmp_path / "run")
+    expected = uninterrupted(tmp_path / "whole")
+    if "--np" in switch:  # ranks are summed in another order
+        assert len((tmp_path / "run" / "dump.centre").read_bytes().splitlines()) == len(expected.splitlines())
+    else:
+        assert (tmp_path / "run" / "dump.centre").read_bytes() == expected
+
+
+def test_a_run_that_was_stopped_too_early_cannot_be_resumed(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "running"})
+    with pytest.raises(RunFolderError, match="stopped before its first checkpoint; run it again with --force"):
+        launch.resume(tmp_path / "run")
+
+
+def test_a_mended_dump_is_that_of_one_run(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    text = dump.read_text()
+    snapshots = ["ITEM: TIMESTEP" + part for part in text.split("ITEM: TIMESTEP")[1:]]
+    dump.write_text("".join(snapshots[:4]) + "".join(snapshots[2:]) + snapshots[0][:30])
+    mend_dump(dump)
+    assert dump.read_text() == text
+
+
+def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) -> None:
+    process = started(tmp_path / "run", 5_000, "time.duration=1e6")
+    try:
+        with pytest.raises(RunFolderError, match="another run is at work there"):
+            run(small, tmp_path / "run", force=True)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert read_status(tmp_path / "run")["name"] == "tr_nonresonant"
 
 
 def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:

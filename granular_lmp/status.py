@@ -1,0 +1,80 @@
+"""What ``run.json`` says of a run: what is known before it, and what came out."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp import __version__
+from granular_lmp.deck import LOG, Deck
+from granular_lmp.record import Record, read_log
+
+
+def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
+    """What is known before the run."""
+    scene, sphere, time_ = deck.scene, deck.scene.sphere, deck.scene.time
+    phase_lag = (deck.mode.frequency * time_.step) ** 2 / 24 * deck.mode.frequency * time_.duration
+    return {
+        "name": scene.name,
+        "versions": {"granular_lmp": __version__},
+        "launcher": launcher,
+        "ranks": ranks,
+        "particles": len(deck.packing),
+        "steps": time_.steps,
+        "timestep_used": time_.step,
+        "wavenumber_used": scene.wavenumber,
+        "frequency": deck.mode.frequency,
+        "amplitude": scene.wave.amplitude,
+        "epsilon": sphere.nonlinearity(scene.wave.amplitude),
+        "Delta0_m": sphere.static_overlap,
+        "t0_s": sphere.time_scale,
+        "overlap_ratio": sphere.overlap_ratio,
+        "effects": {e.name: {"on": e.on, "number": _finite(e.number), "reason": e.reason} for e in deck.effects},
+        # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
+        "error_estimate": {"timestep_fundamental": phase_lag / 3**0.5},
+        "remarks": scene.remarks(),
+    }
+
+
+def outcome(folder: Path, record: Record, seconds: float) -> dict[str, Any]:
+    """What is known after the run: time split into loop and the rest, and the guards."""
+    table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
+    overlap, opened, slip = (table.get(name, np.empty(0)) for name in ("v_overlap", "v_open", "v_slip"))
+    return {
+        "samples": len(record.tau),
+        "wall_seconds": {"total": seconds, "loop": _finite(loop), "other": _finite(seconds - loop)},
+        "guards": {
+            "smallest_overlap": {
+                "value": _finite(np.min(overlap, initial=np.inf)),
+                "unit": "Delta0",
+                "quiet": bool((overlap > 0).all()),
+                "meaning": "of the contacts that touch",
+            },
+            "open_contacts": {
+                "value": _finite(np.max(opened, initial=0.0)),
+                "unit": "contacts",
+                "quiet": bool((opened == 0).all()),
+                "meaning": "contacts opened: no closed form holds, and shear forces are lost",
+            },
+            "largest_slip": {
+                "value": _finite(np.max(slip, initial=0.0)),
+                "unit": "sliding force",
+                "quiet": bool((slip < 1).all()),
+                "meaning": "contacts may have slid: the paper's no-slip contact does not hold",
+            },
+        },
+        "lammps_version": _lammps_version(folder),
+    }
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no inf and no nan."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _lammps_version(folder: Path) -> str | None:
+    try:
+        with (folder / LOG).open(encoding="utf-8", errors="replace") as stream:
+            return stream.readline().strip().removeprefix("LAMMPS (").removesuffix(")") or None
+    except OSError:
+        return None
