@@ -14,7 +14,7 @@ RUNS = $(CASES:%=runs/%)
 
 paper: .venv/ready
 	for case in $(CASES); do $(BIN)/granular-lmp run $$case -o runs/$$case --force || exit 1; done
-	$(BIN)/python -m analysis.compare $(RUNS) --json runs/compare.json | tee runs/compare.txt
+	$(BIN)/python -m analysis.compare $(RUNS) --json runs/compare.json > runs/compare.txt && cat runs/compare.txt
 	$(BIN)/python -m analysis.figure2 -o figures/figure2.png
 	$(BIN)/python -m analysis.figure3 $(RUNS) -o figures/figure3.png
 

@@ -615,9 +615,3 @@ def test_numbers_in_the_document_are_measured() -> None:
 def test_a_wrong_number_in_the_document_is_found() -> None:
     document = ERRATA.read_text(encoding="utf-8")
     assert disagreements(document.replace("| 0.414 |", "| 0.424 |")) == {"test_projection_factor_is_half_root_three"}
-
-
-def test_every_test_named_in_the_document_exists() -> None:
-    named = set(re.findall(r"`(test_\w+)`", ERRATA.read_text(encoding="utf-8")))
-    assert named
-    assert named <= globals().keys()

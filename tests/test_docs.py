@@ -1,0 +1,236 @@
+"""The pages say what is there: links, names of tests and functions, code blocks, and the error table of the theory."""
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import frequency_shift, hierarchy, lattice, resonance
+from analysis import second_harmonic as sh
+from analysis.norms import relative_error
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+THEORY = ROOT / "docs" / "theory.md"
+CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
+PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
+ALLOWED = 60.0  # s per code block
+
+each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+# ---------------------------------------------------------------- links and names
+
+
+@cache
+def made_by_make() -> set[Path]:
+    return {ROOT / name for name in re.findall(r"figures/[\w.-]+\.png", (ROOT / "Makefile").read_text("utf-8"))}
+
+
+def broken_links(text: str, folder: Path) -> set[str]:
+    """Relative targets of links and images that neither exist nor are a figure of the Makefile."""
+    text = CODE.sub("", text)
+    targets = re.findall(r"\]\(<?([^)\s>]+)", text)  # [text](target), ![text](target "title")
+    targets += re.findall(r"^ {0,3}\[[^\]]+\]: *<?([^\s>]+)", text, re.MULTILINE)  # [label]: target
+    targets += re.findall(r"""<(?:img|a)\b[^>]*?\b(?:src|href)=["']([^"']+)""", text)
+    local = {target for target in targets if not re.match(r"[a-z][a-z0-9+.-]*:|#|//", target, re.IGNORECASE)}
+
+    def reached(target: str) -> bool:
+        path = Path(os.path.normpath(folder / target.partition("#")[0]))
+        return path.exists() or path in made_by_make()
+
+    return {target for target in local if not reached(target)}
+
+
+@cache
+def defined_tests() -> set[str]:
+    files = (ROOT / "tests").rglob("test_*.py")
+    return set(re.findall(r"^ *def (test_\w+)\(", "\n".join(file.read_text("utf-8") for file in files), re.MULTILINE))
+
+
+def missing_tests(text: str) -> set[str]:
+    """Names of tests in backticks that no file under tests/ defines."""
+    return set(re.findall(r"`(test_\w+)(?:\[[^`]*\])?`", text)) - defined_tests()
+
+
+def missing_names(text: str) -> set[str]:
+    """Dotted names in backticks, `analysis.module.name` or of granular_lmp, that cannot be imported."""
+
+    def found(dotted: str) -> bool:
+        package, *rest = dotted.split(".")
+        here = importlib.import_module(package)
+        for name in rest:
+            if not hasattr(here, name):
+                try:
+                    importlib.import_module(f"{here.__name__}.{name}")
+                except ModuleNotFoundError:
+                    return False
+            here = getattr(here, name)
+        return True
+
+    names = set(re.findall(r"`((?:analysis|granular_lmp)(?:\.\w+)+)(?:\([^`]*\))?`", text))
+    return {name for name in names if not found(name)}
+
+
+@each_page
+def test_every_relative_link_leads_somewhere(page: Path) -> None:
+    assert broken_links(page.read_text("utf-8"), page.parent) == set()
+
+
+@each_page
+def test_every_test_named_on_a_page_exists(page: Path) -> None:
+    assert missing_tests(page.read_text("utf-8")) == set()
+
+
+@each_page
+def test_every_function_named_on_a_page_exists(page: Path) -> None:
+    assert missing_names(page.read_text("utf-8")) == set()
+
+
+def test_a_link_to_nowhere_is_found() -> None:
+    page = (
+        "[a](gone.md#part) ![b](../figures/none.png) [c](../README.md) ![d](../figures/figure2.png) [e](#here)\n"
+        '[f](https://example.org/x.md)\n[g]: lost.md\n<img src="away.png">\n```\n[h](in_code.md)\n```\n'
+    )
+    assert broken_links(page, ROOT / "docs") == {"gone.md#part", "../figures/none.png", "lost.md", "away.png"}
+
+
+def test_a_name_of_nothing_is_found() -> None:
+    assert missing_tests("`test_a_name_of_nothing_is_found`, `test_of_nothing[x]`") == {"test_of_nothing"}
+    page = "`analysis.lattice`, `analysis.lattice.torus(mode)`, `analysis.latice`, `analysis.lattice.tori`"
+    assert missing_names(page) == {"analysis.latice", "analysis.lattice.tori"}
+
+
+# ---------------------------------------------------------------- code
+
+
+def run_blocks(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the ```python blocks of a page in an empty folder, one after the other in one session, as a reader would.
+
+    A block that is not to be run (too long, or in need of something) carries another mark than plain ```python.
+    """
+    blocks = PYTHON.findall(text)
+    runner = "import sys\nspace = {'__name__': '__main__'}\n"
+    runner += f"for i, block in enumerate({blocks!r}, 1):\n    exec(compile(block, f'block {{i}}', 'exec'), space)\n"
+    (folder / "page.py").write_text(runner, "utf-8")
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    return subprocess.run(
+        [sys.executable, "page.py"],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": path},
+        timeout=ALLOWED * max(len(blocks), 1),
+        capture_output=True,
+        text=True,
+    )
+
+
+def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
+    done = run_blocks((ROOT / "README.md").read_text("utf-8"), tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_python_that_fails_is_found(tmp_path: Path) -> None:
+    page = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\nassert x == {}\n```\n"
+    assert run_blocks(page.format(1), tmp_path).returncode == 0
+    wrong = run_blocks(page.format(2), tmp_path)
+    assert wrong.returncode == 1
+    assert 'File "block 2", line 1' in wrong.stderr
+
+
+# ---------------------------------------------------------------- numbers of docs/theory.md
+
+NU, AMPLITUDE = 0.17, 0.2
+TAU = np.linspace(0, 120, 241)
+SILICA = sh.ratios(NU)
+FORMULAS = {
+    "second order": sh.second_order,
+    "with frequency shift": frequency_shift.shifted_second_order,
+    "two waves": resonance.two_mode,
+    "three waves": resonance.three_mode,
+}
+WAVES = ["TR 0.802", "TR 1.475", "TR 2.127", "RT 0.802", "L 0.802"]
+
+
+def cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def error_table(text: str) -> dict[tuple[str, str], str]:
+    """The last table of the page: (formula, wave) → cell."""
+    head, _, *lines = [line for line in text.splitlines() if line.startswith("|")][-2 - len(FORMULAS) - 2 :]
+    waves = cells(head)[1:]
+    return {(row[0], wave): cell for row in map(cells, lines) for wave, cell in zip(waves, row[1:], strict=True)}
+
+
+@cache
+def measured_errors(label: str) -> dict[str, list[float] | None]:
+    """Relative errors of p, q, φ (L: of p) by formula; None where a formula refuses the wave."""
+    name, xi = label.split()
+    mode = sh.mode(name, float(xi), SILICA)  # type: ignore[arg-type]
+    moving = slice(1 if name == "L" else 3)
+    exact = lattice.torus(mode, AMPLITUDE, TAU, NU, rtol=1e-10)[moving]
+
+    def errors(estimate: Sequence[np.ndarray]) -> list[float]:
+        return [relative_error(e, x) for e, x in zip(estimate[moving], exact, strict=True)]
+
+    found: dict[str, list[float] | None] = {}
+    for formula, function in FORMULAS.items():
+        try:
+            estimate = function(mode, SILICA, AMPLITUDE, TAU)
+        except ValueError:
+            found[formula] = None
+        else:
+            found[formula] = errors(estimate)
+    orders = hierarchy.hierarchy_orders(mode, TAU, NU) @ lattice.periodic_kernel(-lattice.torus_phases(13), 13)
+    for n in (4, 6):
+        found[f"hierarchy, order {n}"] = errors(np.tensordot(AMPLITUDE ** np.arange(n), orders[:n], axes=1).T)
+    return found
+
+
+def agrees(cell: str, errors: list[float] | None) -> bool:
+    """Whether a cell shows the errors, rounded to its two digits; "≤ x" is a bound, "–" a wave refused."""
+    if errors is None or cell == "–":
+        return errors is None and cell == "–"
+    entries = cell.split(", ")
+    return len(entries) == len(errors) and all(
+        error <= float(entry[1:]) if entry.startswith("≤") else abs(error - float(entry)) <= half_unit(entry)
+        for entry, error in zip(entries, errors, strict=True)
+    )
+
+
+def half_unit(entry: str) -> float:
+    """Half a unit of the second digit, and 2 % of that for the integration's own error."""
+    return 0.51 * 10.0 ** (np.floor(np.log10(float(entry))) - 1)
+
+
+@pytest.mark.parametrize("wave", WAVES)
+def test_errors_on_the_theory_page_are_measured(wave: str) -> None:
+    table = error_table(THEORY.read_text("utf-8"))
+    assert {label for _, label in table} == set(WAVES)
+    shown = {formula: cell for (formula, label), cell in table.items() if label == wave}
+    assert shown.keys() == measured_errors(wave).keys()
+    assert [formula for formula, cell in shown.items() if not agrees(cell, measured_errors(wave)[formula])] == []
+
+
+@pytest.mark.parametrize("wrong", ["4.1e-3, 2.4e-3", "4.2e-3", "4.2e-3, ≤ 1e-3", "–"])
+def test_a_wrong_number_in_the_error_table_is_found(wrong: str) -> None:
+    assert agrees("4.2e-3, ≤ 1e-2", [4.17e-3, 2.41e-3])
+    assert not agrees(wrong, [4.17e-3, 2.41e-3])
+
+
+@pytest.mark.parametrize("nu", [-1.0, -0.5, 0.0, 0.17, 0.5])
+def test_solid_spheres_have_the_polynomials_of_the_theory_page(nu: float) -> None:
+    constants = sh.ratios(nu)
+    kappa, c = constants.kappa, np.cos(sh.resonance(constants))
+    cubic = (20 * kappa * (2 + c) - (kappa + 3) * (1 - c**2)) * (5 * kappa - 1 - (kappa + 3) * c)
+    # Rounding of terms of order 100.
+    assert cubic == pytest.approx(120 * kappa**2 * (1 + c), rel=0, abs=1e-11)
+    expected = (8 * kappa**2 - 10 * kappa + 1) / (2 * kappa + 1)
+    assert np.cos(sh.antiresonance(constants)) == pytest.approx(expected, rel=0, abs=1e-14)
