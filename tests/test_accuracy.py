@@ -115,6 +115,17 @@ def test_the_closed_form_differs_from_lammps_by_the_square_of_the_amplitude(pape
         assert slope(amplitudes, series) == pytest.approx(2.0, abs=0.1), (name, series)
 
 
+@pytest.mark.parametrize("xi", [0.802, 1.475])
+def test_at_small_amplitude_the_closed_form_is_lammps_to_two_in_ten_thousand(
+    xi: float, paper_run: Callable[..., Record]
+) -> None:
+    changes = {"wave.amplitude": 0.02, "wave.wavenumber": xi}
+    record = richardson(paper_run(changes), paper_run(changes | {"time.timestep": 0.025}))
+    constants = ratios(NU, overlap_ratio=ETA)
+    error = errors(record, second_order(mode("TR", xi, constants), constants, 0.02, record.tau))
+    assert error["p"] < 2e-4
+
+
 def test_without_the_geometry_the_closed_form_stops_at_its_floor(paper_run: Callable[..., Record]) -> None:
     changes = {"wave.amplitude": 0.025, "wave.wavenumber": 1.3, "time.duration": 60.0}
     record = richardson(paper_run(changes), paper_run(changes | {"time.timestep": 0.025}))
