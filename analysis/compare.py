@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.norms import relative_error
-from analysis.plotting import load, save
+from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theories import THEORIES, Wave, best
+from analysis.theories import THEORIES, Wave, best, drive_cancels
 from granular_lmp.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -38,8 +38,13 @@ class Comparison:
     error, lattice_error : dict
         Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
         component is zero by symmetry.
-    measured, standard_error, predicted : float
-        Amplitude |ε P̃1|/2 of the generated second harmonic in D0: from the run by least squares, and by theory.
+    predicted : float
+        Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by theory.
+    measured, fit_error : float or None
+        The same from the run by least squares, and the standard error of the fit, which knows nothing of what theory
+        leaves out; None where the second harmonic is below the next order or below rounding.
+    notes : list of str
+        Why the comparison does not mean what it seems to.
     """
 
     name: str
@@ -49,9 +54,10 @@ class Comparison:
     theory: str
     error: dict[str, float | None]
     lattice_error: dict[str, float | None]
-    measured: float
-    standard_error: float
     predicted: float
+    measured: float | None
+    fit_error: float | None
+    notes: list[str]
 
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
@@ -63,7 +69,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     name = theory or best(wave)
     if name not in THEORIES:
         raise ValueError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
-    measured, standard_error = measured_amplitude(record, wave)
+    measured, fit_error = measured_amplitude(record, wave)
     return Comparison(
         name=record.scene.name,
         mode=wave.mode.name,
@@ -72,10 +78,26 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         theory=name,
         error=errors(record, THEORIES[name](wave, record.tau)),
         lattice_error=errors(record, THEORIES["exact-lattice"](wave, record.tau)),
+        predicted=predicted_amplitude(wave),
         measured=measured,
-        standard_error=standard_error,
-        predicted=abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2,
+        fit_error=fit_error,
+        notes=notes(record),
     )
+
+
+def notes(record: Record) -> list[str]:
+    """What in a run no theory here covers."""
+    guards = record.info.get("guards", {})
+    loud = [guard["meaning"] for guard in guards.values() if not guard["quiet"]]
+    echo = record.scene.echo_time
+    if record.tau[-1] > echo:
+        loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
+    return loud
+
+
+def predicted_amplitude(wave: Wave) -> float:
+    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form."""
+    return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
 
 def errors(
@@ -88,14 +110,17 @@ def errors(
     }
 
 
-def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
-    """Amplitude of the generated second harmonic in a run, |ε P̃1|/2 in D0, and its standard error.
+def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
+    """Amplitude of the generated second harmonic in a run, in D0, and the standard error of the fit.
 
     Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
     second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
-    proportion keeps the fit well-posed at the resonance, where they are one function.
+    proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
+    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding.
     """
     shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
+    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
+        return None, None
     columns = [shape]
     if wave.mode.p:
         angle = wave.mode.frequency * record.tau
@@ -105,7 +130,7 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
     residual = record.p - matrix @ solution
     variance = residual @ residual / max(len(record.tau) - len(columns), 1)
     spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
-    predicted = abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
+    predicted = predicted_amplitude(wave)
     return float(solution[0] * predicted), float(spread * predicted)
 
 
@@ -113,14 +138,15 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float]:
 
 
 def table(comparisons: list[Comparison]) -> str:
-    """The comparisons as a text table, two lines a run: against theory, and against the exact lattice."""
-    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>22}{'predicted':>11}"
+    """The comparisons as text, two lines a run: against theory, against the exact lattice; then the notes."""
+    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'fit ±':>9}{'predicted':>11}"
     lines = [f"{'run':18}{'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
     for c in comparisons:
         head = f"{c.name:18.18}{c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
-        amplitude = f"{c.measured:12.4g} ± {c.standard_error:7.1g}{c.predicted:11.4g}"
-        lines.append(f"{head}  {c.theory:15}{_cells(c.error)}   {amplitude}")
+        measured = f"{'-':>12}{'-':>9}" if c.measured is None else f"{c.measured:12.4g}{c.fit_error:9.0e}"
+        lines.append(f"{head}  {c.theory:15}{_cells(c.error)}   {measured}{c.predicted:11.4g}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
+    lines += [f"note on {c.name}: {note}" for c in comparisons for note in c.notes]
     return "\n".join(lines)
 
 
@@ -169,7 +195,7 @@ def main(argv: list[str] | None = None) -> int:
         save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
     print(table(comparisons))
     if options.json:
-        Path(options.json).write_text(json.dumps([asdict(c) for c in comparisons], indent=2) + "\n", encoding="utf-8")
+        write(Path(options.json), json.dumps([asdict(c) for c in comparisons], indent=2) + "\n")
     return 0
 
 

@@ -44,7 +44,13 @@ def _dispersion(axes: Axes, constants: Ratios) -> None:
     axes.plot(WAVENUMBERS, 2 * doubled, color=COLOURS["TR"], linestyle="--", label="TR, doubled")
     rate = constants.mu1 - 3 * constants.mu2 * constants.alpha / constants.beta
     if rate > 0:
-        axes.plot(WAVENUMBERS, np.sin(WAVENUMBERS / 2) * np.sqrt(rate), "k-.", label="no second harmonic")
+        axes.plot(
+            WAVENUMBERS,
+            np.sin(WAVENUMBERS / 2) * np.sqrt(rate),
+            color="tab:grey",
+            linestyle="-.",
+            label="no second harmonic",
+        )
     meeting = 2 * resonance(constants)
     axes.plot(meeting, np.sin(meeting / 2), "ko", label=rf"resonance, $2\xi$ = {meeting:.4f}")
     vanishing = antiresonance(constants)

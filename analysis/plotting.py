@@ -1,6 +1,8 @@
 """What the scripts share: colours that stay apart in grey, how runs are read, and how a figure is written."""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -34,8 +36,20 @@ def save(figure: Figure, path: str | Path) -> None:
     known = figure.canvas.get_supported_filetypes()
     if path.suffix[1:].lower() not in known:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
+    with _writable(path):
+        figure.savefig(path, dpi=150)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file; its folder is made. Raises SystemExit with one line when it cannot be written."""
+    with _writable(path):
+        path.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def _writable(path: Path) -> Iterator[None]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
+        yield
     except OSError as error:
         raise SystemExit(f"{path}: cannot be written: {error.strerror or error}") from error

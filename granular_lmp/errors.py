@@ -19,6 +19,12 @@ class RunFolderError(GranularError):
     exit_status = 2
 
 
+class LaunchError(GranularError):
+    """A run is asked for by a way, or on a number of ranks, that this machine does not have."""
+
+    exit_status = 2
+
+
 class LammpsMissingError(GranularError):
     """LAMMPS, its MPI library or one of the packages that a deck needs was not found on this machine."""
 

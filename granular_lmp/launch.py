@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import chdir, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,19 +21,39 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, Deck, build, resume_text, writable
-from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome
 
 Progress = Callable[[int, int], None]
-Report = Callable[[int | None], None]
-Route = Callable[[Path, str, Report], None]  # runs an input in a folder
 LAUNCHERS = ("module", "lmp")
 _POLL = 0.1  # s between two looks at a run: progress, and the longest wait for a program to stop
 _GRACE = 0.5  # s that a stopped program gets before it is killed
 _working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
+
+
+@dataclass(frozen=True)
+class Job:
+    """One input to be run in a folder: the log to write, the lock to hold, whom to tell the step.
+
+    The lock is a descriptor that a program inherits, so that the folder stays locked if it outlives us.
+    """
+
+    folder: Path
+    input_name: str
+    log: str
+    lock: int
+    tell: Callable[[int], None]
+
+    @property
+    def switches(self) -> list[str]:
+        """What follows the name of the program, and is given to the module."""
+        return ["-log", self.log, "-screen", "none", "-nocite"]
+
+
+Route = Callable[[Job], None]
 
 
 def run(
@@ -65,24 +86,27 @@ def run(
     ------
     RunFolderError
         When the folder is there (without `force`) or cannot be written.
+    LaunchError
+        For another launcher, or more ranks than cores.
     LammpsMissingError, LammpsError
     RunInterrupted
         On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
     """
     if launcher not in LAUNCHERS:
-        raise ValueError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
-    if ranks < 1:
-        raise ValueError(f"ranks = {ranks!r}: must be at least 1")
+        raise LaunchError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
+    if not 1 <= ranks <= core_count():
+        # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
+        raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
     deck = build(scene)
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
-    folder = Path(folder)
+    folder = Path(folder).absolute()
     with _locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
         for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
             (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
-        return _execute(deck, deck.input_name, folder, partial(route, lock), info, progress)
+        return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, scene)), route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
@@ -97,46 +121,53 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     LammpsMissingError, LammpsError, RunInterrupted
         As in `run`.
     """
-    folder = Path(folder)
+    folder = Path(folder).absolute()
     info = read_status(folder)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
     deck = build(Scene.load(folder / "scene.toml"))
     checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and path.stat().st_size]
-    if not checkpoints:
+    if not checkpoints or not (folder / DUMP).is_file():
         raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
     last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
-    route = _route(info["launcher"] == "lmp", info["ranks"], log="none")  # the input opens the log to append to it
+    route = _route(info["launcher"] == "lmp", info["ranks"])
     name = f"{deck.input_name}.resume"
     with _locked(folder) as lock:
         (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
         mend_dump(folder / DUMP)
-        return _execute(deck, name, folder, partial(route, lock), info, progress)
+        # The input opens the log itself, to append to it
+        return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
 
 
-def _execute(
-    deck: Deck, input_name: str, folder: Path, route: Route, info: dict[str, Any], progress: Progress | None
-) -> Record:
-    """Run an input in the folder, collect what it recorded, and say in ``run.json`` how it ended."""
-    scene, started = deck.scene, time.perf_counter()
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _teller(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
+    steps = scene.time.steps
+    return (lambda step: None) if progress is None else (lambda step: progress(min(step, steps), steps))
+
+
+def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
+    """Run an input in its folder, collect what it recorded, and say in ``run.json`` how it ended."""
+    folder, started = job.folder, time.perf_counter()
     write_status(folder, info | {"status": "running", "message": "started"})
-    report = _reporter(progress, scene.time.steps)
-    failure: GranularError | None = None
+    failure: BaseException | None = None
     try:
-        route(folder, input_name, report)
+        route(job)
     except KeyboardInterrupt:
         failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept")
-    except GranularError as error:
+    except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
         failure = error
-    record = _collect(folder, scene)
-    if failure is None:
-        failure = _defect(record, input_name, folder)
+    record = _collect(folder, deck.scene)
+    failure = failure or _defect(record, job)
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
-    info |= outcome(folder, record, time.perf_counter() - started)
+    info = info | outcome(folder, record, time.perf_counter() - started, info)
     write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure
-    report(scene.time.steps)
+    job.tell(deck.scene.time.steps)
     for name in CHECKPOINTS:
         (folder / name).unlink(missing_ok=True)
     return Record.load(folder)
@@ -144,21 +175,19 @@ def _execute(
 
 @contextmanager
 def _locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
-    """Hold the folder for one run; gives the descriptor of the lock, which a program that works there inherits.
-
-    The lock lives as long as any of its holders: a program that outlives us, when we are killed, keeps it.
-    """
+    """Hold the folder for one run; gives the descriptor of the lock."""
     with writable(folder):
         if make:
             folder.mkdir(parents=True, exist_ok=force)
         lock = os.open(folder, os.O_RDONLY)
+    try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            yield lock
         except BlockingIOError as error:
             raise RunFolderError(f"{folder}: another run is at work there") from error
-        finally:
-            os.close(lock)
+        yield lock
+    finally:
+        os.close(lock)
 
 
 def _collect(folder: Path, scene: Scene) -> Record:
@@ -172,13 +201,13 @@ def _collect(folder: Path, scene: Scene) -> Record:
     return record
 
 
-def _defect(record: Record, input_name: str, folder: Path) -> LammpsError | None:
+def _defect(record: Record, job: Job) -> LammpsError | None:
     """What is wrong with a record of which LAMMPS did not complain."""
     expected = record.scene.time.samples + 1
     if not all(np.isfinite(x).all() for x in (record.p, record.q, record.phi)):
-        return LammpsError("the record holds numbers that are not finite", input_name, _log_tail(folder))
+        return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
     if len(record.tau) != expected:
-        return LammpsError(f"{len(record.tau)} records instead of {expected}", input_name, _log_tail(folder))
+        return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))
     return None
 
 
@@ -192,81 +221,75 @@ def _log_tail(folder: Path, lines: int = 15) -> str:
 # --- the two routes --------------------------------------------------------------------------------------------------
 
 
-def _reporter(progress: Progress | None, steps: int) -> Report:
-    def report(step: int | None) -> None:
-        if progress is not None and step is not None:
-            progress(min(step, steps), steps)
-
-    return report
+def _route(program: bool, ranks: int) -> Route:
+    """The function that runs a job; raises LammpsMissingError when what it needs is not there."""
+    return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
 
 
-def _route(program: bool, ranks: int, log: str = LOG) -> Callable[[int, Path, str, Report], None]:
-    """A `Route` that still wants the lock of the folder; raises LammpsMissingError when what it needs is not there."""
-    switches = ["-log", log, "-screen", "none", "-nocite"]
-    if program:
-        return partial(_run_program, lmp_command(ranks), [*switches, "-nonbuf"])
-    return partial(_run_module, lammps_module(), switches)
-
-
-def _run_module(module: Any, switches: list[str], lock: int, folder: Path, input_name: str, report: Report) -> None:
-    with _working_directory, chdir(folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        instance = pool.submit(module.lammps, cmdargs=switches).result()
+def _run_module(module: Any, job: Job) -> None:
+    with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
+        instance = pool.submit(module.lammps, cmdargs=job.switches).result()
+        work = pool.submit(instance.file, job.input_name)
         try:
-            job = pool.submit(instance.file, input_name)
-            try:
-                _watch(job, lambda: report(instance.extract_global("ntimestep")))
-            except KeyboardInterrupt:
+            _watch(work, lambda: job.tell(instance.extract_global("ntimestep")))
+        except BaseException:
+            if not work.done():
                 instance.force_timeout()  # the time loop ends at its next step
-                # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
-                if job.exception() is None and instance.extract_global("ntimestep") > 0:
-                    pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
-                raise
-            except Exception as error:  # the module raises plain Exception and MPIAbortException
-                raise LammpsError(_first_line(error), _last_command(folder), _log_tail(folder)) from error
+            error = work.exception()
+            if error is not None:  # the module raises plain Exception and MPIAbortException
+                raise LammpsError(_first_line(error), _last_command(job.folder), _log_tail(job.folder)) from error
+            # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
+            if instance.extract_global("ntimestep") > 0:
+                pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
+            raise
         finally:
             pool.submit(instance.close).result()
 
 
-def _watch(job: "Future[Any]", look: Callable[[], None]) -> None:
-    """Wait for `job`, calling `look` now and then."""
+def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
+    """Wait for `work`, calling `look` now and then."""
     while True:
         try:
-            job.result(timeout=_POLL)
+            work.result(timeout=_POLL)
             return
         except TimeoutError:
-            if job.done():  # the job itself raised it
+            if work.done():  # the work itself raised it
                 raise
             look()
 
 
-def _run_program(
-    program: list[str], switches: list[str], lock: int, folder: Path, input_name: str, report: Report
-) -> None:
-    command = [*program, "-in", input_name, *switches]
-    process = subprocess.Popen(
+def _run_program(program: list[str], job: Job) -> None:
+    command = [*program, "-in", job.input_name, *job.switches, "-nonbuf"]
+    with subprocess.Popen(
         command,
-        cwd=folder,
+        cwd=job.folder,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
-        pass_fds=[lock],
-    )
-    try:
-        while True:
-            try:
-                output, _ = process.communicate(timeout=_POLL)
-                break
-            except subprocess.TimeoutExpired:
-                report(_step_in_log(folder))
-    except KeyboardInterrupt:
-        _stop(process)
-        raise
+        pass_fds=[job.lock],
+    ) as process:
+        try:
+            output = _output(process, job)
+        except BaseException:
+            _stop(process)
+            raise
     if process.returncode != 0:
-        said = [*_log_tail(folder).splitlines(), *output.splitlines()]
+        said = [*_log_tail(job.folder).splitlines(), *output.splitlines()]
         errors = [line for line in said if "ERROR" in line] or [f"exit status {process.returncode}"]
-        raise LammpsError(errors[0], _last_command(folder) or " ".join(command), _log_tail(folder))
+        raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), _log_tail(job.folder))
+
+
+def _output(process: "subprocess.Popen[str]", job: Job) -> str:
+    """Wait for the program, telling the step now and then; what it printed."""
+    while True:
+        try:
+            return process.communicate(timeout=_POLL)[0]
+        except subprocess.TimeoutExpired:
+            step = _step_in_log(job.folder)
+            if step is not None:
+                job.tell(step)
 
 
 def _stop(process: "subprocess.Popen[str]") -> None:

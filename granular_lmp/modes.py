@@ -26,8 +26,6 @@ _UX, _UY, _F = range(3)
 # A wave along y keeps the mirror x → −x of the packing: L lives in u_y, TR and RT in (u_x, f); sorted by frequency.
 _SUBSPACE = {"L": ([_UY], 0), "TR": ([_UX, _F], 0), "RT": ([_UX, _F], 1)}
 
-MODES = tuple(_SUBSPACE)
-
 
 @dataclass(frozen=True)
 class Mode:

@@ -1,17 +1,14 @@
 """Figures of the package, drawn without pyplot."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import ase
 import numpy as np
 from matplotlib.figure import Figure
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.modes import MODES, mode_along_y
-
-if TYPE_CHECKING:
-    from granular_lmp.scene import Scene
+from granular_lmp.modes import mode_along_y
+from granular_lmp.scene import MODES, Scene
 
 # Told apart by colour, and without it by the dashes.
 LINES = {
@@ -21,7 +18,7 @@ LINES = {
 }
 
 
-def dispersion_figure(packing: ase.Atoms, scene: "Scene") -> Figure:
+def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
     """Ω(ξ) of L, TR and RT along y with the scene's wave marked; a second axis in MHz."""
     wavenumbers = np.linspace(0.01, np.pi, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")

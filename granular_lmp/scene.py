@@ -53,8 +53,8 @@ class Packing:
         int,
         "along x, periodic",
         "a whole number of at least 3 (with 1 or 2 columns a sphere touches two images of the same neighbour, "
-        "which share one shear history in LAMMPS)",
-        lambda value: value >= 3,
+        "which share one shear history in LAMMPS) and at most 1000000",
+        _between(3, 1_000_000),
         default=3,
     )
     ends: str = _choice("first and last row held, or a periodic cell", ENDS, default="fixed")
@@ -132,6 +132,7 @@ _SPHERE_RULES = {
 _TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time}
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
+MOST_SPHERES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,10 @@ class Scene:
         """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``."""
         path = Path(source)
         candidates = [path, path / "scene.toml", SHIPPED / path / "scene.toml"]
-        found = next((candidate for candidate in candidates if candidate.is_file()), None)
+        try:
+            found = next((candidate for candidate in candidates if candidate.is_file()), None)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"{_shown(source)}: no such scene file: {_one_line(error)}") from error
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
@@ -186,7 +190,9 @@ class Scene:
         _refuse_unknown(tables, ("name", *_TABLES), "")
         name = tables.get("name", "scene")
         if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
-            raise SceneError(f"name = {name!r}: must be letters, digits, '-' and '_' (it names the files of the run)")
+            raise SceneError(
+                f"name = {name!r}: must be ASCII letters, digits, '-' and '_' (it names the files of the run)"
+            )
         records = {key: _record(kind, tables.get(key), key) for key, kind in _TABLES.items()}
         return cls(name=name, **records)
 
@@ -260,6 +266,11 @@ class Scene:
             raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
         if ends == "periodic" and rows % 2:
             raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
+        if rows * self.packing.columns > MOST_SPHERES:
+            raise SceneError(
+                f"packing.rows x packing.columns = {rows} x {self.packing.columns}: must be at most {MOST_SPHERES} "
+                "spheres (LAMMPS takes 690 MB for each million)"
+            )
         if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
             raise SceneError(
                 f"sphere: the static overlap is {sphere.overlap_ratio:.3g} of the diameter with this radius, "
@@ -304,6 +315,7 @@ def _one_line(error: Exception) -> str:
 
 
 def _allowed(key: str, names: Any) -> str:
+    """The name that was meant, if one is close; else all that are allowed."""
     close = get_close_matches(key, list(names), n=1)
     return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
 

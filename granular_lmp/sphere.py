@@ -26,7 +26,7 @@ class Sphere:
     youngs_modulus : float
         E, Pa.
     poisson_ratio : float
-        ν, in [−1, 0.5].
+        ν, in (−1, 0.5]; at −1 the effective moduli are infinite.
     work_of_adhesion : float
         w, J/m². LAMMPS's ``dmt`` model takes γ = w/2.
     density : float
@@ -56,7 +56,7 @@ class Sphere:
 
     @property
     def effective_modulus(self) -> float:
-        """E* = E/(2(1−ν²)), Pa; infinite at ν = −1."""
+        """E* = E/(2(1−ν²)), Pa."""
         return self.youngs_modulus / (2 * (1 - self.poisson_ratio**2))
 
     @property

@@ -1,5 +1,6 @@
 """What ``run.json`` says of a run: what is known before it, and what came out."""
 
+import platform
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
     phase_lag = (deck.mode.frequency * time_.step) ** 2 / 24 * deck.mode.frequency * time_.duration
     return {
         "name": scene.name,
-        "versions": {"granular_lmp": __version__},
+        "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "launcher": launcher,
         "ranks": ranks,
         "particles": len(deck.packing),
@@ -31,39 +32,36 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "overlap_ratio": sphere.overlap_ratio,
         "effects": {e.name: {"on": e.on, "number": _finite(e.number), "reason": e.reason} for e in deck.effects},
         # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
-        "error_estimate": {"timestep_fundamental": phase_lag / 3**0.5},
+        "timestep_error_of_fundamental": phase_lag / 3**0.5,
         "remarks": scene.remarks(),
     }
 
 
-def outcome(folder: Path, record: Record, seconds: float) -> dict[str, Any]:
-    """What is known after the run: time split into loop and the rest, and the guards."""
+def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]) -> dict[str, Any]:
+    """What is known after the run, or after a part of it that adds to what `before` says.
+
+    A guard that is not quiet says that the run left what the scene, or the theory, assumes.
+    """
     table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
     overlap, opened, slip = (table.get(name, np.empty(0)) for name in ("v_overlap", "v_open", "v_slip"))
+    total = seconds + before.get("wall_seconds", {}).get("total", 0.0)
     return {
         "samples": len(record.tau),
-        "wall_seconds": {"total": seconds, "loop": _finite(loop), "other": _finite(seconds - loop)},
+        "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
+        "smallest_overlap": _finite(np.min(overlap, initial=np.inf)),  # in Δ0, of the contacts that touch
         "guards": {
-            "smallest_overlap": {
-                "value": _finite(np.min(overlap, initial=np.inf)),
-                "unit": "Delta0",
-                "quiet": bool((overlap > 0).all()),
-                "meaning": "of the contacts that touch",
-            },
             "open_contacts": {
                 "value": _finite(np.max(opened, initial=0.0)),
-                "unit": "contacts",
                 "quiet": bool((opened == 0).all()),
                 "meaning": "contacts opened: no closed form holds, and shear forces are lost",
             },
             "largest_slip": {
                 "value": _finite(np.max(slip, initial=0.0)),
-                "unit": "sliding force",
                 "quiet": bool((slip < 1).all()),
-                "meaning": "contacts may have slid: the paper's no-slip contact does not hold",
+                "meaning": "of the sliding force: contacts may have slid, which the paper's model does not",
             },
         },
-        "lammps_version": _lammps_version(folder),
+        "versions": before["versions"] | {"lammps": _lammps_version(folder)},
     }
 
 

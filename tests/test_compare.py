@@ -1,6 +1,7 @@
 """Comparison of runs with theory: it sees what is wrong, picks its theory, and refuses what is no finished run."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis import compare, figure2, figure3
-from analysis.second_harmonic import second_harmonic
+from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
 from analysis.theories import THEORIES, Wave, best, cancellation
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
@@ -66,8 +67,9 @@ def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     off = []
     for _ in range(2000):
         noisy = replace(record, p=record.p + random.normal(0, 1e-4, len(TAU)))
-        measured, standard_error = compare.measured_amplitude(noisy, wave)
-        off.append((measured - truth) / standard_error)
+        measured, fit_error = compare.measured_amplitude(noisy, wave)
+        assert measured is not None
+        off.append((measured - truth) / fit_error)
     # 2000 draws of a unit normal: mean 0 ± 0.022, spread 1 ± 0.016; three of those, and 0.01 for Student's t
     assert abs(np.mean(off)) < 0.07
     assert np.std(off) == pytest.approx(1, abs=0.06)
@@ -100,6 +102,26 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
     for name in compare.COMPONENTS:
         assert ours[name] is not None
         assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
+
+
+@pytest.mark.parametrize(
+    "changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-300}]
+)
+def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dict[str, float]) -> None:
+    result = compare.compare(from_theory(PAPER.with_values(changes), "second-order", TAU), "second-order")
+    assert result.measured is None
+    assert result.fit_error is None
+    assert f"{'-':>12}" in compare.table([result])
+
+
+def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tmp_path: Path) -> None:
+    opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"), "second-order")
+    assert any("contacts opened" in note for note in opened.notes)
+    echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
+    heard = compare.compare(run(echo, tmp_path / "echo"), "second-order")
+    assert any("the walls are heard from tau = 4.9" in note for note in heard.notes)
+    assert heard.notes[0] in compare.table([heard])
+    assert compare.compare(run(small, tmp_path / "plain"), "second-order").notes == []
 
 
 def test_an_unknown_theory_is_refused() -> None:
@@ -138,6 +160,13 @@ def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -
     assert compare.main([str(folder), "--force"]) == 0
 
 
+def test_compare_makes_the_folder_of_its_json_or_says_why_not(folder: Path, tmp_path: Path) -> None:
+    compare.main([str(folder), "--theory", "second-order", "--json", str(tmp_path / "new" / "out.json")])
+    assert (tmp_path / "new" / "out.json").is_file()
+    with pytest.raises(SystemExit, match="cannot be written"):
+        compare.main([str(folder), "--theory", "second-order", "--json", str(folder / "scene.toml" / "out.json")])
+
+
 def test_figures_are_written_where_they_are_asked_for(folder: Path, tmp_path: Path) -> None:
     assert figure2.main(["-o", str(tmp_path / "new" / "two.pdf")]) == 0
     assert figure3.main([str(folder), "-o", str(tmp_path / "three.svg")]) == 0
@@ -151,6 +180,7 @@ def test_figures_are_written_where_they_are_asked_for(folder: Path, tmp_path: Pa
         (figure2, ["-o", "{tmp}/a.xyz"], "must end in one of"),
         (figure2, ["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside"),
         (figure3, ["{tmp}/nowhere"], "not a run folder"),
+        (figure3, ["{tmp}/nowhere"] * 9, "9 runs: at most 8 fit into one figure"),
         (compare, ["{tmp}/nowhere"], "not a run folder"),
     ],
 )
@@ -160,3 +190,37 @@ def test_scripts_say_in_one_line_what_is_wrong(
     with pytest.raises(SystemExit) as caught:
         script.main([word.replace("{tmp}", str(tmp_path)) for word in words])  # type: ignore[attr-defined]
     assert message in f"{caught.value} {capsys.readouterr().err}"
+
+
+# --- the README ---
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+
+
+def readme_row(label: str) -> list[list[float]]:
+    """The numbers of the row of README's table that starts with a label, by case."""
+    (line,) = [line for line in README.splitlines() if line.startswith(f"| {label}")]
+    return [[float(word) for word in re.findall(r"[\d.]+(?:e[-+]\d+)?", cell)] for cell in line.split("|")[2:-1]]
+
+
+@pytest.mark.parametrize(("case", "xi"), list(enumerate([0.802, 1.475, 2.127])))
+def test_the_table_of_the_readme_is_measured(case: int, xi: float, paper_run: Callable[..., Record]) -> None:
+    record = paper_run({"wave.wavenumber": xi, "time.timestep": 0.0125})
+    ours, paper = compare.compare(record), compare.compare(record, "second-order")
+    # Two digits are printed: half a unit of the second is at most 5 %
+    for label, errors in (
+        ("paper's order", paper.error),
+        ("best theory", ours.error),
+        ("exact lattice", ours.lattice_error),
+    ):
+        assert readme_row(label)[case] == pytest.approx(list(errors.values()), rel=0.05), label
+    plain = ratios(0.17)
+    wave = mode("TR", xi, plain)
+    corrected = abs(nonlinearity(plain, 0.2) * generated_amplitude(wave, plain)) / 2
+    assert readme_row("closed form, misprints")[case] == pytest.approx([corrected], rel=5e-4)
+    assert readme_row("closed form in LAMMPS")[case] == pytest.approx([ours.predicted], rel=5e-4)
+    # Printed: complex fields with 4/3 for 1/2, and 3/2 for √3 in ε
+    printed = corrected * (4 / 3) / (1 / 2) * (3 / 2) / np.sqrt(3)
+    assert readme_row("second harmonic, as the paper")[case] == pytest.approx([printed], rel=5e-3)
+    if ours.measured is not None:
+        assert readme_row("LAMMPS, by least squares")[case] == pytest.approx([ours.measured], rel=5e-4)

@@ -102,10 +102,14 @@ def test_the_self_contained_deck_is_the_same_wave(
         np.testing.assert_allclose(here, there, atol=2e-9)
 
 
-@pytest.mark.parametrize("variable", ["columns=2", "xi=0", "xi=3.2", "mode=S", "rows=200", "ends=open"])
-def test_the_self_contained_deck_refuses_what_it_cannot_do(variable: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "variables",
+    ["columns=2", "xi=0", "xi=3.2", "mode=S", "rows=200", "ends=open", "ends=periodic rows=2", "rows=3"]
+    + ["ends=periodic rows=16 xi=0.1"],
+)
+def test_the_self_contained_deck_refuses_what_it_cannot_do(variables: str, tmp_path: Path) -> None:
     with pytest.raises(subprocess.CalledProcessError):
-        lmp(tmp_path, str(SHIPPED / "in.plane_wave"), variable)
+        lmp(tmp_path, str(SHIPPED / "in.plane_wave"), *variables.split())
     assert not (tmp_path / "trajectory.csv").exists()
 
 

@@ -66,3 +66,38 @@ def test_analysis_imports_record_and_sphere_at_most(path):
 
 def test_package_never_imports_analysis():
     assert not [path.name for path in sources("granular_lmp") if "analysis" in roots(path.read_text())]
+
+
+# The direction of the data: a module imports only from the lines above its own.
+ORDER = """
+errors units sphere
+scene
+packing
+modes
+wave effects datafile
+deck
+record
+status accuracy locate plots
+launch
+doctor
+cli
+"""
+
+
+def against_the_flow(name: str, source: str) -> set[str]:
+    """Modules of the package that a module imports although they are not to its left."""
+    lines = [line.split() for line in ORDER.split("\n")]
+    place = {module: index for index, line in enumerate(lines) for module in line}
+    used = {used.split(".")[1] for used in imports(source) if used.startswith("granular_lmp.")} - {"__version__"}
+    return {module for module in used if place[module] >= place[name]}
+
+
+def test_an_import_against_the_flow_is_seen() -> None:
+    assert against_the_flow("deck", "from granular_lmp.launch import run") == {"launch"}
+    assert not against_the_flow("launch", "from granular_lmp.deck import build")
+
+
+@pytest.mark.parametrize("path", sources("granular_lmp"), ids=lambda path: path.stem)
+def test_a_module_of_the_package_imports_only_from_its_left(path: Path) -> None:
+    if path.stem not in ("__init__", "__main__"):
+        assert not against_the_flow(path.stem, path.read_text())

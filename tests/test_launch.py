@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, launch, locate, run
-from granular_lmp.errors import LammpsError, LammpsMissingError, RunFolderError
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.record import mend_dump, read_dump, read_log, read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
@@ -30,14 +30,20 @@ def test_module_program_and_plain_lmp_write_the_same_bytes(small: Scene, tmp_pat
     assert len(dumps) == 1
 
 
-def test_two_ranks_agree_with_one(tmp_path: Path) -> None:
-    scene = PAPER.with_values({"packing.rows": 81, "time.duration": 50})
-    one, two = run(scene, tmp_path / "one"), run(scene, tmp_path / "two", ranks=2)
+def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
+    one, two = run(PAPER, tmp_path / "one"), run(PAPER, tmp_path / "two", ranks=2)
     assert two.info["ranks"] == 2
     for name in ("p", "q", "phi"):
         # Relative to the wave, D0 = 1. The forces of a sphere are summed in another order; the positions of the far
-        # rows, 3.5e4 nm, are rounded to 7e-12 nm = 1.5e-10 D0.
+        # rows, 8.7e4 nm, are rounded to 1.5e-11 nm = 3e-10 D0.
         assert np.abs(getattr(one, name) - getattr(two, name)).max() < 1e-9
+
+
+def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
+    for ranks in (0, launch.core_count() + 1):
+        with pytest.raises(LaunchError, match=f"ranks = {ranks}: must be from 1 to"):
+            run(small, tmp_path / "run", ranks=ranks)
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewhere(
@@ -53,10 +59,11 @@ def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewher
     assert info["status"] == "finished"
     assert info["steps"] == 40
     assert info["particles"] == 24
-    assert info["lammps_version"].startswith("22 Jul 2025")
+    assert info["versions"]["lammps"]
     assert info["wavenumber_used"] == small.wavenumber
     assert info["wall_seconds"]["total"] >= info["wall_seconds"]["loop"] > 0
     assert {"adhesion", "shear", "rotation", "sliding", "contact_opening", "walls"} == set(info["effects"])
+    assert {"granular_lmp", "python", "numpy", "lammps"} == set(info["versions"])
     assert all(guard["quiet"] for guard in info["guards"].values())
 
 
@@ -93,8 +100,9 @@ def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
     launcher: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken(small, monkeypatch, "pair_style   granular", "pair_style   nonsense")
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(LammpsError, match="nonsense") as caught:
-        run(small, tmp_path / "run", launcher=launcher)
+        run(small, "run", launcher=launcher)  # a relative folder: LAMMPS works inside it
     assert caught.value.command.startswith("pair_style")
     assert "ERROR" in caught.value.log_tail
     status = read_status(tmp_path / "run")
@@ -104,6 +112,19 @@ def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
         Record.load(tmp_path / "run")
     monkeypatch.undo()
     run(small, tmp_path / "next")  # the instance was closed: another run works
+
+
+@pytest.mark.parametrize("launcher", launch.LAUNCHERS)
+def test_an_error_of_the_caller_s_progress_stops_the_run(launcher: str, tmp_path: Path) -> None:
+    def fail(step: int, steps: int) -> None:
+        raise RuntimeError("mine")
+
+    changes = {"time.allow_echo": True, "packing.rows": 21, "time.duration": 1e6}
+    started_at = time.monotonic()
+    with pytest.raises(RuntimeError, match="mine"):
+        run(PAPER.with_values(changes), tmp_path / "run", launcher=launcher, progress=fail)
+    assert time.monotonic() - started_at < 20  # the whole run would take an hour
+    assert read_status(tmp_path / "run")["status"] == "failed"
 
 
 @pytest.mark.parametrize(
@@ -144,8 +165,7 @@ def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: l
     process.send_signal(signal.SIGINT)
     stopped = time.monotonic()
     _, message = process.communicate(timeout=30)
-    # 1 s is the promise; reading the dump and leaving Python come on top on a loaded machine
-    assert time.monotonic() - stopped < 3
+    assert time.monotonic() - stopped < 1.5  # 1 s is the promise, 0.1 s what it takes on an idle machine
     assert process.returncode == 130
     assert "interrupted; what was recorded is kept" in message
     status = read_status(tmp_path / "run")
@@ -172,11 +192,11 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     record = launch.resume(tmp_path / "run")
     assert record.info["status"] == "finished"
     assert (tmp_path / "run" / "dump.centre").read_bytes() == uninterrupted(tmp_path / "whole")
-    # The guards have seen both parts
-    whole = Record.load(tmp_path / "whole").info["guards"]
-    assert record.info["guards"]["smallest_overlap"]["value"] == pytest.approx(
-        whole["smallest_overlap"]["value"], rel=0.05
+    # Guards and clock have seen both parts
+    assert record.info["smallest_overlap"] == pytest.approx(
+        Record.load(tmp_path / "whole").info["smallest_overlap"], rel=0.05
     )
+    assert record.info["wall_seconds"]["other"] > 0
     with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
         launch.resume(tmp_path / "run")
 
@@ -198,8 +218,9 @@ def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(switch:
     assert read_status(tmp_path / "run")["status"] == "running"  # nobody was left to say otherwise
     launch.resume(tmp_path / "run")
     expected = uninterrupted(tmp_path / "whole")
-    if "--np" in switch:  # ranks are summed in another order
-        assert len((tmp_path / "run" / "dump.centre").read_bytes().splitlines()) == len(expected.splitlines())
+    if "--np" in switch:  # forces are summed in another order: see the test of two ranks
+        resumed, whole = Record.load(tmp_path / "run"), Record.load(tmp_path / "whole")
+        np.testing.assert_allclose(resumed.q, whole.q, atol=1e-8)
     else:
         assert (tmp_path / "run" / "dump.centre").read_bytes() == expected
 
@@ -234,22 +255,24 @@ def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) 
 
 def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:
     seen: list[tuple[int, int]] = []
-    scene = PAPER.with_values({"time.duration": 160})
+    scene = PAPER.with_values({"time.duration": 160, "packing.columns": 6})
     run(scene, tmp_path / "run", progress=lambda step, steps: seen.append((step, steps)))
     steps = [step for step, _ in seen]
+    assert len(seen) > 2
     assert steps == sorted(steps)
+    assert 0 < steps[len(steps) // 2] < 3200
     assert seen[-1] == (3200, 3200)
 
 
 def test_guards_are_measured_and_tell_when_contacts_open(small: Scene, tmp_path: Path) -> None:
     strong = small.with_values({"wave.amplitude": 8.0})
     assert next(e for e in build(strong).effects if e.name == "contact_opening").on
-    quiet, loud = run(small, tmp_path / "quiet").info["guards"], run(strong, tmp_path / "loud").info["guards"]
-    assert quiet["smallest_overlap"]["value"] > 0.8
-    assert quiet["largest_slip"]["value"] < 0.2
-    assert quiet["open_contacts"]["value"] == 0
-    assert not loud["open_contacts"]["quiet"]
-    assert loud["open_contacts"]["value"] > 0
+    quiet, loud = run(small, tmp_path / "quiet").info, run(strong, tmp_path / "loud").info
+    assert quiet["smallest_overlap"] > 0.8
+    assert quiet["guards"]["open_contacts"]["value"] == 0
+    assert all(guard["quiet"] for guard in quiet["guards"].values())
+    assert loud["guards"]["open_contacts"]["value"] > 0
+    assert not loud["guards"]["open_contacts"]["quiet"]
 
 
 @pytest.mark.parametrize("mode", ["TR", "RT", "L"])
@@ -284,12 +307,23 @@ def test_the_module_works_in_a_clean_environment() -> None:
     subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
 
 
-def test_wrong_arguments_are_named(small: Scene, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="launcher = 'mpi': must be one of module, lmp"):
+def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match="launcher = 'mpi': must be one of module, lmp"):
         run(small, tmp_path / "run", launcher="mpi")
-    with pytest.raises(ValueError, match="ranks = 0: must be at least 1"):
-        run(small, tmp_path / "run", ranks=0)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+def test_a_run_takes_at_most_seven_tenths_of_a_second_beyond_the_loop_of_lammps(tmp_path: Path) -> None:
+    # The whole process, imports included; 0.2 s on an idle machine. The best of five, as machines are shared.
+    beyond = []
+    for attempt in range(5):
+        folder = tmp_path / str(attempt)
+        words = ["run", "tr_nonresonant", "-o", str(folder)]
+        started_at = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "granular_lmp", *words], check=True, capture_output=True)
+        beyond.append(time.perf_counter() - started_at - read_status(folder)["wall_seconds"]["loop"])
+    assert min(beyond) < 0.7
 
 
 # --- readers ---

@@ -7,8 +7,9 @@ import pytest
 
 from analysis import second_harmonic
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import MODES, bloch_modes, largest_stretch, mode_along_y
+from granular_lmp.modes import bloch_modes, largest_stretch, mode_along_y
 from granular_lmp.packing import ROW_SPACING, lattice_constant, unit_lattice
+from granular_lmp.scene import MODES
 from granular_lmp.sphere import Sphere
 from tests.test_sphere import SILICA
 

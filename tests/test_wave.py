@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from granular_lmp.modes import MODES, mode_along_y
+from granular_lmp.modes import mode_along_y
 from granular_lmp.packing import hexagonal, unit_lattice
-from granular_lmp.scene import Packing
+from granular_lmp.scene import MODES, Packing
 from granular_lmp.wave import plane_wave
 from tests.test_sphere import SILICA
 
