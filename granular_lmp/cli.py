@@ -150,10 +150,13 @@ def _resume(options: argparse.Namespace) -> int:
 def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
     """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    terminal = sys.stderr.isatty()
     try:
-        yield _progress if sys.stderr.isatty() else None
+        yield _progress if terminal else None
     finally:
         signal.signal(signal.SIGTERM, before)
+        if terminal:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)  # wipe the bar
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
@@ -170,10 +173,10 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
 
 
 def _progress(step: int, steps: int) -> None:
-    """Draw the bar again on the same line of the terminal; end the line when the run is done."""
+    """Draw the bar again on the same line of the terminal."""
     filled = _BAR * step // max(steps, 1)
     bar = "#" * filled + "." * (_BAR - filled)
-    print(f"\r{bar} step {step} of {steps}", end="\n" if step == steps else "", file=sys.stderr, flush=True)
+    print(f"\r{bar} step {step} of {steps}", end="", file=sys.stderr, flush=True)
 
 
 def _effects(options: argparse.Namespace) -> int:
