@@ -66,7 +66,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     Raises ValueError for a theory that is not in `analysis.theories.THEORIES`.
     """
     wave = Wave.of(record)
-    name = theory or best(wave)
+    name = theory or best(wave, record.tau)
     if name not in THEORIES:
         raise ValueError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
     measured, fit_error = measured_amplitude(record, wave)

@@ -3,9 +3,9 @@
     python -m analysis.figure3 runs/tr_nonresonant runs/tr_resonant runs/tr_antiresonant [-o figures/figure3.png]
 
 First row: transverse displacement q and rotation φ. Second row: the longitudinal displacement p that the shear wave
-makes. Third row: how far two theories are from the p of the run. Three curves each: the run; the paper's order of
-theory, with its misprints corrected and LAMMPS's contact geometry; the best theory of this folder for the wave, whose
-name is in the title. The numbers are relative L2 errors of the two theories against the run.
+makes. Third row: how far two theories are from the p of the run, which the curves above do not show. Three curves each:
+the run; the paper's order of theory, with its misprints corrected and LAMMPS's contact geometry; the best theory of
+this folder for the wave, whose name is in the title. The numbers are relative L2 errors of the two against the run.
 """
 
 import sys
@@ -41,7 +41,7 @@ def draw(records: list[Record]) -> Figure:
 def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
     upper, middle, lower = panels
     wave = Wave.of(record)
-    ours = best(wave)
+    ours = best(wave, record.tau)
     upper.plot(record.tau, record.q, color="black", linewidth=2.5, label="$q$: LAMMPS")
     upper.plot(record.tau, record.phi, color="tab:grey", linewidth=2.5, label=r"$\phi$: LAMMPS")
     middle.plot(record.tau, record.p, color="black", linewidth=2.5, label="LAMMPS")
@@ -56,7 +56,7 @@ def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
         # The first record is the start, which every theory shares
         lower.semilogy(record.tau[1:], np.abs(record.p - p)[1:], color=colour, linestyle=dashes, linewidth=1.0)
         for component, error in errors(record, (p, q, phi)).items():
-            titles[component].append("0" if error is None else f"{error:.2g}")
+            titles[component].append("0" if error is None else f"{error:.1e}")
     first, second, third = letters
     upper.set_title(
         rf"({first})  {wave.mode.name}, $\xi$ = {wave.mode.wavenumber:.4g}; best: {ours}"

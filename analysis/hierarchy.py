@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import lattice
-from analysis.second_harmonic import Mode
+from analysis.second_harmonic import SOLID_SPHERE, Mode
 
 Floats = NDArray[np.float64]
 
@@ -136,15 +136,16 @@ def hierarchy_orders(
     *,
     order: int = 6,
     overlap_ratio: float = 0.0,
+    inertia: float = SOLID_SPHERE,
     rtol: float = 1e-10,
 ) -> Floats:
     """Every order of p, q, φ on the phase torus, (n, T, 3, 2n+1): [k−1] is yk, the factor of aᵏ in units of Δ0.
 
     Parameters
     ----------
-    mode : the wave at τ=0 (all of it in y1), of solid spheres; with η > 0 made from ratios with that η.
+    mode : the wave at τ=0 (all of it in y1), made from ratios with the same ν, η and inertia.
     tau : (T,) ascending times.
-    poisson_ratio, overlap_ratio : as in `lattice.contact`.
+    poisson_ratio, overlap_ratio, inertia : as in `lattice.contact`.
     order : n ≥ 2, the highest power of a.
     rtol : error per step, relative for an order larger than 1, absolute else. At τ=120 it has become up to 100 rtol
         (φ of RT).
@@ -158,7 +159,7 @@ def hierarchy_orders(
     """
     if order < 2:
         raise ValueError(f"order = {order} must be at least 2")
-    contact = lattice.contact(poisson_ratio, overlap_ratio=overlap_ratio)
+    contact = lattice.contact(poisson_ratio, overlap_ratio=overlap_ratio, inertia=inertia)
     points = 2 * order + 1
     neighbours = lattice.torus_neighbours(mode.wavenumber, points)
     amplitude = Series.variable(order)
@@ -179,6 +180,7 @@ def hierarchy(
     *,
     order: int = 6,
     overlap_ratio: float = 0.0,
+    inertia: float = SOLID_SPHERE,
     row: float = 0,
     phase: float = 0.0,
     rtol: float = 1e-10,
@@ -188,7 +190,9 @@ def hierarchy(
     For TR and RT, orders 2 and 3 differ in q and φ only, orders 3 and 4 in p only. amplitude is a = D0/Δ0; the other
     arguments are those of `hierarchy_orders`, which serves all amplitudes, rows and phases at once.
     """
-    orders = hierarchy_orders(mode, tau, poisson_ratio, order=order, overlap_ratio=overlap_ratio, rtol=rtol)
+    orders = hierarchy_orders(
+        mode, tau, poisson_ratio, order=order, overlap_ratio=overlap_ratio, inertia=inertia, rtol=rtol
+    )
     points = orders.shape[-1]
     weights = lattice.periodic_kernel(mode.wavenumber * row + phase - lattice.torus_phases(points), points)
     p, q, phi = np.tensordot(amplitude ** np.arange(order), orders @ weights, axes=1).T

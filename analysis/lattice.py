@@ -118,7 +118,8 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     neighbours : two functions, values → values one row on, and one row back.
     """
     after, before = neighbours
-    here, ahead = state[:6], after(state[:6])
+    moving = state[: 6 if contact.has_history else 3]  # velocities are asked for only where slip is a state
+    here, ahead = moving, after(moving)
     dp, dq = ahead[:2] - here[:2]
     x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
     overlap = np.maximum(1 - x, 0)

@@ -30,7 +30,9 @@ once. Slaving acts back on the three at third order, like the cubic springs; thi
 
 with i, j, l among the three and their conjugates, k one of the three, and s any other wave. This is Poincaré's normal
 form with exactly those terms kept that stay constant if the three run at Ω, 2Ω, 3Ω. Keeping a term that does not is no
-error, so there is no threshold for "near": off resonance the same equations are second order with the frequency shift.
+error in the long run, so there is no threshold for "near": off resonance the same equations hold second order and the
+frequency shift, with another error of order a² in p: mostly smaller than that of second order, but larger near the ends
+of the zone (test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order).
 
 What is left out: slaved waves of third order, which dominate at early τ as a², and the fourth order, which detunes the
 exchange and dominates at late τ, as a³τ on resonance (a⁴τ off it).
@@ -159,7 +161,8 @@ def normal_form(mode: Mode, ratios: Ratios) -> NormalForm:
 def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
     """Z_1, Z_2, Z_3 in Δ0, (3, …) of the shape of tau, from Z = (a, 0, 0) at τ=0, without the factors e^{−imΩτ}.
 
-    In that frame the equations are autonomous and slow, because every term kept has m_k = m_i + m_j (+ m_l).
+    In that frame the equations are autonomous, because every term kept has m_k = m_i + m_j (+ m_l); near the resonance
+    they are slow too.
 
     Raises ValueError for a negative time, RuntimeError if the waves grow without bound (gh > 0, see `two_mode`).
     """
@@ -177,10 +180,12 @@ def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
         return linear * z + second @ pairs + third @ np.outer(six, pairs).ravel()
 
     start = np.array([amplitude, 0, 0], dtype=complex)
-    # Of the fundamental; the L wave, smaller by a, is then right to 1e-6 even at a = 0.025, τ = 120.
-    tolerance = 1e-10
+    # Each wave is of the order of its harmonic in a. Off resonance Z_2 and Z_3 turn fast and stay small: their error is
+    # to be measured against them, not against the fundamental.
+    tolerance = 1e-12
+    scale = abs(amplitude) ** np.array([1, 2, 3])
     solution = solve_ivp(
-        rate, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=tolerance, atol=tolerance * abs(amplitude)
+        rate, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=tolerance, atol=tolerance * scale
     )
     if not solution.success:
         raise RuntimeError(f"integration of the three amplitudes failed: {solution.message}")

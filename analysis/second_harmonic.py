@@ -205,7 +205,7 @@ def second_harmonic_terms(
 ) -> tuple[Floats, Floats, Floats]:
     """The three waves of the second harmonic, real fields: generated, free forward, free backward, shaped like tau.
 
-        p_SH = (ε/2) Re i{P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = sin ξ = Ω_L(2ξ)   [ansatzPTR]
+        p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = sin ξ = Ω_L(2ξ)   [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
     (with phase, 2ξn + 2·phase for 2ξn), without the `_preload_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated

@@ -10,8 +10,8 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | hierarchy | all waves to order a⁶ | once any correction has grown large: long times |
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
-At a = 0.2, τ ≤ 120 three-mode is the closest of the first three for every mode and wave number tried, at a cost of
-milliseconds; `best` therefore takes it, and the hierarchy where the second harmonic nearly vanishes.
+`best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
+else gives p; else three-mode, which holds for long times near the resonance.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.frequency_shift import shifted_second_order
-from analysis.hierarchy import hierarchy
+from analysis.hierarchy import hierarchy, hierarchy_orders
 from analysis.lattice import torus
 from analysis.resonance import three_mode
 from analysis.second_harmonic import Mode, Ratios, mode, ratios, second_order
@@ -89,9 +89,24 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
 }
 
 
-def best(wave: Wave) -> str:
-    """Name of the formula that holds best for the wave: hierarchy at the antiresonance, else three-mode."""
-    return "hierarchy" if drive_cancels(wave) else "three-mode"
+CONVERGED = 0.02  # of any component, in the two last orders of the hierarchy: the error is then smaller still
+LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
+
+
+def best(wave: Wave, tau: Floats) -> str:
+    """Name of the formula that holds best for the wave at the times: hierarchy or three-mode, by the module's rule."""
+    if drive_cancels(wave) or (tau[-1] <= LONGEST and last_orders(wave, tau) < CONVERGED):
+        return "hierarchy"
+    return "three-mode"
+
+
+def last_orders(wave: Wave, tau: Floats) -> float:
+    """How much the two last orders of the hierarchy add to p, q or φ, whichever is worst: relative, over all rows."""
+    few = np.linspace(tau[0], tau[-1], 61)
+    orders = hierarchy_orders(wave.mode, few, wave.poisson_ratio, overlap_ratio=wave.overlap_ratio, rtol=1e-5)
+    terms = orders * (wave.amplitude ** np.arange(len(orders)))[:, None, None, None]  # as (order, T, component, K)
+    tail, total = (np.sqrt(np.sum(part.sum(axis=0) ** 2, axis=(0, 2))) for part in (terms[-2:], terms))
+    return float(np.max(tail / np.where(total > 0, total, np.inf)))
 
 
 def drive_cancels(wave: Wave) -> bool:

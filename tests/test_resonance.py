@@ -69,6 +69,19 @@ def test_off_resonance_it_is_second_order_with_less_error(xi, name):
     assert all(new < old for new, old in zip(three, second, strict=True))
 
 
+@pytest.mark.parametrize(("name", "xi", "factor"), [("TR", 0.1, 4), ("RT", 0.1, 2), ("RT", 1.5, 1), ("RT", 3.0, 25)])
+def test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order(name, xi, factor):
+    # Measured: 3.3, 1.7, 0.86 and 19 times the error of second order; that it falls as a² is the integrator's test
+    mode, tau = sh.mode(name, xi, SILICA), np.arange(0, 120.0, 0.5)
+    found = []
+    for a in (0.2, 0.05):
+        exact = lattice.torus(mode, a, tau, NU, rtol=1e-12)[:1]
+        three = errors(resonance.three_mode(mode, SILICA, a, tau)[:1], exact)[0]
+        assert three < factor * errors(sh.second_order(mode, SILICA, a, tau)[:1], exact)[0]
+        found.append(three)
+    assert found[0] / found[1] == pytest.approx(16, rel=0.25)
+
+
 @pytest.mark.parametrize("xi", [0.4, 0.802, 2.0])
 def test_longitudinal_waves_lose_most_of_their_error(xi):
     mode, tau = sh.mode("L", xi, SILICA), np.linspace(0, 120, 241)
