@@ -108,7 +108,8 @@ def test_slow_amplitude_follows_the_fundamental_of_the_exact_lattice_even_near_t
     mode = sh.mode(name, xi, SILICA)
     exact = first_harmonic(mode, 0.2, TAU)
     assert relative(predicted(mode, 0.2, TAU), exact) < bound
-    assert relative(np.exp(-1j * mode.frequency * TAU), exact) > 8 * bound * (name != "RT")
+    # What the linear frequency leaves is 8 times the bound or more; of RT, which shifts least, 3.2e-4
+    assert relative(np.exp(-1j * mode.frequency * TAU), exact) > (7 if name == "RT" else 8) * bound
 
 
 @pytest.mark.parametrize(("xi", "name"), [(0.802, "TR"), (2.127, "TR"), (0.802, "RT"), (2.0, "L")])

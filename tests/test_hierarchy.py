@@ -120,6 +120,16 @@ def test_geometry_is_right_at_any_row_and_phase(name):
     assert np.allclose(estimate, exact, rtol=0, atol=5e-9)
 
 
+def test_other_inertias_are_right_too():
+    hollow = 2 / 3  # a thin shell
+    mode = sh.mode("TR", 0.802, sh.ratios(NU, inertia=hollow))
+    exact = lattice.torus(mode, 0.02, SHORT, NU, inertia=hollow)
+    series = hierarchy.hierarchy(mode, 0.02, SHORT, NU, order=4, inertia=hollow)
+    solid = hierarchy.hierarchy(mode, 0.02, SHORT, NU, order=4)
+    assert relative_error(series[1], exact[1]) < 1e-6
+    assert relative_error(solid[1], exact[1]) > 1e-3  # the wrong inertia is seen
+
+
 def test_an_order_knows_nothing_of_those_above():
     mode, phases = sh.mode("TR", 0.9, SILICA), np.array([0.0, 0.3, 2.0])
     low, high = (
