@@ -14,11 +14,9 @@ Not for a resonance or an antiresonance: near the former a²τ² takes the place
 next to no p and `hierarchy` has the orders it takes. q and φ of L are zero in theory and lattice alike, and left out.
 """
 
-import argparse
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +24,7 @@ from matplotlib.lines import Line2D
 
 from analysis import lattice
 from analysis.norms import relative_error, slope
+from analysis.plotting import parser, save
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
 
 POISSON_RATIO = 0.17  # silica, the paper's spheres
@@ -148,22 +147,10 @@ def draw(curves: Iterable[Curve]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table and draw the figure into a file."""
-    parser = argparse.ArgumentParser(
-        prog="python -m analysis.convergence", description="Error of second order against the exact lattice."
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("figures/convergence.png"),
-        metavar="FILE",
-        help="picture to write, its ending chooses the format; default: %(default)s",
-    )
-    options = parser.parse_args(arguments)
+    options = parser(__doc__, "figures/convergence.png").parse_args(arguments)
     curves = list(convergence())
     print(table(curves))
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    draw(curves).savefig(options.output, dpi=200)
+    save(draw(curves), options.output)
 
 
 if __name__ == "__main__":

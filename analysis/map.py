@@ -17,9 +17,7 @@ The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhe
 its frequency names it.
 """
 
-import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -30,6 +28,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from analysis.directions import Floats, branch_index, modes, second_harmonic_amplitude
+from analysis.plotting import parser, save
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
@@ -114,25 +113,14 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the maps into a file."""
-    parser = argparse.ArgumentParser(
-        prog="python -m analysis.map", description="Map the second harmonic over the Brillouin zone."
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("figures/map.png"),
-        metavar="FILE",
-        help="picture to write, its ending chooses the format; default: %(default)s",
-    )
-    parser.add_argument(
+    command = parser(__doc__, "figures/map.png")
+    command.add_argument(
         "--poisson-ratio", type=float, default=SILICA, metavar="NU", help="-1 to 0.5; default: %(default)s"
     )
-    options = parser.parse_args(arguments)
+    options = command.parse_args(arguments)
     if not -1.0 <= options.poisson_ratio <= 0.5:
-        parser.error(f"--poisson-ratio is {options.poisson_ratio}; allowed: -1 to 0.5")
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    draw(options.poisson_ratio).savefig(options.output, dpi=200)
+        command.error(f"--poisson-ratio is {options.poisson_ratio}; allowed: -1 to 0.5")
+    save(draw(options.poisson_ratio), options.output)
 
 
 if __name__ == "__main__":
