@@ -20,11 +20,14 @@ def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
-    """`Record.load` for a script: what is wrong with the folder is one line and SystemExit."""
+    """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
     try:
-        return Record.load(folder, unfinished=unfinished)
+        record = Record.load(folder, unfinished=unfinished)
     except GranularError as error:
         raise SystemExit(str(error)) from error
+    if len(record.tau) < 2:
+        raise SystemExit(f"{folder}: {len(record.tau)} records; there is nothing to compare")
+    return record
 
 
 def save(figure: Figure, path: str | Path) -> None:

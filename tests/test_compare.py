@@ -188,6 +188,15 @@ def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -
     assert compare.main([str(folder), "--force"]) == 0
 
 
+def test_a_run_that_was_stopped_before_its_second_record_is_refused_in_one_line(folder: Path) -> None:
+    write_status(folder, read_status(folder) | {"status": "interrupted"})
+    whole = (folder / "trajectory.csv").read_text().splitlines(keepends=True)
+    for records in (0, 1):
+        (folder / "trajectory.csv").write_text("".join(whole[: records + 1]))
+        with pytest.raises(SystemExit, match=f"{records} records; there is nothing to compare"):
+            compare.main([str(folder), "--force"])
+
+
 def test_compare_makes_the_folder_of_its_json_or_says_why_not(folder: Path, tmp_path: Path) -> None:
     compare.main([str(folder), "--theory", "second-order", "--json", str(tmp_path / "new" / "out.json")])
     assert (tmp_path / "new" / "out.json").is_file()
