@@ -89,6 +89,11 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
         dest="changes",
         help="change one value of the scene, for instance wave.wavenumber=1.2; may be given more than once",
     )
+    parser.add_argument(
+        "--all-effects",
+        action="store_true",
+        help="switch every effect on that the scene has the numbers for, to compare with",
+    )
 
 
 def _folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
@@ -103,13 +108,18 @@ def _positive(text: str) -> int:
 
 
 def _scene(options: argparse.Namespace) -> "Scene":
+    from granular_lmp.effects import select, warnings, with_all
     from granular_lmp.scene import Scene, assignment
 
     scene = Scene.load(options.scene)
     if options.changes:
         scene = scene.with_values(dict(assignment(change) for change in options.changes))
+    if options.all_effects:
+        scene = with_all(scene)
     for remark in scene.remarks():
         print(f"note: {remark}", file=sys.stderr)
+    for warning in warnings(select(scene)):
+        print(f"warning: {warning}", file=sys.stderr)
     return scene
 
 
@@ -180,10 +190,21 @@ def _progress(step: int, steps: int) -> None:
 
 
 def _effects(options: argparse.Namespace) -> int:
-    from granular_lmp.deck import build
+    from granular_lmp.effects import resolve
 
-    for effect in build(_scene(options)).effects:
-        print(f"{effect.name:16} {'on' if effect.on else 'off':4} {effect.number:<10.4g} {effect.reason}")
+    scene, chosen = resolve(_scene(options))
+    shape = scene.shape
+    print(
+        f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
+    )
+    print(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
+    for effect in chosen:
+        state = "on" if effect.on else "off"
+        head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
+        print(f"{head}{effect.number:.4g} {effect.reason}")
+        if effect.loss != "nothing":
+            print(f"{'':{len(head)}}without it: {effect.loss}")
+    print("A guard fails the run when an effect that is off, and was not called for, is there after all.")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""LAMMPS data files of spheres with a direction (``atom_style hybrid sphere dipole``), every digit kept.
+"""LAMMPS data files of spheres (``atom_style sphere``, with a direction ``hybrid sphere dipole``), every digit kept.
 
 ASE has no sphere style. The writer gives each number in the shortest form that reads back to the same double; the
 reader also takes what LAMMPS's ``write_data`` writes. An extra section ``wave`` carries a field per particle (``fix
@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 
-_ATOM_COLUMNS = 11  # id type x y z diameter density q mux muy muz
+# Of a line of the section Atoms, by the word that LAMMPS writes behind its title
+COLUMNS = {
+    "sphere": "id type diameter density x y z",
+    "hybrid": "id type x y z diameter density q mux muy muz",
+}
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,10 @@ class DataFile:
         LAMMPS type: 1 moves, 2 is held.
     position : (N, 3) array
     diameter, density : (N,) arrays
-    wave : (N, 6) array
-        ux uy φ and their velocities for unit amplitude, in D0 and D0/t0.
+    wave : (N, 6) array, or (N, 4)
+        ux uy φ (without rotation ux uy) and their velocities for unit amplitude, in D0 and D0/t0.
+    directed : bool
+        Whether the spheres carry a direction (a dipole).
     """
 
     box: NDArray[np.float64]
@@ -38,6 +44,7 @@ class DataFile:
     diameter: NDArray[np.float64]
     density: NDArray[np.float64]
     wave: NDArray[np.float64]
+    directed: bool = True
 
     def text(self, title: str) -> str:
         """The file, one line a sphere; every sphere points along +x (the dipole is the hand of its clock)."""
@@ -47,14 +54,17 @@ class DataFile:
         )
         columns = (self.kind, self.position, self.diameter, self.density)
         spheres = zip(*(column.tolist() for column in columns), strict=True)
+        style = "hybrid" if self.directed else "sphere"
         atoms = "\n".join(
             f"{i} {kind} {x!r} {y!r} {z!r} {diameter!r} {density!r} 0 1 0 0"
+            if self.directed
+            else f"{i} {kind} {diameter!r} {density!r} {x!r} {y!r} {z!r}"
             for i, (kind, (x, y, z), diameter, density) in enumerate(spheres, start=1)
         )
         wave = "\n".join(f"{i} " + " ".join(map(repr, row)) for i, row in enumerate(self.wave.tolist(), start=1))
         return (
             f"{title}\n\n{count} atoms\n2 atom types\n\n{faces}\n\n"
-            f"Atoms # hybrid (id type x y z diameter density q mux muy muz)\n\n{atoms}\n\n"
+            f"Atoms # {style} ({COLUMNS[style]})\n\n{atoms}\n\n"
             f"wave\n\n{wave}\n"
         )
 
@@ -66,26 +76,30 @@ def read(path: str | Path) -> DataFile:
     ------
     RunFolderError
         When the file cannot be read, a section is missing or a line is malformed. A file without the section ``wave``
-        gives an empty ``wave`` array, (0, 6).
+        gives an empty ``wave`` array, (0, 0).
     """
     try:
-        header, sections = _sections(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        header, sections = _sections(text)
         count = int(next(line.split()[0] for line in header if line.split()[1:] == ["atoms"]))
         box = [next(line.split()[:2] for line in header if line.endswith(f"{axis}hi")) for axis in "xyz"]
-        atoms = np.array([line.split()[:_ATOM_COLUMNS] for line in sections["Atoms"]], dtype=float)
-        atoms = atoms[np.argsort(atoms[:, 0])]
-        wave = np.array([line.split() for line in sections.get("wave", [])], dtype=float).reshape(-1, 7)
-        if len(atoms) != count or len(wave) not in (0, count):
-            raise ValueError(f"{count} atoms announced, {len(atoms)} found")
+        style = next(line.split()[2] for line in text.splitlines() if line.startswith("Atoms #"))
+        names = COLUMNS[style].split()
+        lines = np.array([line.split()[: len(names)] for line in sections["Atoms"]], dtype=float)
+        atoms = dict(zip(names, lines[np.argsort(lines[:, 0])].T, strict=True))
+        wave = np.array([line.split() for line in sections.get("wave", [])], dtype=float)
+        if len(lines) != count or len(wave) not in (0, count):
+            raise ValueError(f"{count} atoms announced, {len(lines)} found")
     except (OSError, ValueError, KeyError, IndexError, StopIteration) as error:
         raise RunFolderError(f"{path}: not a data file of spheres: {error!r}") from error
     return DataFile(
         box=np.array(box, dtype=float),
-        kind=atoms[:, 1].astype(int),
-        position=atoms[:, 2:5],
-        diameter=atoms[:, 5],
-        density=atoms[:, 6],
-        wave=wave[np.argsort(wave[:, 0])][:, 1:],
+        kind=atoms["type"].astype(int),
+        position=np.column_stack([atoms["x"], atoms["y"], atoms["z"]]),
+        diameter=atoms["diameter"],
+        density=atoms["density"],
+        wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((0, 0)),
+        directed=style == "hybrid",
     )
 
 

@@ -1,10 +1,12 @@
 """From a scene to the text of a LAMMPS deck: ``in.NAME`` and ``data.NAME``.
 
 The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. What a user would vary without a new lattice
-is an index variable, to be overridden with ``-var``. Each block of the deck is a function here that returns its lines.
+is an index variable, to be overridden with ``-var``. The blocks of the deck stand below as they are written, with
+``<slots>`` for the numbers of the scene and for the lines of its effects; a line whose slots stay empty is left out.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil
@@ -13,20 +15,21 @@ from pathlib import Path
 import ase
 import numpy as np
 
+from granular_lmp import effects, guards
 from granular_lmp.datafile import DataFile
-from granular_lmp.effects import FRICTION_PER_AMPLITUDE, Effect, effects
+from granular_lmp.effects import Effect
 from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Mode, mode_along_y
-from granular_lmp.packing import centre, hexagonal
+from granular_lmp.packing import hexagonal, unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import plane_wave
 
+SCENE = "scene.toml"
 DUMP = "dump.centre"
 LOG = "log.lammps"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
-GUARD_INTERVAL = 50  # steps; a guard costs 1.3 steps, so this is 2.6 % of the run
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,10 @@ class Deck:
 
     Attributes
     ----------
+    declared : Scene
+        As it was given.
     scene : Scene
+        Every "auto" decided.
     packing : ase.Atoms
     mode : Mode
         The Bloch mode that starts the wave.
@@ -44,6 +50,7 @@ class Deck:
         Contents of ``in.NAME`` and ``data.NAME``.
     """
 
+    declared: Scene
     scene: Scene
     packing: ase.Atoms
     mode: Mode
@@ -64,7 +71,7 @@ class Deck:
     def files(self) -> dict[str, str]:
         """Name → text of the three files that make a deck folder."""
         return {
-            "scene.toml": self.scene.to_toml(),
+            SCENE: self.declared.to_toml(),
             self.input_name: self.input_text,
             self.data_name: self.data_text,
         }
@@ -100,33 +107,44 @@ def build(scene: Scene) -> Deck:
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
     order in the amplitude.
+
+    Raises
+    ------
+    SceneError
+        When effects do not go together, or the time step is beyond the stability limit (`granular_lmp.effects`).
     """
-    packing = hexagonal(scene.sphere, scene.packing)
-    mode = mode_along_y(packing, scene.sphere, scene.wavenumber, scene.wave.mode)
+    declared = scene
+    scene, chosen = effects.resolve(declared)
+    physics = effects.physics({effect.name: effect.on for effect in chosen})
+    mode = mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, physics)
+    packing = hexagonal(scene.sphere, scene.shape)
     units = units_for(scene.sphere.radius)
     return Deck(
+        declared=declared,
         scene=scene,
         packing=packing,
         mode=mode,
-        effects=effects(scene, packing, mode),
-        input_text=_input_text(scene, units, centre(packing) + 1),
-        data_text=_data(scene, packing, mode, units).text(_title(scene) + f"; units {units.style}"),
+        effects=chosen,
+        input_text=_text(_BLOCKS, _values(scene, chosen, units)),
+        data_text=_data(scene, packing, mode, chosen, units).text(_title(scene) + f"; units {units.style}"),
     )
 
 
 def _title(scene: Scene) -> str:
-    wave, packing = scene.wave, scene.packing
+    wave, shape = scene.wave, scene.shape
     return (
         f"{scene.name}: {wave.mode} wave along y, xi = {scene.wavenumber!r} rad per row, "
-        f"D0 = {wave.amplitude!r} Delta0, {packing.rows} rows x {packing.columns} columns, {packing.ends} ends"
+        f"D0 = {wave.amplitude!r} Delta0, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
     )
 
 
-def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
+def _data(scene: Scene, packing: ase.Atoms, mode: Mode, chosen: list[Effect], units: Units) -> DataFile:
     to_deck = units.number(scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
     fields = plane_wave(packing, mode, scene.wave.phase)
+    on = {effect.name: effect.on for effect in chosen}
+    moving = effects.physics(on).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
         kind=np.where(packing.arrays["fixed"], 2, 1),
@@ -135,27 +153,111 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFil
         density=np.full(len(packing), units.number(scene.sphere.density, mass=1, length=-3)),
         # 13 decimals of D0: finer than a double resolves a position of the lattice, coarser than what one machine's
         # cosine differs from another's, so that a scene gives the same bytes everywhere
-        wave=np.hstack([fields.displacement, fields.velocity]).round(13) + 0.0,  # + 0.0: no minus zeros
+        wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
+        directed=on["tracking"],
     )
 
 
 # --- the blocks of in.NAME -------------------------------------------------------------------------------------------
 
+_HEADING = """\
+# <title>
+# Runs as it is in this folder:  lmp -in in.<name>
+# With other values:             lmp -in in.<name> -var amplitude 0.1 -var timestep 0.025"""
 
-def _input_text(scene: Scene, units: Units, centre_id: int) -> str:
-    blocks = [
-        _heading(scene),
-        _variables(scene, units),
-        _lattice(scene, units),
-        _contacts(scene, units),
-        _preload(),
-        _wave(),
-        _motion(),
-        _guards(scene),
-        _record(scene, centre_id),
-        "run ${steps}",
-    ]
-    return "\n\n".join(blocks) + "\n"
+_VARIABLES = """\
+# --- may be overridden with -var NAME VALUE
+variable amplitude index <amplitude>  # D0/Delta0
+variable timestep  index <timestep>  # tau; rounded down to fit a whole number of steps into a sample
+variable sample    index <sample>  # tau between records
+variable duration  index <duration>  # tau
+<friction>
+variable data      index data.<name>
+variable dump      index <dump>
+
+# --- units <style>: <units>
+variable Delta0 equal <Delta0>  # static overlap
+variable R      equal <R>  # radius
+variable t0     equal <t0>  # one tau
+variable D0     equal v_amplitude*v_Delta0
+variable every  equal ceil(v_sample/v_timestep-1e-9)
+variable step   equal v_sample/v_every*v_t0
+variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
+variable tau    equal step*v_step/v_t0"""
+
+_LATTICE = """\
+# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
+units        <style>
+dimension    2
+boundary     p <along_y> p
+atom_style   <atom_style>
+atom_modify  map array
+comm_modify  vel yes
+fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>
+read_data    ${data} fix wave NULL wave
+<mass>
+group        mobile type 1
+neighbor     <skin> bin"""
+
+_CONTACTS = """\
+# --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
+pair_style   granular
+pair_coeff   * * <normal> <E> <eta> <nu><gamma> &
+             tangential <tangential> damping <damping>"""
+
+_PRELOAD = """\
+# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
+#     step without forces, which loads the shear springs
+timestep     $(v_step:%.17g)
+compute      u all displace/atom
+variable     to_ux atom v_D0*d_ux/v_step
+variable     to_uy atom v_D0*d_uy/v_step
+velocity     all set v_to_ux v_to_uy NULL units box
+<preload_spin>
+fix          plane all enforce2d
+fix          move mobile nve/noforce
+thermo_style custom step
+run          1 post no
+unfix        move
+reset_timestep 0"""
+
+_WAVE = """\
+# --- the wave: the true velocities
+variable     vx atom v_D0*d_vx/v_t0
+variable     vy atom v_D0*d_vy/v_t0
+velocity     all set v_vx v_vy NULL units box
+<start_spin>
+<start_angle>"""
+
+_MOTION = """\
+# --- motion of the spheres that are not held
+fix          move mobile <motion>"""
+
+_GUARDS = """\
+# --- guards: proof that what this deck leaves out stays silent
+<guards>"""
+
+_RECORD = """\
+# --- record of the centre sphere, all digits; a checkpoint every <checkpoint> particle-steps
+restart      <checkpoint_steps> <checkpoints>
+group        centre id <centre>
+<read_angle>
+dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
+dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>"""
+
+_BLOCKS = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, _PRELOAD, _WAVE, _MOTION, _GUARDS, _RECORD, "run ${steps}")
+
+_RESUMED = (
+    "# <title>: continues from <from>\nlog <log> append",
+    _VARIABLES,
+    "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
+    _CONTACTS,
+    "timestep     $(v_step:%.17g)\ncompute      u all displace/atom\nfix          plane all enforce2d",
+    _MOTION,
+    _GUARDS,
+    _RECORD + "\ndump_modify  centre append yes",
+    "run ${steps} upto",
+)
 
 
 def resume_text(deck: Deck, checkpoint: str) -> str:
@@ -164,151 +266,53 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
     ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
     """
-    scene, units = deck.scene, units_for(deck.scene.sphere.radius)
-    blocks = [
-        f"# {_title(scene)}: continues from {checkpoint}\nlog {LOG} append",
-        _variables(scene, units),
-        f"comm_modify  vel yes\nread_restart {checkpoint}\n{_neighbours(scene, units)}",
-        _contacts(scene, units),
-        "timestep     $(v_step:%.17g)\ncompute      u all displace/atom\nfix          plane all enforce2d",
-        _motion(),
-        _guards(scene),
-        _record(scene, centre(deck.packing) + 1) + "\ndump_modify  centre append yes",
-        "run ${steps} upto",
-    ]
-    return "\n\n".join(blocks) + "\n"
+    values = _values(deck.scene, deck.effects, units_for(deck.scene.sphere.radius))
+    return _text(_RESUMED, values | {"from": checkpoint, "log": LOG})
 
 
-def _heading(scene: Scene) -> str:
-    return f"""\
-# {_title(scene)}
-# Runs as it is in this folder:  lmp -in in.{scene.name}
-# With other values:             lmp -in in.{scene.name} -var amplitude 0.1 -var timestep 0.025"""
-
-
-def _variables(scene: Scene, units: Units) -> str:
+def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
+    """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
-    return f"""\
-# --- may be overridden with -var NAME VALUE
-variable amplitude index {scene.wave.amplitude!r}  # D0/Delta0
-variable timestep  index {time.timestep!r}  # tau; rounded down to fit a whole number of steps into a sample
-variable sample    index {time.sample!r}  # tau between records
-variable duration  index {time.duration!r}  # tau
-variable friction  index $({FRICTION_PER_AMPLITUDE!r}*v_amplitude:%.17g)  # no sliding; much more would freeze the shear
-variable data      index data.{scene.name}
-variable dump      index {DUMP}
-
-# --- units {units.style}: {units.names}
-variable Delta0 equal {units.number(sphere.static_overlap, length=1)!r}  # static overlap of the adhesive contact
-variable R      equal {units.number(sphere.radius, length=1)!r}  # radius
-variable t0     equal {units.number(sphere.time_scale, time=1)!r}  # one tau
-variable F      equal {units.number(sphere.pull_off_force, mass=1, length=1, time=-2)!r}  # adhesive force
-variable D0     equal v_amplitude*v_Delta0
-variable every  equal ceil(v_sample/v_timestep-1e-9)
-variable step   equal v_sample/v_every*v_t0
-variable steps  equal v_every*floor(v_duration/v_sample+1e-9)"""
-
-
-def _lattice(scene: Scene, units: Units) -> str:
-    along_y = "p" if scene.packing.ends == "periodic" else "f"
-    return f"""\
-# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
-units        {units.style}
-dimension    2
-boundary     p {along_y} p
-atom_style   hybrid sphere dipole
-atom_modify  map array
-comm_modify  vel yes
-fix          wave all property/atom d_ux d_uy d_phi d_vx d_vy d_vphi
-read_data    ${{data}} fix wave NULL wave
-mass         * 1.0  # asked for by the dipole style, not used: spheres have their own
-group        mobile type 1
-{_neighbours(scene, units)}"""
+    watched = guards.lines([effect.guard for effect in chosen if effect.guard])
+    plain = {
+        "title": _title(scene),
+        "name": scene.name,
+        "style": units.style,
+        "units": units.names,
+        "guards": "\n".join(watched),
+        "dump": DUMP,
+        "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
+        "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres)),
+        "checkpoints": " ".join(CHECKPOINTS),
+        "centre": str(scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2 + 1),
+    }
+    measured = {
+        "amplitude": scene.wave.amplitude,
+        "timestep": time.timestep,
+        "sample": time.sample,
+        "duration": time.duration,
+        "Delta0": units.number(sphere.static_overlap, length=1),
+        "R": units.number(sphere.radius, length=1),
+        "t0": units.number(sphere.time_scale, time=1),
+        "skin": units.number(sphere.radius / 10, length=1),
+        "E": units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2),
+        "nu": sphere.poisson_ratio,
+    }
+    return plain | {name: repr(value) for name, value in measured.items()} | effects.values(scene, chosen, units)
 
 
-def _neighbours(scene: Scene, units: Units) -> str:
-    return f"neighbor     {units.number(scene.sphere.radius / 10, length=1)!r} bin"
+def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
+    return "\n\n".join(filled(block, values) for block in blocks) + "\n"
 
 
-def _contacts(scene: Scene, units: Units) -> str:
-    sphere = scene.sphere
-    modulus = units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2)
-    half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)
-    return f"""\
-# --- contacts: DMT with E, no damping, nu, gamma = w/2; Mindlin shear (secant law) with friction
-pair_style   granular
-pair_coeff   * * dmt {modulus!r} 0.0 {sphere.poisson_ratio!r} {half_adhesion!r} &
-             tangential mindlin NULL 0.0 ${{friction}} damping velocity"""
-
-
-def _preload() -> str:
-    return """\
-# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
-#     step without forces, which loads the shear springs
-timestep     $(v_step:%.17g)
-compute      u all displace/atom
-variable     to_ux atom v_D0*d_ux/v_step
-variable     to_uy atom v_D0*d_uy/v_step
-variable     to_th atom v_D0*d_phi/v_R/v_step
-variable     zero  atom 0.0
-velocity     all set v_to_ux v_to_uy NULL units box
-set          group all omega v_zero v_zero v_to_th
-fix          plane all enforce2d
-fix          move mobile nve/noforce
-thermo_style custom step
-run          1 post no
-unfix        move
-reset_timestep 0"""
-
-
-def _wave() -> str:
-    return """\
-# --- the wave: true velocities, and the dipole turned to the angle of the sphere
-variable     vx atom v_D0*d_vx/v_t0
-variable     vy atom v_D0*d_vy/v_t0
-variable     om atom v_D0*d_vphi/v_R/v_t0
-variable     mx atom cos(v_D0*d_phi/v_R)
-variable     my atom sin(v_D0*d_phi/v_R)
-velocity     all set v_vx v_vy NULL units box
-set          group all omega v_zero v_zero v_om
-set          group all dipole v_mx v_my v_zero"""
-
-
-def _motion() -> str:
-    return """\
-# --- motion: translation, rotation, and the dipole that turns with the sphere
-fix          move mobile nve/sphere update dipole"""
-
-
-def _guards(scene: Scene) -> str:
-    return f"""\
-# --- guards: smallest overlap in Delta0 of the contacts that touch, how many have opened since the start, largest
-#     shear force over the sliding force (never less than the truth)
-compute      contact all pair/local dist p4
-compute      largest all reduce max c_contact[1] c_contact[2] inputs local
-compute      total   all reduce sum c_contact[1] inputs local
-compute      mean    all reduce ave c_contact[1] inputs local
-variable     tau     equal step*v_step/v_t0
-variable     overlap equal (2*v_R-c_largest[1])/v_Delta0
-variable     open    equal {_contact_count(scene)}-round(c_total/c_mean)
-variable     slip    equal c_largest[2]/(v_friction*v_F*(1+v_overlap^1.5))
-thermo_style custom step v_tau v_overlap v_open v_slip
-thermo       {GUARD_INTERVAL}"""
-
-
-def _contact_count(scene: Scene) -> int:
-    """Contacts at rest: three a sphere, less the two a column that held ends leave out."""
-    packing = scene.packing
-    return 3 * packing.rows * packing.columns - (0 if packing.ends == "periodic" else 2 * packing.columns)
-
-
-def _record(scene: Scene, centre_id: int) -> str:
-    particles = scene.packing.rows * scene.packing.columns
-    return f"""\
-# --- record of the centre sphere, all digits; a checkpoint every {CHECKPOINT_INTERVAL:.0e} particle-steps
-restart      {ceil(CHECKPOINT_INTERVAL / particles)} {" ".join(CHECKPOINTS)}
-group        centre id {centre_id}
-compute      dipole centre property/atom mux muy
-variable     theta atom atan2(c_dipole[2],c_dipole[1])
-dump         centre centre custom ${{every}} ${{dump}} id c_u[1] c_u[2] v_theta vx vy omegaz
-dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy colname v_theta theta"""
+def filled(block: str, values: Mapping[str, str]) -> str:
+    """A block with every ``<slot>`` replaced, also those in what replaces it; lines that become empty are left out."""
+    slot = re.compile(r"<(\w+)>")
+    lines = []
+    for line in block.split("\n"):
+        text = line
+        while slot.search(text):
+            text = slot.sub(lambda match: values[match[1]], text)
+        if text.strip() or not line.strip():
+            lines.append(text)
+    return "\n".join(lines)

@@ -52,3 +52,7 @@ class RunInterrupted(GranularError):
     """The user stopped a run; its folder says so and what was recorded until then is kept."""
 
     exit_status = 130  # what a shell reports for Ctrl-C
+
+
+class EffectError(GranularError):
+    """An effect that a scene leaves out was there after all; what was recorded is kept and marked as failed."""

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, Deck, build, resume_text, writable
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, SCENE, Deck, build, resume_text, writable
+from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.status import description, outcome
+from granular_lmp.status import description, outcome, woken
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
@@ -89,6 +89,8 @@ def run(
     LaunchError
         For another launcher, or more ranks than cores.
     LammpsMissingError, LammpsError
+    EffectError
+        When the run is done but an effect that its deck leaves out was there (`granular_lmp.guards`).
     RunInterrupted
         On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
     """
@@ -103,6 +105,7 @@ def run(
     folder = Path(folder).absolute()
     with _locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
+        (folder / SCENE).write_text(deck.scene.to_toml(), encoding="utf-8")  # of a run: with every choice written out
         for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
             (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
@@ -164,6 +167,9 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
     failure = failure or _defect(record, job)
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
     info = info | outcome(folder, record, time.perf_counter() - started, info)
+    awake = woken(info)
+    if awake and failure is None:
+        failure = EffectError(f"{folder}: {'; '.join(awake)}")
     write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure
@@ -204,7 +210,8 @@ def _collect(folder: Path, scene: Scene) -> Record:
 def _defect(record: Record, job: Job) -> LammpsError | None:
     """What is wrong with a record of which LAMMPS did not complain."""
     expected = record.scene.time.samples + 1
-    if not all(np.isfinite(x).all() for x in (record.p, record.q, record.phi)):
+    tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
+    if not all(np.isfinite(x).all() for x in tracked):
         return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))

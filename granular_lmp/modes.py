@@ -3,11 +3,17 @@
 A plane wave u e^{i(k·r − ωt)}, φ e^{i(k·r − ωt)} (φ = Rθ) stretches the contact with unit normal n, tangent t (n turned
 by +90°) and phase difference χ = k·d by
 
-    δN = 2 sin(χ/2) n·u,        δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f,        φ = i f
+    δN = 2 sin(χ/2) n·u,    δT = 2 sin(χ/2) t·u,    δS = δT − 2 cos(χ/2) f,        φ = i f
 
-up to a common phase factor. With one row √k1 δN and one row √g1 δS for each contact, the rows form a real matrix S and
-ω² are the eigenvalues of M^{-1/2} SᵀS M^{-1/2}, hence ω the singular values of S M^{-1/2}: accurate for long waves too,
-where the eigenvalues of the dynamical matrix lose half their digits. Frequencies are in rad/t0, wave vectors in 1/R.
+up to a common phase factor: normal, sideways and shear displacement. Its energy is
+
+    E = ½ Σ_contacts (k1 δN² + g1 δS² − (F0/ℓ) δT²),
+
+the last term where the contacts are pressed together by a force F0 from outside (`Sphere.prestress`). Shapes are the
+eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum of squares E gives for its shape. Taken so, ω is
+accurate for long waves too, where an eigenvalue loses half its digits. Frequencies are in rad/t0, wave vectors in 1/R.
+
+An effect that a scene leaves out leaves its part out here: no shear, no g1; no rotation, no f.
 
 This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
 """
@@ -46,8 +52,26 @@ class Mode:
         return np.array([self.ux, self.uy, 1j * self.f])
 
 
-def bloch_modes(packing: ase.Atoms, sphere: Sphere, wavevector: ArrayLike) -> tuple[NDArray, NDArray]:
-    """Frequencies and shapes of the three modes at any wave vector, lowest first.
+@dataclass(frozen=True)
+class Physics:
+    """Which degrees of freedom the lattice has: does a contact resist shear, and do spheres turn."""
+
+    shear: bool = True
+    rotation: bool = True
+
+    @property
+    def coordinates(self) -> list[int]:
+        """Those of (ux, uy, f) that move."""
+        return [_UX, _UY, _F] if self.rotation else [_UX, _UY]
+
+
+FULL = Physics()
+
+
+def bloch_modes(
+    packing: ase.Atoms, sphere: Sphere, wavevector: ArrayLike, physics: Physics = FULL
+) -> tuple[NDArray, NDArray]:
+    """Frequencies and shapes of the modes at any wave vector, lowest first.
 
     Parameters
     ----------
@@ -57,19 +81,19 @@ def bloch_modes(packing: ase.Atoms, sphere: Sphere, wavevector: ArrayLike) -> tu
         Gives the contact stiffnesses and the inertia.
     wavevector : array_like, (2,)
         k, 1/R.
+    physics : Physics
 
     Returns
     -------
-    frequencies : (3,) array
+    frequencies : (3,) array, or (2,) without rotation
         In 1/t0, ascending.
-    shapes : (3, 3) array
+    shapes : (3, 3) array, or (2, 3)
         One row a mode: (ux, uy, f), normalised to 1, of either sign. Where modes are degenerate any rotation of them.
     """
-    stretch, inverse_root_mass = _stretch_matrix(packing, sphere, np.asarray(wavevector, dtype=float))
-    return _singular(stretch * inverse_root_mass, inverse_root_mass)
+    return _solve(packing, sphere, np.asarray(wavevector, dtype=float), physics, physics.coordinates)
 
 
-def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: str) -> Mode:
+def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: str, physics: Physics = FULL) -> Mode:
     """The mode L, TR or RT at ξ (rad per row) along y, with the signs that `Mode` gives.
 
     At ξ = π translation and rotation part: of TR and RT one is pure u_x, the other pure rotation, and the sign of the
@@ -78,25 +102,58 @@ def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: st
     Raises
     ------
     SceneError
-        For another name.
+        For another name, and for RT where spheres do not turn.
     """
     if name not in _SUBSPACE:
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(_SUBSPACE)}")
     columns, index = _SUBSPACE[name]
-    stretch, inverse_root_mass = _stretch_matrix(packing, sphere, _along_y(sphere, wavenumber))
-    frequencies, shapes = _singular((stretch * inverse_root_mass)[:, columns], inverse_root_mass[columns])
-    shape = np.zeros(3)
-    shape[columns] = shapes[index] * _sign(name, shapes[index]) + 0.0  # + 0.0: no minus zero
+    columns = [column for column in columns if column in physics.coordinates]
+    if index >= len(columns):
+        raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
+    frequencies, shapes = _solve(packing, sphere, _along_y(sphere, wavenumber), physics, columns)
+    shape = shapes[index] * _sign(name, shapes[index]) + 0.0  # + 0.0: no minus zero
     return Mode(name, wavenumber, float(frequencies[index]), *map(float, shape))
 
 
-def largest_stretch(packing: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[float, float]:
-    """Amplitudes of δN and δS, the largest over the contacts, in units of D0: how hard the wave works a contact."""
-    n, t, half_phase = _contact_frames(packing, _along_y(sphere, mode.wavenumber))
-    u = np.array([mode.ux, mode.uy])
-    normal = 2 * np.sin(half_phase) * (n @ u)
-    shear = 2 * np.sin(half_phase) * (t @ u) - 2 * np.cos(half_phase) * mode.f
-    return float(np.abs(normal).max()), float(np.abs(shear).max())
+def contact_stretches(packing: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+    """Amplitudes of δN and δS of three contacts, (3,) each, in units of D0, in phase; the other three mirror them."""
+    normal, sideways, turn = _stretch_rows(packing, _along_y(sphere, mode.wavenumber))
+    shape = np.array([mode.ux, mode.uy, mode.f])
+    return normal @ shape, (sideways + turn) @ shape
+
+
+def highest_frequency(packing: ase.Atoms, sphere: Sphere, physics: Physics = FULL) -> float:
+    """Top of the spectrum over the whole zone, rad/t0: velocity Verlet is unstable from Δτ = 2/Ω on.
+
+    With rotation it is at Γ, all spheres turning in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)). Without, it is somewhere on the edges
+    Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4.
+    """
+    corner = 4 * np.pi / 3 / lattice_constant(sphere)  # |K|
+    k, m = corner * np.array([1, 0]), corner * np.array([0.75, np.sqrt(3) / 4])
+    points = np.linspace(0, 1, 60)[:, None]
+    path = np.zeros((1, 2)) if physics.rotation else np.vstack([points * m, m + points * (k - m)])
+    return float(max(bloch_modes(packing, sphere, point, physics)[0][-1] for point in path))
+
+
+def decay_rate(packing: ase.Atoms, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
+    """Rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
+
+        Γ = ½ c Σ_contacts (δN² + δS²) / (ux² + uy² + Ĩ f²)
+
+    Half the power that the dashpots take over twice the energy of the mode, for weak damping (Γ ≪ Ω).
+
+    Parameters
+    ----------
+    packing, sphere, mode
+        As above.
+    viscosity : float
+        c of the dashpot of a contact, along its normal and along its tangent, in m/t0.
+    shear : bool
+        Whether the tangent has a dashpot.
+    """
+    normal, tangential = contact_stretches(packing, sphere, mode)
+    squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
+    return float(viscosity * squares / (2 * (mode.ux**2 + mode.uy**2 + INERTIA_RATIO * mode.f**2)))
 
 
 def _along_y(sphere: Sphere, wavenumber: float) -> NDArray:
@@ -113,28 +170,37 @@ def _contact_frames(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, N
 
 def _sign(name: str, shape: NDArray) -> float:
     """+1 or −1: p > 0 for L; ux < 0, or where ux vanishes (ξ = π) the sign of f next to it, for TR and RT."""
+    ux, uy, f = shape
     if name == "L":
-        return float(np.sign(shape[0]))
-    ux, f = shape
+        return float(np.sign(uy))
     if abs(ux) > 1e-9:  # ux is proportional to sin ξ where it vanishes, so this is ξ = π to rounding
         return -float(np.sign(ux))
     return float(np.sign(f)) * (1 if name == "TR" else -1)
 
 
-def _stretch_matrix(packing: ase.Atoms, sphere: Sphere, wavevector: NDArray) -> tuple[NDArray, NDArray]:
-    """S (two rows a contact; columns ux, uy, f) and M^{-1/2}, in units of t0, m and R."""
+def _stretch_rows(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Three rows a kind (columns ux, uy, f) that give δN, δT and δS − δT of the contacts of a wave."""
     n, t, half_phase = _contact_frames(packing, wavevector)
     sine, cosine = 2 * np.sin(half_phase)[:, None], 2 * np.cos(half_phase)[:, None]
+    none = np.zeros_like(sine)
+    return np.hstack([sine * n, none]), np.hstack([sine * t, none]), np.hstack([none, none, -cosine])
+
+
+def _solve(
+    packing: ase.Atoms, sphere: Sphere, wavevector: NDArray, physics: Physics, columns: list[int]
+) -> tuple[NDArray, NDArray]:
+    """Frequencies, ascending, and shapes (ux, uy, f) of the modes in the subspace of some of these columns."""
     kappa = sphere.stiffness_ratio
-    per_mass = 1 / (2 * (kappa + 3))  # k1 t0²/m
-    normal = np.hstack([sine * n, np.zeros_like(sine)]) * np.sqrt(per_mass)
-    shear = np.hstack([sine * t, -cosine]) * np.sqrt(kappa * per_mass)
+    normal, sideways, turn = _stretch_rows(packing, wavevector)
     # LAMMPS takes R as the arm of the slip but R − Δ0/2 as the arm of the torque: as if the inertia were larger.
-    inertia = INERTIA_RATIO / (1 - sphere.overlap_ratio)
-    return np.vstack([normal, shear]), 1 / np.sqrt([1.0, 1.0, inertia])
-
-
-def _singular(matrix: NDArray, inverse_root_mass: NDArray) -> tuple[NDArray, NDArray]:
-    _, frequencies, vectors = np.linalg.svd(matrix, full_matrices=False)
-    shapes = vectors * inverse_root_mass
-    return frequencies[::-1], (shapes / np.linalg.norm(shapes, axis=1)[:, None])[::-1]
+    inverse_root_mass = 1 / np.sqrt([1.0, 1.0, INERTIA_RATIO / (1 - sphere.overlap_ratio)])
+    springs = [(1.0, normal), (kappa if physics.shear else 0.0, sideways + turn), (-sphere.prestress, sideways)]
+    per_mass = 1 / (2 * (kappa + 3))  # k1 t0²/m
+    energy = [(weight * per_mass, (rows * inverse_root_mass)[:, columns]) for weight, rows in springs if weight]
+    _, vectors = np.linalg.eigh(sum(weight * rows.T @ rows for weight, rows in energy))
+    squared = sum(weight * np.sum((rows @ vectors) ** 2, axis=0) for weight, rows in energy)
+    shapes = np.zeros((len(columns), 3))
+    shapes[:, columns] = vectors.T * inverse_root_mass[columns]
+    shapes /= np.linalg.norm(shapes, axis=1)[:, None]
+    order = np.argsort(squared, kind="stable")
+    return np.sqrt(np.maximum(squared[order], 0.0)), shapes[order]

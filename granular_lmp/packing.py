@@ -1,4 +1,4 @@
-"""Hexagonal 2D packings of touching spheres at the adhesive equilibrium, as `ase.Atoms`.
+"""Hexagonal 2D packings of touching spheres at rest, as `ase.Atoms`.
 
 Rows are stacked along y, the direction of propagation; within a row the spheres touch along x. Lattice constant
 a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. **Lengths are in radii R**: ASE, which thinks in Å
@@ -11,20 +11,20 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.scene import Packing
+from granular_lmp.shape import Shape
 from granular_lmp.sphere import Sphere
 
 ROW_SPACING = sqrt(3) / 2  # in lattice constants
 
 
-def hexagonal(sphere: Sphere, shape: Packing) -> ase.Atoms:
+def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
     """The packing at rest.
 
     Parameters
     ----------
     sphere : Sphere
         Gives radius and lattice constant.
-    shape : Packing
+    shape : Shape
         Rows, columns and ends; `granular_lmp.scene` checks that they make a lattice.
 
     Returns
@@ -72,7 +72,7 @@ def lattice_constant(sphere: Sphere) -> float:
 
 def unit_lattice(sphere: Sphere) -> ase.Atoms:
     """The smallest periodic packing whose centre sphere stands for the infinite lattice."""
-    return hexagonal(sphere, Packing(rows=4, columns=3, ends="periodic"))
+    return hexagonal(sphere, Shape(rows=4, columns=3, ends="periodic"))
 
 
 def centre(packing: ase.Atoms) -> int:

@@ -24,7 +24,12 @@ from granular_lmp.units import units_for
 TRAJECTORY = "trajectory.csv"
 STATUS = "run.json"
 HEADER = ["tau", "p", "q", "phi"]
-DUMP_COLUMNS = ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"]
+# Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
+DUMP_COLUMNS = (
+    ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],
+    ["id", "ux", "uy", "vx", "vy", "omegaz"],
+    ["id", "ux", "uy", "vx", "vy"],
+)
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
 
 
@@ -35,7 +40,8 @@ class Record:
     Attributes
     ----------
     tau, p, q, phi : (T,) arrays
-        Dimensionless time; longitudinal displacement v/D0, transverse displacement −u/D0, rotation Rθ/D0.
+        Dimensionless time; longitudinal displacement v/D0, transverse displacement −u/D0, rotation Rθ/D0, which is 0
+        where spheres do not turn and nan where they turn but are not tracked.
     scene : Scene
     info : dict
         Contents of ``run.json``.
@@ -80,11 +86,12 @@ class Record:
         table = read_dump(Path(folder) / dump)
         displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
+        untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         return cls(
             tau=table["step"] * scene.time.step,
             p=table["uy"] / (metre * displacement),
             q=-table["ux"] / (metre * displacement) + 0.0,
-            phi=table["theta"] * scene.sphere.radius / displacement,
+            phi=table.get("theta", untracked) * scene.sphere.radius / displacement,
             scene=scene,
             folder=Path(folder),
         )
@@ -146,9 +153,9 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
         lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
         size = _LINES_BEFORE_ATOMS + 1
         whole = len(lines) // size * size
-        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS
-        if names != DUMP_COLUMNS:
-            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS}")
+        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS[0]
+        if names not in DUMP_COLUMNS:
+            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS[0]} or those without theta and omegaz")
         steps = np.array(lines[1:whole:size], dtype=float)
         rows = np.array([line.split() for line in lines[_LINES_BEFORE_ATOMS:whole:size]], dtype=float)
     except (OSError, ValueError) as error:

@@ -1,83 +1,89 @@
 """What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]`` and ``[time]``; each is a frozen record whose fields
-carry their own range, so that this one description serves reading, checking, writing and the error messages. Times are
-in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0.
+A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]`` and ``[effects]``; each is a frozen record
+whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in rad per row,
+amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing
+(`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
-import json
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, asdict, dataclass, field, fields
-from decimal import Decimal
-from difflib import get_close_matches
-from math import ceil, floor, inf, isfinite, pi
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import ceil, floor, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
 from granular_lmp.errors import SceneError
+from granular_lmp.fields import (
+    AUTO,
+    Rule,
+    allowed_names,
+    between,
+    choice,
+    declared,
+    one_line,
+    plain,
+    record,
+    refuse_unknown,
+    shown,
+    switch,
+    toml_lines,
+)
+from granular_lmp.fields import assignment as assignment
+from granular_lmp.shape import FEWEST_COLUMNS, Auto, Shape, decide, echo_time, snapped
 from granular_lmp.sphere import Sphere
 
 SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
 MODES = ("L", "TR", "RT")
-ENDS = ("fixed", "periodic")
-
-# A long wave of the L mode runs ½ row per τ (Ω = sin(ξ/2)); no branch of the lattice is faster.
-FASTEST_ROWS_PER_TAU = 0.5
-
-
-# --- one field: its range, in words and as a check -------------------------------------------------------------------
-
-
-def _field(kind: type, note: str, allowed: str, check: Callable[[Any], bool], **default: Any) -> Any:
-    return field(metadata={"kind": kind, "note": note, "allowed": allowed, "check": check}, **default)
-
-
-def _choice(note: str, options: tuple[str, ...], **default: Any) -> Any:
-    allowed = "one of " + ", ".join(f'"{option}"' for option in options)
-    return _field(str, note, allowed, options.__contains__, **default)
-
-
-def _between(low: float, high: float) -> Callable[[float], bool]:
-    return lambda value: low <= value <= high
+ENDS = ("fixed", "periodic", AUTO)
+SHEAR_LAWS = ("secant", "incremental")
 
 
 @dataclass(frozen=True)
 class Packing:
     """Hexagonal packing: rows along y, the direction of propagation, columns along x, where it is periodic."""
 
-    rows: int = _field(
-        int, "along y, the direction of propagation", "a whole number from 4 to 10000000", _between(4, 10_000_000)
+    rows: int | Auto = declared(
+        int,
+        "along y, the direction of propagation",
+        "a whole number from 4 to 10000000",
+        between(4, 10_000_000),
+        auto=True,
+        default=AUTO,
     )
-    columns: int = _field(
+    columns: int | Auto = declared(
         int,
         "along x, periodic",
         "a whole number of at least 3 (with 1 or 2 columns a sphere touches two images of the same neighbour, "
         "which share one shear history in LAMMPS) and at most 1000000",
-        _between(3, 1_000_000),
-        default=3,
+        between(FEWEST_COLUMNS, 1_000_000),
+        auto=True,
+        default=FEWEST_COLUMNS,
     )
-    ends: str = _choice("first and last row held, or a periodic cell", ENDS, default="fixed")
-
-    @property
-    def centre_row(self) -> int:
-        """Row n = 0 of the wave, counted from 0."""
-        return (self.rows - 1) // 2
+    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
+    contact_force: float = declared(
+        float,
+        "N, presses the contacts at rest together from outside",
+        "a number in [0, 1e12], N",
+        between(0, 1e12),
+        default=0.0,
+    )
 
 
 @dataclass(frozen=True)
 class Wave:
     """Plane wave cos(ξn − Ωτ + phase) along +y in one Bloch mode, n = 0 at the centre row, amplitude D0/Δ0."""
 
-    mode: str = _choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
-    wavenumber: float = _field(
+    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
+    wavenumber: float = declared(
         float, "xi, rad per row", "a number in (0, pi], rad per row", lambda value: 0 < value <= pi
     )
-    amplitude: float = _field(
+    amplitude: float = declared(
         float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
     )
-    phase: float = _field(
-        float, "rad, at the centre row", "a number in [-2 pi, 2 pi], rad", _between(-2 * pi, 2 * pi), default=0.0
+    phase: float = declared(
+        float, "rad, at the centre row", "a number in [-2 pi, 2 pi], rad", between(-2 * pi, 2 * pi), default=0.0
     )
 
 
@@ -85,14 +91,14 @@ class Wave:
 class Time:
     """Duration, step and sampling of the run, in τ."""
 
-    duration: float = _field(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
-    timestep: float = _field(
+    duration: float = declared(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
+    timestep: float = declared(
         float, "tau, at most", "a number in (0, 2], in tau", lambda value: 0 < value <= 2, default=0.05
     )
-    sample: float = _field(
+    sample: float = declared(
         float, "tau between records", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7, default=0.5
     )
-    allow_echo: bool = _field(
+    allow_echo: bool = declared(
         bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
     )
 
@@ -117,19 +123,58 @@ class Time:
         return self.samples * self.steps_per_sample
 
 
+@dataclass(frozen=True)
+class Effects:
+    """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
+
+    What "auto" comes to, and why, is the business of `granular_lmp.effects`. Walls and width of the packing are effects
+    too; their switches are ``packing.ends`` and ``packing.columns``.
+    """
+
+    adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")
+    shear: bool | Auto = switch("Mindlin shear force")
+    rotation: bool | Auto = switch("spheres turn")
+    tracking: bool | Auto = switch("the angle is recorded")
+    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
+    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
+    contact_opening: bool | Auto = switch("contacts part and meet again")
+    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
+    friction: float | Auto = declared(
+        float,
+        "coefficient; auto: none slides",
+        "a number in (0, 1e4]",
+        lambda value: 0 < value <= 1e4,
+        auto=True,
+        default=AUTO,
+    )
+    viscosity: float = declared(
+        float, "N s/m, dashpot of a contact", "a number in [0, 1e12], N s/m", between(0, 1e12), default=0.0
+    )
+    restitution: float = declared(
+        float, "of a Hertz contact; 1: none lost", "a number in (0, 1]", lambda value: 0 < value <= 1, default=1.0
+    )
+
+
 # The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
 # those in which the numbers of the deck stay far from under- and overflow.
 _SPHERE_RULES = {
-    name: {"kind": float, "note": note, "allowed": allowed, "check": check}
+    name: Rule(float, note, allowed, check)
     for name, note, allowed, check in (
-        ("radius", "m", "a number in [1e-9, 1], m", _between(1e-9, 1.0)),
-        ("youngs_modulus", "Pa", "a number in [1e3, 1e13], Pa", _between(1e3, 1e13)),
+        ("radius", "m", "a number in [1e-9, 1], m", between(1e-9, 1.0)),
+        ("youngs_modulus", "Pa", "a number in [1e3, 1e13], Pa", between(1e3, 1e13)),
         ("poisson_ratio", "", "a number in (-1, 0.5]", lambda value: -1 < value <= 0.5),
-        ("work_of_adhesion", "J/m2", "a number in [1e-6, 100], J/m2", _between(1e-6, 100.0)),
-        ("density", "kg/m3", "a number in [1, 1e5], kg/m3", _between(1.0, 1e5)),
+        (
+            "work_of_adhesion",
+            "J/m2",
+            "0 or a number in [1e-6, 100], J/m2",
+            lambda value: value == 0 or 1e-6 <= value <= 100,
+        ),
+        ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
     )
 }
-_TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time}
+_TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time, "effects": Effects}
+_RULES = {"sphere": _SPHERE_RULES}
+_ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
@@ -137,21 +182,25 @@ MOST_SPHERES = 10_000_000
 
 @dataclass(frozen=True)
 class Scene:
-    """One simulation: spheres, packing, wave and time.
+    """One simulation: spheres, packing, wave, time and effects.
+
+    `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
+    ``packing.contact_force``, and without work of adhesion where ``effects.adhesion`` is off.
 
     Raises
     ------
     SceneError
-        When the values do not go together: even rows between fixed ends, odd rows in a periodic cell, a time step
-        beyond the stability limit, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static
-        overlap that is no longer small, D0 beyond R/10.
+        When the values do not go together: nothing holds the lattice, even rows between fixed ends, odd rows in a
+        periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap that is no
+        longer small, D0 beyond R/10.
     """
 
     name: str
-    sphere: Sphere
+    material: Sphere
     packing: Packing
     wave: Wave
     time: Time
+    effects: Effects = Effects()
 
     # --- reading and writing ---
 
@@ -163,14 +212,14 @@ class Scene:
         try:
             found = next((candidate for candidate in candidates if candidate.is_file()), None)
         except (OSError, ValueError) as error:
-            raise SceneError(f"{_shown(source)}: no such scene file: {_one_line(error)}") from error
+            raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
         try:
             text = found.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise SceneError(f"{found}: cannot be read as UTF-8 text: {_one_line(error)}") from error
+            raise SceneError(f"{found}: cannot be read as UTF-8 text: {one_line(error)}") from error
         try:
             return cls.loads(text)
         except SceneError as error:
@@ -182,35 +231,36 @@ class Scene:
         try:
             return cls.from_dict(tomllib.loads(text))
         except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise SceneError(f"not valid TOML: {_one_line(error)}") from error
+            raise SceneError(f"not valid TOML: {one_line(error)}") from error
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Self:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
-        _refuse_unknown(tables, ("name", *_TABLES), "")
+        refuse_unknown(tables, ("name", *_TABLES), "")
         name = tables.get("name", "scene")
         if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
             raise SceneError(
-                f"name = {name!r}: must be ASCII letters, digits, '-' and '_' (it names the files of the run)"
+                f"name = {shown(name)}: must be ASCII letters, digits, '-' and '_' (it names the files of the run)"
             )
-        records = {key: _record(kind, tables.get(key), key) for key, kind in _TABLES.items()}
+        records = {
+            _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))
+            for key, kind in _TABLES.items()
+        }
         return cls(name=name, **records)
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, every default filled in."""
-        return asdict(self)
+        return {"name": self.name} | {key: plain(self._table(key), _RULES.get(key)) for key in _TABLES}
 
     def to_toml(self) -> str:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
         lines = [f'name = "{self.name}"']
-        for table in _TABLES:
-            record = getattr(self, table)
-            lines += ["", f"[{table}]"]
-            for item in fields(record):
-                note = _rule(item)["note"]
-                line = f"{item.name} = {_toml(getattr(record, item.name))}"
-                lines.append(f"{line:30} # {note}" if note else line)
+        for key in _TABLES:
+            lines += ["", f"[{key}]", *toml_lines(self._table(key), _RULES.get(key))]
         return "\n".join(lines) + "\n"
+
+    def _table(self, key: str) -> Any:
+        return getattr(self, _ATTRIBUTES.get(key, key))
 
     def with_values(self, changes: Mapping[str, Any]) -> "Scene":
         """Copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``."""
@@ -218,27 +268,41 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in _TABLES:
-                raise SceneError(f"{key}: unknown key; {_allowed(table, _TABLES)}")
+                raise SceneError(f"{key}: unknown key; {allowed_names(table, _TABLES)}")
             (tables[table] if table else tables)[name] = value
         return Scene.from_dict(tables)
 
     # --- what follows from the values ---
 
+    @cached_property
+    def sphere(self) -> Sphere:
+        """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+        adhesion = 0.0 if self.effects.adhesion is False else self.material.work_of_adhesion
+        return replace(self.material, work_of_adhesion=adhesion, contact_force=self.packing.contact_force)
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Rows, columns and ends, every "auto" decided."""
+        packing = self.packing
+        return decide(packing.rows, packing.columns, packing.ends, self.wave.wavenumber, self.time.duration)
+
     @property
     def wavenumber(self) -> float:
         """ξ that is used, rad per row: as declared between fixed ends, the nearest 2πk/rows in a periodic cell."""
-        if self.packing.ends == "fixed":
+        if self.shape.ends == "fixed":
             return self.wave.wavenumber
-        return 2 * pi * round(self.wave.wavenumber * self.packing.rows / (2 * pi)) / self.packing.rows
+        return snapped(self.wave.wavenumber, self.shape.rows)
 
     def remarks(self) -> list[str]:
         """What was changed to make the scene fit, a sentence each; nothing when it is used as declared."""
         said = []
+        if AUTO in (self.packing.rows, self.packing.columns, self.packing.ends):
+            said.append(f"the packing is {self.shape.rows} rows x {self.shape.columns} columns, {self.shape.ends} ends")
         if self.wavenumber != self.wave.wavenumber:
-            cycles = round(self.wavenumber * self.packing.rows / (2 * pi))
+            cycles = round(self.wavenumber * self.shape.rows / (2 * pi))
             said.append(
                 f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
-                f"2 pi {cycles}/{self.packing.rows}, which fits the periodic cell"
+                f"2 pi {cycles}/{self.shape.rows}, which fits the periodic cell"
             )
         if self.time.step < self.time.timestep * (1 - 1e-9):
             said.append(
@@ -249,129 +313,53 @@ class Scene:
 
     @property
     def echo_time(self) -> float:
-        """τ until which the centre sphere does not hear the walls; infinite in a periodic cell.
-
-        The wall disturbs the wave from τ = 0 on and the disturbance runs at most ½ row per τ. Ahead of that front the
-        lattice response falls like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead it is
-        below 1e-6 of the wave.
-        """
-        if self.packing.ends == "periodic":
-            return inf
-        distance = self.packing.centre_row
-        return max(0.0, distance - 3.5 * distance ** (1 / 3)) / FASTEST_ROWS_PER_TAU
+        """τ until which the centre sphere does not hear the walls (`echo_time`); infinite in a periodic cell."""
+        return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows)
 
     def __post_init__(self) -> None:
-        rows, ends, time, sphere = self.packing.rows, self.packing.ends, self.time, self.sphere
-        if ends == "fixed" and rows % 2 == 0:
-            raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
-        if ends == "periodic" and rows % 2:
-            raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
-        if rows * self.packing.columns > MOST_SPHERES:
-            raise SceneError(
-                f"packing.rows x packing.columns = {rows} x {self.packing.columns}: must be at most {MOST_SPHERES} "
-                "spheres (LAMMPS takes 690 MB for each million)"
-            )
-        if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
-            raise SceneError(
-                f"sphere: the static overlap is {sphere.overlap_ratio:.3g} of the diameter with this radius, "
-                f"youngs_modulus and work_of_adhesion; at most {LARGEST_OVERLAP_RATIO} is allowed"
-            )
-        largest = sphere.radius / sphere.static_overlap / 10
-        if self.wave.amplitude > largest:
-            raise SceneError(f"wave.amplitude = {self.wave.amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
-        if self.wavenumber == 0:
-            lowest = 2 * pi / rows
-            raise SceneError(
-                f"wave.wavenumber = {self.wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows; "
-                f"the smallest is 2 pi/{rows} = {lowest:.6g}, rad per row"
-            )
-        limit = 2 / sphere.highest_frequency
-        if time.step >= limit:
-            raise SceneError(
-                f"time.timestep = {time.timestep!r}: beyond the stability limit of velocity Verlet; "
-                f"must be below 2/Omega_max = {limit:.6g}, in tau"
-            )
+        self._check_sphere()
+        self._check_packing()
+        time = self.time
         if time.sample > time.duration:
             raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
         if time.duration > self.echo_time and not time.allow_echo:
             raise SceneError(
-                f"time.duration = {time.duration!r}: the walls are heard at the centre of {rows} rows from "
-                f"tau = {self.echo_time:.4g} on; must be at most that, or set time.allow_echo = true"
+                f"time.duration = {time.duration!r}: the walls are heard at the centre of {self.shape.rows} rows from "
+                f"tau = {self.echo_time:.4g} on; must be at most that, or set time.allow_echo = true, "
+                'or packing.rows = "auto"'
             )
 
+    def _check_sphere(self) -> None:
+        if self.sphere.holding_force == 0:
+            raise SceneError(
+                "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
+                f"(sphere.work_of_adhesion = {self.material.work_of_adhesion!r}, "
+                f"effects.adhesion = {self.effects.adhesion!r})"
+            )
+        if self.effects.adhesion is True and self.material.work_of_adhesion == 0:
+            raise SceneError("effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2")
+        if self.sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
+            raise SceneError(
+                f"sphere: the static overlap is {self.sphere.overlap_ratio:.3g} of the diameter with this radius, "
+                f"youngs_modulus, work_of_adhesion and contact_force; at most {LARGEST_OVERLAP_RATIO} is allowed"
+            )
+        largest = self.sphere.radius / self.sphere.static_overlap / 10
+        if self.wave.amplitude > largest:
+            raise SceneError(f"wave.amplitude = {self.wave.amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
 
-# --- checking --------------------------------------------------------------------------------------------------------
-
-
-def _toml(value: str | bool | int | float) -> str:
-    """A scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
-    if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
-        return f"{Decimal(repr(value)).normalize():e}"
-    return json.dumps(value)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
-
-
-def _allowed(key: str, names: Any) -> str:
-    """The name that was meant, if one is close; else all that are allowed."""
-    close = get_close_matches(key, list(names), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
-
-
-def _refuse_unknown(table: Mapping[str, Any], names: Any, prefix: str) -> None:
-    for key in table:
-        if key not in names:
-            raise SceneError(f"{prefix}{key}: unknown key; {_allowed(key, names)}")
-
-
-def _record(kind: type, table: Any, name: str) -> Any:
-    """The record of type `kind` from the TOML table `name`, each value checked."""
-    names = [item.name for item in fields(kind)]
-    if table is None:
-        raise SceneError(f"{name}: missing table; it holds {', '.join(names)}")
-    if not isinstance(table, Mapping):
-        raise SceneError(f"{name} = {table!r}: must be a table that holds {', '.join(names)}")
-    _refuse_unknown(table, names, f"{name}.")
-    values = {}
-    for item in fields(kind):
-        rule = _rule(item)
-        if item.name in table:
-            values[item.name] = _value(table[item.name], rule, f"{name}.{item.name}")
-        elif item.default is MISSING:
-            raise SceneError(f"{name}.{item.name}: missing key; must be {rule['allowed']}")
-    return kind(**values)
-
-
-def _rule(item: "Field[Any]") -> Mapping[str, Any]:
-    return item.metadata or _SPHERE_RULES[item.name]
-
-
-def _value(value: Any, rule: Mapping[str, Any], key: str) -> Any:
-    """`value` as the rule's kind, or the error that says what is allowed."""
-    kind = rule["kind"]
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
-    right = isinstance(value, kind) and not (kind is int and isinstance(value, bool))
-    if right and kind is float:
-        right = isfinite(value)
-    if not right or not rule["check"](value):
-        raise SceneError(f"{key} = {_shown(value)}: must be {rule['allowed']}")
-    return value
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def assignment(text: str) -> tuple[str, Any]:
-    """``("wave.wavenumber", 1.2)`` from ``"wave.wavenumber=1.2"``; a value that is not TOML is taken as a bare word."""
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip() or not value.strip():
-        raise SceneError(f"{text!r}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
-    try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip()
+    def _check_packing(self) -> None:
+        rows, columns, ends = self.shape.rows, self.shape.columns, self.shape.ends
+        if ends == "fixed" and rows % 2 == 0:
+            raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
+        if ends == "periodic" and rows % 2:
+            raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
+        if rows * columns > MOST_SPHERES:
+            raise SceneError(
+                f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
+                "spheres (LAMMPS takes 690 MB for each million)"
+            )
+        if self.wavenumber == 0:
+            raise SceneError(
+                f"wave.wavenumber = {self.wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows; "
+                f"the smallest is 2 pi/{rows} = {2 * pi / rows:.6g}, rad per row"
+            )

@@ -5,19 +5,21 @@ Two equal elastic spheres that touch through a DMT normal force and a Mindlin sh
     f_N(δ) = A δ₊^{3/2} − F,   F = 2π w Rc            (paper, eq. springN; Derjaguin, Muller & Toporov 1975)
     f_S(ξ, δ) = B ξ δ₊^{1/2}                           (paper, eq. springS; Mindlin 1949)
 
-with the overlap δ, the shear displacement ξ, A = (4/3) E* √Rc and B = 8 G* √Rc. The overlap at rest is
-Δ0 = (F/A)^{2/3}. Everything here is in SI units.
+with the overlap δ, the shear displacement ξ, A = (4/3) E* √Rc and B = 8 G* √Rc. A lattice that is compressed presses
+its spheres together with a force F0 at rest, which adhesion alone does not: the overlap at rest is
+Δ0 = ((F + F0)/A)^{2/3}. Without adhesion, F = 0, this is the Hertz contact of macroscopic granular crystals. Everything
+here is in SI units.
 """
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import log, pi, sqrt
 
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A solid elastic adhesive sphere and its contact with an equal one.
+    """A solid elastic sphere and its contact with an equal one, at rest.
 
     Parameters
     ----------
@@ -28,9 +30,11 @@ class Sphere:
     poisson_ratio : float
         ν, in (−1, 0.5]; at −1 the effective moduli are infinite.
     work_of_adhesion : float
-        w, J/m². LAMMPS's ``dmt`` model takes γ = w/2.
+        w, J/m²; 0 is the Hertz contact. LAMMPS's ``dmt`` model takes γ = w/2.
     density : float
         ρ, kg/m³.
+    contact_force : float
+        F0, N: with which the contacts at rest are pressed together from outside.
 
     Notes
     -----
@@ -43,6 +47,7 @@ class Sphere:
     poisson_ratio: float
     work_of_adhesion: float
     density: float
+    contact_force: float = 0.0
 
     @property
     def mass(self) -> float:
@@ -80,9 +85,14 @@ class Sphere:
         return 8 * self.effective_shear_modulus * sqrt(self.effective_radius)
 
     @property
+    def holding_force(self) -> float:
+        """F + F0, N: adhesion and outer compression, which the Hertz repulsion AΔ0^{3/2} balances at rest."""
+        return self.pull_off_force + self.contact_force
+
+    @property
     def static_overlap(self) -> float:
-        """Δ0 = (F/A)^{2/3}, m: overlap at rest, where adhesion balances the Hertz repulsion."""
-        return (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
+        """Δ0 = ((F + F0)/A)^{2/3}, m: overlap at rest."""
+        return (self.holding_force / self.normal_coefficient) ** (2 / 3)
 
     @property
     def normal_stiffness(self) -> float:
@@ -110,6 +120,15 @@ class Sphere:
         return sqrt(self.mass / (2 * (self.shear_stiffness + 3 * self.normal_stiffness)))
 
     @property
+    def prestress(self) -> float:
+        """χ = F0/(k1(2R−Δ0)): stiffness that compression takes from a contact turned sideways, over k1; 0 by adhesion.
+
+        A compressed contact that turns by a small angle pushes on, as a compressed strut does when it buckles. Adhesion
+        pulls along with the repulsion, so that there is no net force to turn.
+        """
+        return self.contact_force / (self.normal_stiffness * self.lattice_constant)
+
+    @property
     def lattice_constant(self) -> float:
         """a = 2R − Δ0, m: distance between the centres of touching spheres at rest."""
         return 2 * self.radius - self.static_overlap
@@ -118,11 +137,13 @@ class Sphere:
         """ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a (2κ+3)/(4(κ+3)) for a = D0/Δ0 (the paper misprints √3 as 3/2)."""
         return -sqrt(3) * amplitude * (2 * self.stiffness_ratio + 3) / (4 * (self.stiffness_ratio + 3))
 
-    @property
-    def highest_frequency(self) -> float:
-        """Ω_max = √(6 κ (1−η)/(Ĩ (κ+3))), rad/τ: all spheres turning in phase, the top of the spectrum of the lattice.
+    def restitution_viscosity(self, restitution: float) -> float:
+        """Dashpot of a contact at rest, N s/m, that belongs to a coefficient of restitution e of the Hertz contact.
 
-        Velocity Verlet is unstable from Δτ = 2/Ω_max on.
+            c = √5 |ln e| / √(π² + ln² e) · √(m_eff A) Δ0^{1/4},    m_eff = m/2
+
+        It makes every head-on collision end at e times its speed (Antypov & Elliott, EPL 94, 50004 (2011)); LAMMPS's
+        ``damping coeff_restitution``.
         """
-        kappa = self.stiffness_ratio
-        return sqrt(6 * kappa * (1 - self.overlap_ratio) / (INERTIA_RATIO * (kappa + 3)))
+        share = -log(restitution) / sqrt(pi**2 + log(restitution) ** 2)
+        return sqrt(5) * share * sqrt(self.mass / 2 * self.normal_coefficient) * self.static_overlap**0.25

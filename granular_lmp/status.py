@@ -5,10 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp import __version__
 from granular_lmp.deck import LOG, Deck
+from granular_lmp.effects import warnings
+from granular_lmp.guards import GUARDS
 from granular_lmp.record import Record, read_log
+from granular_lmp.scene import Scene
 
 
 def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
@@ -30,39 +34,64 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "Delta0_m": sphere.static_overlap,
         "t0_s": sphere.time_scale,
         "overlap_ratio": sphere.overlap_ratio,
-        "effects": {e.name: {"on": e.on, "number": _finite(e.number), "reason": e.reason} for e in deck.effects},
+        "effects": {
+            effect.name: {
+                "on": effect.on,
+                "called_for": effect.called_for,
+                "number": _finite(effect.number),
+                "reason": effect.reason,
+                "guard": effect.guard,
+            }
+            for effect in deck.effects
+        },
         # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
         "timestep_error_of_fundamental": phase_lag / 3**0.5,
-        "remarks": scene.remarks(),
+        "remarks": [*deck.declared.remarks(), *warnings(deck.effects)],
     }
 
 
 def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]) -> dict[str, Any]:
-    """What is known after the run, or after a part of it that adds to what `before` says.
-
-    A guard that is not quiet says that the run left what the scene, or the theory, assumes.
-    """
+    """What is known after the run, or after a part of it that adds to what `before` says."""
     table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
-    overlap, opened, slip = (table.get(name, np.empty(0)) for name in ("v_overlap", "v_open", "v_slip"))
     total = seconds + before.get("wall_seconds", {}).get("total", 0.0)
     return {
         "samples": len(record.tau),
         "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
-        "smallest_overlap": _finite(np.min(overlap, initial=np.inf)),  # in Δ0, of the contacts that touch
+        "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
         "guards": {
-            "open_contacts": {
-                "value": _finite(np.max(opened, initial=0.0)),
-                "quiet": bool((opened == 0).all()),
-                "meaning": "contacts opened: no closed form holds, and shear forces are lost",
-            },
-            "largest_slip": {
-                "value": _finite(np.max(slip, initial=0.0)),
-                "quiet": bool((slip < 1).all()),
-                "meaning": "of the sliding force: contacts may have slid, which the paper's model does not",
-            },
+            effect["guard"]: _heard(effect["guard"], name, effect["called_for"], table, record.scene)
+            for name, effect in before["effects"].items()
+            if effect["guard"]
         },
         "versions": before["versions"] | {"lammps": _lammps_version(folder)},
     }
+
+
+def _heard(
+    guard: str, effect: str, forced: bool, table: dict[str, NDArray[np.float64]], scene: Scene
+) -> dict[str, Any]:
+    """What one guard measured; of an effect that was forced off although it is called for, only for the record."""
+    measured = np.abs(table.get(GUARDS[guard].columns[0], np.empty(0)))
+    woken = GUARDS[guard].woken(table, scene)
+    return {
+        "effect": effect,
+        "value": _finite(np.max(measured, initial=0.0)),
+        "limit": GUARDS[guard].largest_silent(scene),
+        "quiet": woken is None,
+        "woke_at": None if woken is None else float(table["v_tau"][woken]),
+        "forced": forced,
+        "meaning": GUARDS[guard].meaning,
+    }
+
+
+def woken(info: dict[str, Any]) -> list[str]:
+    """A sentence for each effect that was left out, rightly by the rules, and was there after all."""
+    return [
+        f"{guard['effect']} woke at tau = {guard['woke_at']:.6g}: "
+        f"{name} = {guard['value']}, above {guard['limit']:g}: {guard['meaning']}"
+        for name, guard in info["guards"].items()
+        if not guard["quiet"] and not guard["forced"]
+    ]
 
 
 def _finite(value: float) -> float | None:

@@ -10,6 +10,7 @@ import pytest
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
+from granular_lmp.effects import ROWS
 
 COMMANDS = ("build", "run", "resume", "effects", "modes", "doctor")
 
@@ -113,10 +114,24 @@ def test_snapping_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_effects_gives_a_reason_with_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = cli(capsys, "effects", "tr_nonresonant")
     assert status == 0
-    assert [line.split()[0] for line in out.splitlines()] == [
-        "adhesion", "shear", "rotation", "sliding", "contact_opening", "walls",
-    ]  # fmt: skip
-    assert "0.02193    of the kinetic energy of the TR mode is rotation" in out
+    table = [line.split() for line in out.splitlines() if not line.startswith(" ")]
+    assert [words[0] for words in table[2:-1]] == [row.name for row in ROWS]
+    assert "201 rows x 3 columns = 603 spheres, 2400 steps" in out
+    assert "0.02193 of the kinetic energy of a TR wave is rotation" in out
+    assert "without it: the frequency is 0.3809 per tau instead of 0.2769" in out
+
+
+def test_an_effect_forced_off_is_a_warning_with_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = cli(capsys, "effects", "tr_nonresonant", "--set", "effects.rotation=false")
+    assert status == 0
+    assert "warning: effects.rotation is off, but 0.02193 of the kinetic energy" in err
+    assert "without it the frequency is 0.3809 per tau instead of 0.2769: 37.56% off" in err
+    assert cli(capsys, "effects", "l_wave", "--set", "effects.rotation=false")[2] == ""
+
+
+def test_all_effects_can_be_switched_on(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = cli(capsys, "effects", "l_wave", "--all-effects")
+    assert [line.split()[1] for line in out.splitlines() if line.startswith(("rotation", "tracking"))] == ["on", "on"]
 
 
 def test_modes_prints_the_paper_s_modes_and_draws_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

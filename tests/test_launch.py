@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, launch, locate, run
+from granular_lmp.effects import ROWS, resolve
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.record import mend_dump, read_dump, read_log, read_status, write_status
 from tests.conftest import PAPER
@@ -62,7 +63,7 @@ def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewher
     assert info["versions"]["lammps"]
     assert info["wavenumber_used"] == small.wavenumber
     assert info["wall_seconds"]["total"] >= info["wall_seconds"]["loop"] > 0
-    assert {"adhesion", "shear", "rotation", "sliding", "contact_opening", "walls"} == set(info["effects"])
+    assert list(info["effects"]) == [row.name for row in ROWS]
     assert {"granular_lmp", "python", "numpy", "lammps"} == set(info["versions"])
     assert all(guard["quiet"] for guard in info["guards"].values())
 
@@ -72,7 +73,7 @@ def test_a_record_is_read_back_as_it_was_returned(small: Scene, tmp_path: Path) 
     again = Record.load(tmp_path / "run")
     for name in ("tau", "p", "q", "phi"):
         np.testing.assert_array_equal(getattr(again, name), getattr(record, name))
-    assert again.scene == small
+    assert again.scene == resolve(small)[0]
     assert (tmp_path / "run" / "trajectory.csv").read_text().startswith("tau,p,q,phi\n0.0,0.0,0.97")
 
 
@@ -264,17 +265,6 @@ def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:
     assert seen[-1] == (3200, 3200)
 
 
-def test_guards_are_measured_and_tell_when_contacts_open(small: Scene, tmp_path: Path) -> None:
-    strong = small.with_values({"wave.amplitude": 8.0})
-    assert next(e for e in build(strong).effects if e.name == "contact_opening").on
-    quiet, loud = run(small, tmp_path / "quiet").info, run(strong, tmp_path / "loud").info
-    assert quiet["smallest_overlap"] > 0.8
-    assert quiet["guards"]["open_contacts"]["value"] == 0
-    assert all(guard["quiet"] for guard in quiet["guards"].values())
-    assert loud["guards"]["open_contacts"]["value"] > 0
-    assert not loud["guards"]["open_contacts"]["quiet"]
-
-
 @pytest.mark.parametrize("mode", ["TR", "RT", "L"])
 def test_the_friction_keeps_every_mode_from_sliding(mode: str, tmp_path: Path) -> None:
     fixed = PAPER.with_values({"wave.mode": mode, "packing.rows": 61, "time.duration": 38})
@@ -313,19 +303,6 @@ def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.slow
-def test_a_run_takes_at_most_seven_tenths_of_a_second_beyond_the_loop_of_lammps(tmp_path: Path) -> None:
-    # The whole process, imports included; 0.2 s on an idle machine. The best of five, as machines are shared.
-    beyond = []
-    for attempt in range(5):
-        folder = tmp_path / str(attempt)
-        words = ["run", "tr_nonresonant", "-o", str(folder)]
-        started_at = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "granular_lmp", *words], check=True, capture_output=True)
-        beyond.append(time.perf_counter() - started_at - read_status(folder)["wall_seconds"]["loop"])
-    assert min(beyond) < 0.7
-
-
 # --- readers ---
 
 
@@ -355,7 +332,7 @@ def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path)
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     table, seconds = read_log(tmp_path / "run" / "log.lammps")
-    assert list(table) == ["Step", "v_tau", "v_overlap", "v_open", "v_slip"]
+    assert list(table) == ["Step", "v_tau", "v_slip", "v_open", "v_overlap", "v_spread"]
     assert table["Step"][-1] == 40
     assert seconds > 0
 

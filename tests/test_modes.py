@@ -1,5 +1,6 @@
 """Numerical Bloch modes against the closed form of the independent theory, and their limits."""
 
+from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
@@ -7,7 +8,15 @@ import pytest
 
 from analysis import second_harmonic
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import bloch_modes, largest_stretch, mode_along_y
+from granular_lmp.modes import (
+    FULL,
+    Physics,
+    bloch_modes,
+    contact_stretches,
+    decay_rate,
+    highest_frequency,
+    mode_along_y,
+)
 from granular_lmp.packing import ROW_SPACING, lattice_constant, unit_lattice
 from granular_lmp.scene import MODES
 from granular_lmp.sphere import Sphere
@@ -73,7 +82,8 @@ def test_frequencies_have_the_six_fold_symmetry_of_the_lattice() -> None:
 
 def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> None:
     xi = 0.802
-    normal, shear = largest_stretch(LATTICE, SILICA, mode_along_y(LATTICE, SILICA, xi, "L"))
+    stretches = contact_stretches(LATTICE, SILICA, mode_along_y(LATTICE, SILICA, xi, "L"))
+    normal, shear = (np.abs(stretch).max() for stretch in stretches)
     # Contacts at 60° to x: δN = sin 60° Δv, δS = cos 60° Δv with Δv = 2 sin(ξ/2)
     assert normal == pytest.approx(sqrt(3) * np.sin(xi / 2), rel=1e-9)
     assert shear == pytest.approx(np.sin(xi / 2), rel=1e-9)
@@ -82,3 +92,53 @@ def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> No
 def test_an_unknown_mode_is_refused() -> None:
     with pytest.raises(SceneError, match="wave.mode = 'X'"):
         mode_along_y(LATTICE, SILICA, 1.0, "X")
+
+
+@pytest.mark.parametrize("poisson_ratio", [-0.9, -0.5, 0.0, 0.17, 0.5])
+@pytest.mark.parametrize("physics", [FULL, Physics(rotation=False), Physics(shear=False, rotation=False)])
+def test_highest_frequency_is_the_top_of_the_spectrum_of_the_whole_zone(poisson_ratio: float, physics: Physics) -> None:
+    sphere = replace(SILICA, poisson_ratio=poisson_ratio)
+    lattice, highest = unit_lattice(sphere), 0.0
+    # A triangle Γ, M, K repeats the zone by symmetry; |K| = 4π/3a
+    corner = 4 * pi / 3 / lattice_constant(sphere)
+    for s in np.linspace(0, 1, 25):
+        for t in np.linspace(0, 1, 13):
+            k = corner * s * np.array([0.75 + 0.25 * t, sqrt(3) / 4 * (1 - t)])
+            highest = max(highest, bloch_modes(lattice, sphere, k, physics)[0][-1])
+    # The grids miss the top by the square of their spacing, 1/25 and 1/60 of the zone, but hold Γ
+    assert highest == pytest.approx(highest_frequency(lattice, sphere, physics), rel=3e-4 if physics != FULL else 1e-12)
+
+
+def test_all_spheres_turning_in_phase_is_the_highest_mode() -> None:
+    kappa, eta = SILICA.stiffness_ratio, SILICA.overlap_ratio
+    assert highest_frequency(LATTICE, SILICA) == pytest.approx(sqrt(15 * kappa / (kappa + 3) * (1 - eta)), rel=1e-12)
+
+
+def test_without_rotation_the_transverse_branch_is_that_of_the_springs() -> None:
+    # q'' = (μ1/4) D dq without φ: Ω = √μ1 sin(ξ/2), and without shear μ1 → 1/(κ+3)
+    kappa = SILICA.stiffness_ratio
+    for xi in (1e-3, 0.802, 2.5, pi):
+        for physics, stiffness in ((Physics(rotation=False), 3 * kappa + 1), (Physics(False, False), 1.0)):
+            mode = mode_along_y(LATTICE, SILICA, xi, "TR", physics)
+            assert mode.frequency == pytest.approx(sqrt(stiffness / (kappa + 3)) * np.sin(xi / 2), rel=1e-12)
+            assert (mode.ux, mode.uy, mode.f) == (-1, 0, 0)
+    with pytest.raises(SceneError, match="needs effects.rotation"):
+        mode_along_y(LATTICE, SILICA, 1.0, "RT", Physics(rotation=False))
+
+
+def test_compression_softens_what_moves_sideways() -> None:
+    pressed = replace(SILICA, work_of_adhesion=0.0, contact_force=SILICA.pull_off_force)
+    kappa, chi = pressed.stiffness_ratio, pressed.prestress
+    for xi in (1e-3, 0.802, 2.5):
+        # Contacts of a longitudinal wave: 3/4 along, 1/4 sideways
+        longitudinal = mode_along_y(LATTICE, pressed, xi, "L").frequency
+        assert longitudinal == pytest.approx(sqrt((3 + kappa - chi) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
+        held = mode_along_y(LATTICE, pressed, xi, "TR", Physics(rotation=False)).frequency
+        assert held == pytest.approx(sqrt((3 * (kappa - chi) + 1) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
+
+
+def test_decay_of_a_longitudinal_wave_is_that_of_its_springs_as_dashpots() -> None:
+    # δN² + δS² of the contacts is |Δu|² without rotation: two contacts a row step, |2 sin(ξ/2)|² each
+    for xi in (0.3, 0.802, 2.0):
+        mode = mode_along_y(LATTICE, SILICA, xi, "L")
+        assert decay_rate(LATTICE, SILICA, mode, 0.01) == pytest.approx(0.04 * np.sin(xi / 2) ** 2, rel=1e-12)

@@ -9,15 +9,21 @@ from ase.visualize.plot import plot_atoms
 from matplotlib.figure import Figure
 
 from granular_lmp.packing import centre, contacts, hexagonal, lattice_constant
-from granular_lmp.scene import Packing
+from granular_lmp.shape import Shape
 from tests.test_sphere import SILICA
 
 SPACING = lattice_constant(SILICA)
-SHAPES = [Packing(5, 3), Packing(201, 3), Packing(7, 8), Packing(4, 3, "periodic"), Packing(10, 5, "periodic")]
+SHAPES = [
+    Shape(5, 3, "fixed"),
+    Shape(201, 3, "fixed"),
+    Shape(7, 8, "fixed"),
+    Shape(4, 3, "periodic"),
+    Shape(10, 5, "periodic"),
+]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(shape: Packing) -> None:
+def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(shape: Shape) -> None:
     packing = hexagonal(SILICA, shape)
     for index in np.flatnonzero(~packing.arrays["fixed"])[:40]:
         vectors = contacts(packing, int(index))
@@ -27,7 +33,7 @@ def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(sh
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Packing) -> None:
+def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Shape) -> None:
     packing = hexagonal(SILICA, shape)
     low = packing.get_celldisp().ravel()
     inside = (packing.positions - low) / packing.cell.lengths()
@@ -36,7 +42,7 @@ def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Packing) -> None:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Packing) -> None:
+def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Shape) -> None:
     packing = hexagonal(SILICA, shape)
     assert len(packing) == shape.rows * shape.columns
     assert list(packing.pbc) == [True, shape.ends == "periodic", False]
@@ -46,7 +52,7 @@ def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Packing) -> Non
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_rows_go_along_y_and_the_centre_sphere_is_next_to_the_origin(shape: Packing) -> None:
+def test_rows_go_along_y_and_the_centre_sphere_is_next_to_the_origin(shape: Shape) -> None:
     packing = hexagonal(SILICA, shape)
     height = packing.positions[:, 1] / (np.sqrt(3) / 2 * SPACING)
     np.testing.assert_allclose(height, packing.arrays["row"] - shape.centre_row, atol=1e-12)
@@ -56,7 +62,7 @@ def test_rows_go_along_y_and_the_centre_sphere_is_next_to_the_origin(shape: Pack
 
 
 def test_ase_draws_and_writes_the_packing() -> None:
-    packing = hexagonal(SILICA, Packing(5, 3))
+    packing = hexagonal(SILICA, Shape(5, 3, "fixed"))
     axes = Figure().subplots()
     plot_atoms(packing, axes, radii=packing.arrays["radius"])
     assert len(axes.patches) >= len(packing)

@@ -11,7 +11,8 @@ from analysis.second_harmonic import mode, ratios
 from granular_lmp.errors import SceneError
 from granular_lmp.modes import mode_along_y
 from granular_lmp.packing import unit_lattice
-from granular_lmp.scene import FASTEST_ROWS_PER_TAU, MODES, SHIPPED, Scene, assignment
+from granular_lmp.scene import MODES, SHIPPED, Scene, assignment
+from granular_lmp.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.sphere import Sphere
 from tests.conftest import PAPER
 
@@ -64,7 +65,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"sphere.radius": -5e-7}, r"sphere\.radius = -5e-07"),
     ({"sphere.youngs_modulus": nan}, r"sphere\.youngs_modulus = nan"),
     ({"sphere.density": inf}, r"sphere\.density = inf"),
-    ({"sphere.work_of_adhesion": "0.06"}, r"sphere\.work_of_adhesion = '0\.06': must be a number"),
+    ({"sphere.work_of_adhesion": "0.06"}, r"sphere\.work_of_adhesion = '0\.06': must be 0 or a number"),
     ({"sphere.youngs_modulus": 1e4}, r"sphere: the static overlap is .* at most 0\.05 is allowed"),
     ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \(0, pi\], rad per row"),
     ({"wave.wavenumber": 3.2}, r"wave\.wavenumber = 3\.2: must be a number in \(0, pi\]"),
@@ -79,7 +80,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"packing.columns": 10**6}, r"packing\.rows x packing\.columns = 201 x 1000000: must be at most 10000000 spheres"),
     ({"packing.columns": 2}, r"packing\.columns = 2: .*at least 3 .*share one shear history"),
     ({"packing.ends": "open"}, r"packing\.ends = 'open': must be one of \"fixed\", \"periodic\""),
-    ({"time.timestep": 1.08, "time.sample": 1.08}, r"time\.timestep = 1\.08: .*stability.* below 2/Omega_max = 1\.07"),
     ({"time.timestep": 0}, r"time\.timestep = 0\.0: must be a number in \(0, 2\]"),
     ({"time.duration": 170}, r"time\.duration = 170\.0: the walls are heard .* set time\.allow_echo = true"),
     ({"time.sample": 500}, r"time\.sample = 500\.0: must be at most time\.duration"),

@@ -5,7 +5,8 @@ import pytest
 
 from granular_lmp.modes import mode_along_y
 from granular_lmp.packing import hexagonal, unit_lattice
-from granular_lmp.scene import MODES, Packing
+from granular_lmp.scene import MODES
+from granular_lmp.shape import Shape
 from granular_lmp.wave import plane_wave
 from tests.test_sphere import SILICA
 
@@ -13,7 +14,7 @@ from tests.test_sphere import SILICA
 @pytest.mark.parametrize("name", MODES)
 def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
     # p, q = P, Q cos ϑ and φ = −f sin ϑ, ϑ = ξn − Ωτ + phase: the signs of the closed form
-    packing = hexagonal(SILICA, Packing(41, 3))
+    packing = hexagonal(SILICA, Shape(41, 3, "fixed"))
     mode = mode_along_y(unit_lattice(SILICA), SILICA, 0.9, name)
     fields = plane_wave(packing, mode, phase=0.4)
     theta = 0.9 * (packing.arrays["row"] - 20) + 0.4
@@ -25,7 +26,7 @@ def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
 
 
 def test_held_rows_do_not_move() -> None:
-    packing = hexagonal(SILICA, Packing(9, 3))
+    packing = hexagonal(SILICA, Shape(9, 3, "fixed"))
     fields = plane_wave(packing, mode_along_y(packing, SILICA, 0.9, "TR"))
     held = packing.arrays["fixed"]
     assert not fields.displacement[held].any()

@@ -1,0 +1,156 @@
+"""One declared value: its range, in words and as a check; TOML tables to frozen records and back.
+
+Each field of a record carries its own rule in its metadata, so that this one description serves reading, checking,
+writing and the error messages.
+"""
+
+import json
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from decimal import Decimal
+from difflib import get_close_matches
+from math import inf, isfinite
+from typing import Any
+
+from granular_lmp.errors import SceneError
+
+AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a key may hold: a value of this kind that passes the check, or where that makes sense ``"auto"``."""
+
+    kind: type
+    note: str
+    allowed: str
+    check: Callable[[Any], bool]
+    auto: bool = False
+
+    def value(self, value: Any, key: str) -> Any:
+        """`value` as this rule's kind; SceneError with the key, the value and what is allowed if it is not."""
+        if self.auto and value == AUTO:
+            return value
+        if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
+        right = isinstance(value, self.kind) and not (self.kind is int and isinstance(value, bool))
+        if right and self.kind is float:
+            right = isfinite(value)
+        if not right or not self.check(value):
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}" + ', or "auto"' * self.auto)
+        return value
+
+
+Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules of their own
+
+
+def declared(
+    kind: type, note: str, allowed: str, check: Callable[[Any], bool], auto: bool = False, **default: Any
+) -> Any:
+    """A dataclass field with its rule."""
+    return field(metadata={"rule": Rule(kind, note, allowed, check, auto)}, **default)
+
+
+def choice(note: str, options: tuple[str, ...], **default: Any) -> Any:
+    """A dataclass field that is one of some words."""
+    allowed = "one of " + ", ".join(f'"{option}"' for option in options)
+    return declared(str, note, allowed, options.__contains__, **default)
+
+
+def switch(note: str) -> Any:
+    """A dataclass field that is true, false or "auto", the default."""
+    return declared(bool, note, "true, false", lambda value: True, auto=True, default=AUTO)
+
+
+def between(low: float, high: float) -> Callable[[float], bool]:
+    """The check low ≤ value ≤ high."""
+    return lambda value: low <= value <= high
+
+
+def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any:
+    """The record of type `kind` from the TOML table `name`, each value checked.
+
+    Raises
+    ------
+    SceneError
+        For a missing table or key, an unknown key, and a value out of range, each named.
+    """
+    items = _declared_fields(kind, rules)
+    names = [item.name for item, _ in items]
+    if table is None:
+        if any(item.default is MISSING for item, _ in items):
+            raise SceneError(f"{name}: missing table; it holds {', '.join(names)}")
+        table = {}
+    if not isinstance(table, Mapping):
+        raise SceneError(f"{name} = {shown(table)}: must be a table that holds {', '.join(names)}")
+    refuse_unknown(table, names, f"{name}.")
+    values = {}
+    for item, rule in items:
+        if item.name in table:
+            values[item.name] = rule.value(table[item.name], f"{name}.{item.name}")
+        elif item.default is MISSING:
+            raise SceneError(f"{name}.{item.name}: missing key; must be {rule.allowed}")
+    return kind(**values)
+
+
+def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
+    """The declared values of a record by name."""
+    return {item.name: getattr(record, item.name) for item, _ in _declared_fields(type(record), rules)}
+
+
+def toml_lines(record: Any, rules: Rules | None = None) -> list[str]:
+    """``key = value  # note`` for each field."""
+    lines = []
+    for item, rule in _declared_fields(type(record), rules):
+        line = f"{item.name} = {toml(getattr(record, item.name))}"
+        lines.append(f"{line:30} # {rule.note}" if rule.note else line)
+    return lines
+
+
+def toml(value: str | bool | int | float) -> str:
+    """A scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
+    if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
+        return f"{Decimal(repr(value)).normalize():e}"
+    return json.dumps(value)
+
+
+def assignment(text: str) -> tuple[str, Any]:
+    """``("wave.wavenumber", 1.2)`` from ``"wave.wavenumber=1.2"``; a value that is not TOML is taken as a bare word."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise SceneError(f"{text!r}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:
+    """SceneError for the first key that is none of `names`."""
+    for key in table:
+        if key not in names:
+            raise SceneError(f"{prefix}{key}: unknown key; {allowed_names(key, names)}")
+
+
+def allowed_names(key: str, names: Iterable[str]) -> str:
+    """The name that was meant, if one is close; else all that are allowed."""
+    close = get_close_matches(key, list(names), n=1)
+    return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
+
+
+def shown(value: Any) -> str:
+    """A value for an error message, cut to one line of 60 characters."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def one_line(error: Exception) -> str:
+    """The text of an error without line breaks."""
+    return " ".join(str(error).split())
+
+
+def _declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
+    """The fields of a record that a scene file holds, each with its rule."""
+    known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in fields(kind)]
+    return [(item, rule) for item, rule in known if rule is not None]
