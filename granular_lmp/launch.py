@@ -165,11 +165,11 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
         failure = error
     record = _collect(folder, deck.scene)
     failure = failure or _defect(record, job)
-    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
     info = info | outcome(folder, record, time.perf_counter() - started, info)
     awake = woken(info)
     if awake and failure is None:
         failure = EffectError(f"{folder}: {'; '.join(awake)}")
+    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
     write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure

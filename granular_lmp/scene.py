@@ -336,7 +336,13 @@ class Scene:
                 f"(sphere.work_of_adhesion = {self.material.work_of_adhesion!r}, "
                 f"effects.adhesion = {self.effects.adhesion!r})"
             )
-        if self.effects.adhesion is True and self.material.work_of_adhesion == 0:
+        effects = self.effects
+        if effects.viscosity > 0 and effects.restitution < 1:
+            raise SceneError(
+                f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: "
+                "two models of damping; must be one"
+            )
+        if effects.adhesion is True and self.material.work_of_adhesion == 0:
             raise SceneError("effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2")
         if self.sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
             raise SceneError(

@@ -265,18 +265,6 @@ def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:
     assert seen[-1] == (3200, 3200)
 
 
-@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
-def test_the_friction_keeps_every_mode_from_sliding(mode: str, tmp_path: Path) -> None:
-    fixed = PAPER.with_values({"wave.mode": mode, "packing.rows": 61, "time.duration": 38})
-    assert run(fixed, tmp_path / "fixed").info["guards"]["largest_slip"]["value"] < 0.6
-    # Away from walls, which cut the wave off and shear it hard, the linear wave predicts the ratio. At a = 0.2 the
-    # guard, which takes the largest shear over the smallest overlap, may lie up to 1/(1 - a)^1.5 = 1.4 above it.
-    cell = fixed.with_values({"packing.ends": "periodic", "packing.rows": 16})
-    measured = run(cell, tmp_path / "cell").info["guards"]["largest_slip"]["value"]
-    predicted = next(e for e in build(cell).effects if e.name == "sliding").number
-    assert predicted * 0.98 < measured < predicted * 1.4
-
-
 def test_lammps_without_a_package_is_refused_before_anything_is_written(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
