@@ -1,0 +1,185 @@
+"""What each effect costs in time, and that leaving out what a scene does not call for changes nothing.
+
+    python -m benchmarks.effects [--repeats N] [--write docs/effects.md]
+
+Times are processor seconds of whole LAMMPS runs, set-up included, medians of runs that take turns, as ratios within one
+run of this script. With ``--write`` the tables replace what stands between the marks in that file.
+"""
+
+import argparse
+import re
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from granular_lmp import Record, Scene, build
+from granular_lmp.deck import LOG, Deck
+from granular_lmp.effects import with_all
+from granular_lmp.locate import lammps_module
+from granular_lmp.scene import SHIPPED
+
+MARK = re.compile(r"(<!-- measured: begin -->\n).*?(<!-- measured: end -->)", re.DOTALL)
+
+PAPER = Scene.load("tr_nonresonant")
+CELL = PAPER.with_values({"packing.rows": "auto", "packing.ends": "periodic"})
+
+# What is changed in the cell
+VARIANTS: dict[str, Mapping[str, Any]] = {
+    "Hertz contacts held by compression in place of adhesion": {
+        "sphere.work_of_adhesion": 0.0,
+        "packing.contact_force": PAPER.sphere.pull_off_force,
+    },
+    "incremental shear law": {"effects.shear_law": "incremental"},
+    "no shear, hence no rotation": {"effects.shear": False},
+    "no rotation": {"effects.rotation": False},
+    "no tracking of the angle": {"effects.tracking": False},
+    "sliding (friction 0.3), hence no guard on it": {"effects.friction": 0.3, "effects.sliding": True},
+    "viscous damping": {"effects.viscosity": 2e-8},
+    "contact opening, hence no guard on it": {"effects.contact_opening": True},
+    "held ends: 151 rows for the 94 of the cell": {"packing.ends": "fixed"},
+    "6 columns for 3": {"packing.columns": 6},
+    "half the time step": {"time.timestep": PAPER.time.timestep / 2},
+}
+
+
+def simulate(deck: Deck, folder: Path) -> tuple[float, Record]:
+    """Processor seconds and the record of one run of a deck."""
+    deck.write(folder)
+    switches = ["-log", str(folder / LOG), "-screen", "none", "-nocite"]
+    instance = lammps_module().lammps(cmdargs=[*switches, "-var", "dump", str(folder / "dump")])
+    started = time.process_time()
+    try:
+        instance.commands_string(deck.input_text.replace("${data}", str(folder / deck.data_name)))
+    finally:
+        instance.close()
+    return time.process_time() - started, Record.from_dump(folder, deck.scene, "dump")
+
+
+def timed(decks: Mapping[str, Deck], repeats: int) -> dict[str, tuple[float, Record]]:
+    """Median seconds and record of each deck; the decks take turns."""
+    seconds: dict[str, list[float]] = {name: [] for name in decks}
+    records: dict[str, Record] = {}
+    for _ in range(repeats):
+        for name, deck in decks.items():
+            with tempfile.TemporaryDirectory() as folder:
+                spent, records[name] = simulate(deck, Path(folder) / "run")
+            seconds[name].append(spent)
+    return {name: (median(values), records[name]) for name, values in seconds.items()}
+
+
+def without_guards(deck: Deck) -> Deck:
+    """The deck with nothing measured but what is recorded."""
+    text = re.sub(r"# --- guards.*?\n\n", "thermo_style custom step\n\n", deck.input_text, flags=re.DOTALL)
+    return replace(deck, input_text=text)
+
+
+def costs(repeats: int) -> str:
+    """Table of the time of each variant over that of the cell."""
+    decks = {"the cell": build(CELL), "no guard at all": without_guards(build(CELL))}
+    decks |= {name: build(CELL.with_values(changes)) for name, changes in VARIANTS.items()}
+    times = timed(decks, repeats)
+    base = times["the cell"][0]
+    spheres = len(decks["the cell"].packing)
+    lines = [
+        f"The cell: {CELL.shape.rows} × {CELL.shape.columns} = {spheres} spheres, {CELL.time.steps} steps.",
+        "",
+        "| change | time | lines of the deck |",
+        "|---|---|---|",
+    ]
+    for name in list(decks)[1:]:
+        lines.append(f"| {name} | {times[name][0] / base:.2f} | {difference(decks[name], decks['the cell']):+d} |")
+    return "\n".join(lines)
+
+
+def difference(deck: Deck, other: Deck) -> int:
+    """How many commands a deck has more than another."""
+    return commands(deck) - commands(other)
+
+
+def commands(deck: Deck) -> int:
+    """Lines of a deck that are neither empty nor comments."""
+    return sum(bool(line.strip()) and not line.startswith("#") for line in deck.input_text.splitlines())
+
+
+def largest_difference(one: Record, other: Record) -> str:
+    """Largest differences of p, q and φ, in D0."""
+    pairs = ((getattr(one, name), getattr(other, name)) for name in ("p", "q", "phi"))
+    return ", ".join(f"{np.abs(a - b).max():.0e}" for a, b in pairs)
+
+
+def lean(scene: Scene) -> Scene:
+    """What the scene calls for and no more: effects auto, rows auto."""
+    return scene.with_values({"packing.rows": "auto", "packing.columns": "auto"})
+
+
+def everything(scene: Scene) -> Scene:
+    """Every effect on, on as many rows as the scene declares."""
+    return with_all(scene)
+
+
+def same(repeats: int) -> str:
+    """Table of auto against everything, for each shipped scene."""
+    lines = [
+        "| scene | spheres | deck lines | time | difference of *p*, *q*, φ (*D*₀) |",
+        "|---|---|---|---|---|",
+    ]
+    for path in sorted(SHIPPED.glob("*/scene.toml")):
+        scene = Scene.load(path)
+        # in a cell the wave number depends on the rows: the same rows for both
+        few = scene if scene.shape.ends == "periodic" else lean(scene)
+        decks = {"auto": build(few), "all": build(everything(scene))}
+        times = timed(decks, repeats)
+        auto, full = decks["auto"], decks["all"]
+        lines.append(
+            f"| {scene.name} | {len(auto.packing)} / {len(full.packing)} | {commands(auto)} / {commands(full)} "
+            f"| {times['auto'][0] / times['all'][0]:.2f} | {largest_difference(times['auto'][1], times['all'][1])} |"
+        )
+    return "\n".join(lines)
+
+
+def saving() -> str:
+    """Sentence on the strip against the sheet, each run once."""
+    cell = build(CELL)
+    decks: dict[str, Deck] = {
+        "sheet": build(with_all(PAPER.with_values({"packing.columns": 100}))),
+        "strip": build(lean(PAPER)),
+        "cell": cell,
+    }
+    seconds = {name: found[0] for name, found in timed(decks, 1).items()}
+    return (
+        f"The paper's 201 rows on a sheet of 100 columns with every effect on take {seconds['sheet']:.1f} s, "
+        f"{seconds['sheet'] / seconds['strip']:.0f} times the {seconds['strip']:.2f} s of the strip that the scene "
+        f"calls for ({len(decks['strip'].packing)} spheres), and {seconds['sheet'] / seconds['cell']:.0f} times the "
+        f"{seconds['cell']:.2f} s of a periodic cell of (nearly) the same wave number ({len(cell.packing)} spheres)."
+    )
+
+
+TABLES: tuple[Callable[[int], str], ...] = (costs, same, lambda repeats: saving())
+
+
+def main() -> None:
+    """Measure, print, and write if asked to."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--repeats", type=int, default=7, metavar="N", help="runs of each; default: %(default)s")
+    parser.add_argument("--write", metavar="FILE", help="replace the tables of this file")
+    options = parser.parse_args()
+    parts = []
+    for table in TABLES:
+        parts.append(table(options.repeats))
+        print(parts[-1], end="\n\n", flush=True)
+    if options.write:
+        path = Path(options.write)
+        measured = "\n\n".join(parts)
+        path.write_text(
+            MARK.sub(lambda match: f"{match[1]}\n{measured}\n\n{match[2]}", path.read_text(encoding="utf-8"))
+        )
+
+
+if __name__ == "__main__":
+    main()
