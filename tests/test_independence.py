@@ -71,15 +71,15 @@ def test_package_never_imports_analysis():
 # The direction of the data: a module imports only from the lines above its own.
 ORDER = """
 errors units sphere
-scene
-packing
+scene contact
+packing collision
 modes
 wave effects datafile
 deck
 record
 status accuracy locate plots
 launch
-doctor
+doctor collide
 cli
 """
 
