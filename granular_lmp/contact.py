@@ -21,8 +21,8 @@ from granular_lmp.sphere import Sphere
 from granular_lmp.units import Units
 
 NORMAL_LAWS = ("dmt", "hertz")
-# What the shear force follows while the overlap changes: see docs/choosing-a-shear-law.md. "rescaled" is incremental on
-# loading and scales the shear displacement down with the contact radius on unloading.
+# What a change of the overlap does to the shear force: see docs/choosing-a-shear-law.md. "rescaled" is secant, and on
+# unloading lets the shear displacement shrink with the contact radius.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 SHEAR_LAWS = (*_MINDLIN, "none")
 
