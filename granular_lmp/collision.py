@@ -116,7 +116,7 @@ class Collision:
         name = tables.get("name", "collision")
         if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
             raise SceneError(f"name = {name!r}: must be ASCII letters, digits, '-' and '_' (it names the deck)")
-        return cls(name, **{key: _record(kind, tables.get(key), key) for key, kind in _TABLES.items()})
+        return cls(name, **{key: _record(kind, tables.get(key, {}), key) for key, kind in _TABLES.items()})
 
     def to_toml(self) -> str:
         """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
