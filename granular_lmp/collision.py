@@ -14,7 +14,18 @@ from typing import Any, Self
 
 from granular_lmp import contact
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import SHIPPED, _between, _choice, _field, _one_line, _record, _refuse_unknown, _rule, _toml
+from granular_lmp.scene import (
+    LARGEST_OVERLAP_RATIO,
+    SHIPPED,
+    _between,
+    _choice,
+    _field,
+    _one_line,
+    _record,
+    _refuse_unknown,
+    _rule,
+    _toml,
+)
 from granular_lmp.sphere import Sphere
 from granular_lmp.units import units_for
 
@@ -73,7 +84,8 @@ class Collision:
     Raises
     ------
     SceneError
-        When the values do not go together: a restitution below 1 with the law "dmt", a spin of the plane.
+        When the values do not go together: a restitution below 1 with the law "dmt", a spin of the plane, an impact so
+        hard that the overlap is no longer small.
     """
 
     name: str
@@ -90,6 +102,13 @@ class Collision:
         if self.collision.partner == "plane" and self.collision.partner_spin:
             raise SceneError(
                 f"collision.partner_spin = {self.collision.partner_spin!r}: must be 0, the plane is at rest"
+            )
+
+        ratio = self.elastic_overlap / (2 * self.sphere.radius)
+        if ratio > LARGEST_OVERLAP_RATIO:
+            raise SceneError(
+                f"collision.normal_velocity = {self.collision.normal_velocity!r}: the overlap would be {ratio:.3g} "
+                f"of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
 
     # --- reading and writing ---
@@ -172,15 +191,20 @@ class Collision:
         return 2 * pi * self.sphere.work_of_adhesion * self.effective_radius * (self.contact.normal == "dmt")
 
     @property
-    def elastic_contact_time(self) -> float:
-        """Hertz's contact time, s: t = 2.943 δ_m/v, δ_m = (5 m* v²/4A)^{2/5} (Timoshenko & Goodier, § 140).
+    def elastic_overlap(self) -> float:
+        """Hertz's largest overlap δ_m = (5 m* v²/4A)^{2/5}, m (Timoshenko & Goodier, § 140)."""
+        return (5 * self.effective_mass * self._speed**2 / (4 * self.normal_coefficient)) ** (2 / 5)
 
-        Adhesion adds to v what the bodies gain on the way to the overlap of rest, (3/5) F Δ0 = m* (Δv²)/2.
-        """
+    @property
+    def elastic_contact_time(self) -> float:
+        """Hertz's contact time 2.943 δ_m/v, s."""
+        return 2 * _HALF_CONTACT * self.elastic_overlap / self._speed
+
+    @property
+    def _speed(self) -> float:
+        """v, m/s; with what adhesion adds on the way to the overlap of rest: m* (v² − v_closing²)/2 = (3/5) F Δ0."""
         rest = (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
-        speed = sqrt(self.closing_speed**2 + 6 / 5 * self.pull_off_force * rest / self.effective_mass)
-        depth = (5 * self.effective_mass * speed**2 / (4 * self.normal_coefficient)) ** (2 / 5)
-        return 2 * _HALF_CONTACT * depth / speed
+        return sqrt(self.closing_speed**2 + 6 / 5 * self.pull_off_force * rest / self.effective_mass)
 
 
 # --- the deck --------------------------------------------------------------------------------------------------------

@@ -256,6 +256,28 @@ def test_an_adhesive_impact_is_elastic_and_deeper(tmp_path: Path) -> None:
     assert depth > hertz(hertz_only)[0]
 
 
+@pytest.mark.parametrize("steps", [5000, 7919, 20_000])
+@pytest.mark.parametrize("velocity", [1e-3, 1e-2, 0.1])
+def test_the_parting_velocity_of_an_adhesive_contact_is_known_to_one_kick(
+    velocity: float, steps: int, tmp_path: Path
+) -> None:
+    tables = {
+        "sphere": {
+            "radius": 0.5e-6,
+            "youngs_modulus": 73e9,
+            "poisson_ratio": 0.17,
+            "work_of_adhesion": 0.063,
+            "density": 2200.0,
+        },
+        "collision": {"partner": "sphere", "normal_velocity": velocity, "steps": steps},
+    }
+    collision = Collision.from_dict(tables)
+    kick = collision.pull_off_force / collision.effective_mass * collision.elastic_contact_time / steps
+    parting = run(collision, tmp_path / "run").restitution * collision.closing_speed
+    # Half a kick is missing at the first touch and up to a half too many is given at the last
+    assert abs(parting - collision.closing_speed) < kick
+
+
 # ---------------------------------------------------------------- the page
 
 
@@ -308,6 +330,7 @@ def test_a_collision_reads_back_as_it_is_written(name: str, tmp_path: Path) -> N
         ({"collision.partner_spin": 1.0}, "collision.partner_spin = 1.0: must be 0"),
         ({"collision.partner": "wall"}, 'collision.partner = \'wall\': must be one of "sphere", "plane"'),
         ({"collision.normal_velocity": 0.0}, "collision.normal_velocity = 0.0: must be a number in [1e-09, 10000]"),
+        ({"collision.normal_velocity": 1e4}, "the overlap would be 1.43 of the diameter; at most 0.05 is allowed"),
         ({"collision.spn": 1.0}, "collision.spn: unknown key; did you mean 'spin'?"),
         ({"colision.spin": 1.0}, "colision: unknown key; did you mean 'collision'?"),
         ({"name": "a b"}, "name = 'a b': must be ASCII letters"),
