@@ -64,6 +64,13 @@ def _parser() -> argparse.ArgumentParser:
     _scene_arguments(modes)
     modes.add_argument("--plot", metavar="FILE", help="draw the dispersion along y into a PNG, PDF or SVG file")
 
+    collide = _add(
+        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
+    )
+    collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
+    _changes_argument(collide, "collision.spin=100")
+    _folder_arguments(collide, "run folder (default: runs/NAME)")
+
     _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
     return parser
 
@@ -81,13 +88,17 @@ def _add(
 
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
+    _changes_argument(parser, "wave.wavenumber=1.2")
+
+
+def _changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
         dest="changes",
-        help="change one value of the scene, for instance wave.wavenumber=1.2; may be given more than once",
+        help=f"change one value of the scene, for instance {example}; may be given more than once",
     )
     parser.add_argument(
         "--all-effects",
@@ -226,6 +237,21 @@ def _modes(options: argparse.Namespace) -> int:
 
         save(dispersion_figure(packing, scene), options.plot)
         print(options.plot)
+    return 0
+
+
+def _collide(options: argparse.Namespace) -> int:
+    from granular_lmp.collide import run, write_numbers
+    from granular_lmp.collision import Collision
+    from granular_lmp.scene import assignment
+
+    collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
+    result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
+    errors = result.errors()
+    write_numbers(result, errors)
+    print(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
+    for name, value in result.numbers().items():
+        print(f"{name:24}{value:18.10g}{errors[name]:22.1e}")
     return 0
 
 

@@ -201,9 +201,7 @@ neighbor     <skin> bin"""
 
 _CONTACTS = """\
 # --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
-pair_style   granular
-pair_coeff   * * <normal> <E> <eta> <nu><gamma> &
-             tangential <tangential> damping <damping>"""
+<contact>"""
 
 _PRELOAD = """\
 # --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
@@ -295,8 +293,6 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "R": units.number(sphere.radius, length=1),
         "t0": units.number(sphere.time_scale, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
-        "E": units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2),
-        "nu": sphere.poisson_ratio,
     }
     return plain | {name: repr(value) for name, value in measured.items()} | effects.values(scene, chosen, units)
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from granular_lmp import contact
 from granular_lmp.errors import SceneError
 from granular_lmp.fields import AUTO
 from granular_lmp.modes import (
@@ -37,7 +38,6 @@ from granular_lmp.units import Units
 # force, which then freezes it.
 FRICTION_PER_AMPLITUDE = 10.0
 NOTHING = 1e-12  # of a number of order 1 that a symmetry makes zero
-SHEAR_STYLES = {"secant": "mindlin", "incremental": "mindlin/force"}
 
 
 @dataclass(frozen=True)
@@ -220,6 +220,12 @@ def _wave(case: Case) -> str:
     return f"{'an' if case.mode.name in ('L', 'RT') else 'a'} {case.mode.name} wave"
 
 
+def _dashpot(scene: Scene) -> dict[str, float]:
+    effects = scene.effects
+    kind = {"damping": effects.viscosity} if effects.restitution == 1 else {"restitution": effects.restitution}
+    return kind | {"shear_damping": 1.0}
+
+
 def _decay(case: Case) -> float:
     shear = case.on.get("shear", True)
     return decay_rate(unit_lattice(case.scene.sphere), case.scene.sphere, case.mode, case.viscosity, shear=shear)
@@ -263,14 +269,15 @@ def _without_damping(case: Case) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """One effect: rule, deck lines by slot, the effects it needs, guard, cost, loss."""
+    """One effect: rule, deck lines by slot, its part of the contact law, the effect it needs, guard, cost, loss."""
 
     name: str
     rule: Callable[[Case], Finding]
-    on: Mapping[str, str]
-    off: Mapping[str, str]
     cost: str
     loss: str | Callable[[Case], str]
+    on: Mapping[str, str] = field(default_factory=dict)
+    off: Mapping[str, str] = field(default_factory=dict)
+    law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}  # arguments of `granular_lmp.contact.model`
     needs: str = ""
     guard: str = ""
     switch: str = ""
@@ -281,16 +288,15 @@ ROWS = (
     Row(
         "adhesion",
         _adhesion,
-        on={"normal": "dmt", "gamma": " <half_adhesion>"},
-        off={"normal": "hertz/material", "gamma": ""},
+        law=lambda scene, on: {"normal": "dmt" if on else "hertz"},
         cost="1.04",
         loss=_without_adhesion,
     ),
     Row(
         "shear",
         _shear,
-        on={"tangential": "<shear_style> NULL <xt> ${friction}", "friction": "<friction_variable>"},
-        off={"tangential": "linear_nohistory 0.0 0.0"},
+        on={"friction": "<friction_variable>"},
+        law=lambda scene, on: {"shear": scene.effects.shear_law if on else "none"},
         cost="0.97",
         loss=_without_shear,
     ),
@@ -349,16 +355,13 @@ ROWS = (
     Row(
         "damping",
         _damping,
-        on={"eta": "<damping_coefficient>", "xt": "1.0", "damping": "<damping_style>"},
-        off={"eta": "0.0", "xt": "0.0", "damping": "velocity"},
+        law=lambda scene, on: _dashpot(scene) if on else {},
         cost="1.00",
         loss=_without_damping,
     ),
     Row(
         "contact_opening",
         _contact_opening,
-        on={},
-        off={},
         guard="open_contacts",
         cost="1.00",
         loss="nothing in the deck: LAMMPS parts contacts by itself; the guard falls silent",
@@ -376,8 +379,6 @@ ROWS = (
     Row(
         "width",
         _width,
-        on={},
-        off={},
         guard="row_spread",
         cost="columns",
         loss="waves that are not plane",
@@ -489,19 +490,17 @@ def values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
     """What the slots of the deck hold: the lines of the effects, and the numbers in them and in those of the guards."""
     rows = {row.name: row for row in ROWS}
     lines = dict.fromkeys((slot for row in ROWS for slot in (*row.on, *row.off)), "")
+    law: dict[str, Any] = {"friction": "${friction}"}
     for effect in chosen:
-        lines |= rows[effect.name].on if effect.on else rows[effect.name].off
+        row = rows[effect.name]
+        lines |= row.on if effect.on else row.off
+        law |= row.law(scene, effect.on)
     case, sphere, effects = Case(scene), scene.sphere, scene.effects
-    viscous = effects.restitution == 1
-    damping = units.number(effects.viscosity, mass=1, time=-1) if viscous else effects.restitution
     return lines | {
-        "half_adhesion": repr(units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)),
-        "shear_style": SHEAR_STYLES[effects.shear_law],
+        "contact": contact.pair(contact.model(sphere, units, **law)),
         "friction_given": repr(effects.friction),
         "no_slip_friction": repr(case.no_slip_friction),
         "friction_limit": "v_friction" if effects.friction == AUTO else repr(effects.friction),
-        "damping_style": "velocity" if viscous else "coeff_restitution",
-        "damping_coefficient": repr(damping),
         "adhesive_force": repr(units.number(sphere.pull_off_force, mass=1, length=1, time=-2)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),

@@ -142,6 +142,20 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
 
 
+def run_input(folder: Path, input_name: str) -> None:
+    """Run an input in its folder, in this process, to its end; ``log.lammps`` is written there.
+
+    Raises
+    ------
+    RunFolderError
+        When another run is at work in the folder.
+    LammpsMissingError, LammpsError
+    """
+    module = lammps_module()
+    with _locked(folder) as lock:
+        _run_module(module, Job(folder, input_name, LOG, lock, lambda step: None))
+
+
 def core_count() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

