@@ -4,7 +4,8 @@
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
-walls, rounding. Each run gets a figure ``compare.png`` in its folder.
+walls, rounding. Each run gets a figure ``compare.png`` in its folder. A theory that leaves out what the scene has is
+refused; a run with physics that none here holds, sliding contacts, is compared with nothing, and a note says so.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from analysis.norms import relative_error
 from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theories import THEORIES, Wave, best, drive_cancels
+from analysis.theories import LEAVES_OUT, THEORIES, TheoryError, Wave, best, drive_cancels, holding, trajectory
 from granular_lmp.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -35,14 +36,17 @@ class Comparison:
 
     Attributes
     ----------
+    theory : str or None
+        None if no theory holds what the run has.
     error, lattice_error : dict
         Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
-        component is zero by symmetry.
-    predicted : float
-        Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by theory.
+        component is zero by symmetry. Empty without a theory.
+    predicted : float or None
+        Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
+        the run has.
     measured, fit_error : float or None
         The same from the run by least squares, and the standard error of the fit, which knows nothing of what theory
-        leaves out; None where the second harmonic is below the next order or below rounding.
+        leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
     notes : list of str
         Why the comparison does not mean what it seems to.
     """
@@ -51,10 +55,10 @@ class Comparison:
     mode: str
     wavenumber: float
     amplitude: float
-    theory: str
+    theory: str | None
     error: dict[str, float | None]
     lattice_error: dict[str, float | None]
-    predicted: float
+    predicted: float | None
     measured: float | None
     fit_error: float | None
     notes: list[str]
@@ -63,12 +67,11 @@ class Comparison:
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best for its wave.
 
-    Raises ValueError for a theory that is not in `analysis.theories.THEORIES`.
+    Raises TheoryError for a theory that is not in `analysis.theories.THEORIES`, or leaves out what the run has.
     """
     wave = Wave.of(record)
-    name = theory or best(wave, record.tau)
-    if name not in THEORIES:
-        raise ValueError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
+    covered = bool(holding(wave.physics))
+    name = theory or (best(wave, record.tau) if covered else None)
     measured, fit_error = measured_amplitude(record, wave)
     return Comparison(
         name=record.scene.name,
@@ -76,8 +79,8 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         wavenumber=wave.mode.wavenumber,
         amplitude=wave.amplitude,
         theory=name,
-        error=errors(record, THEORIES[name](wave, record.tau)),
-        lattice_error=errors(record, THEORIES["exact-lattice"](wave, record.tau)),
+        error=errors(record, trajectory(name, wave, record.tau)) if name else {},
+        lattice_error=errors(record, trajectory("exact-lattice", wave, record.tau)) if covered else {},
         predicted=predicted_amplitude(wave),
         measured=measured,
         fit_error=fit_error,
@@ -89,14 +92,21 @@ def notes(record: Record) -> list[str]:
     """What in a run no theory here covers."""
     guards = record.info.get("guards", {})
     loud = [guard["meaning"] for guard in guards.values() if not guard["quiet"]]
+    if not holding(Wave.of(record).physics):
+        loud.append("contacts were let slide, which no theory here holds: the run is compared with nothing")
     echo = record.scene.echo_time
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
     return loud
 
 
-def predicted_amplitude(wave: Wave) -> float:
-    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form."""
+def predicted_amplitude(wave: Wave) -> float | None:
+    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form.
+
+    None where second order leaves out what the wave's contacts do.
+    """
+    if LEAVES_OUT["second-order"] & wave.physics.beyond_the_paper:
+        return None
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
 
@@ -116,10 +126,12 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
     second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
     proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
-    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding.
+    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; and where there is
+    no closed form for it.
     """
+    predicted = predicted_amplitude(wave)
     shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
-    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
+    if predicted is None or drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
         return None, None
     columns = [shape]
     if wave.mode.p:
@@ -130,7 +142,6 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     residual = record.p - matrix @ solution
     variance = residual @ residual / max(len(record.tau) - len(columns), 1)
     spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
-    predicted = predicted_amplitude(wave)
     return float(solution[0] * predicted), float(spread * predicted)
 
 
@@ -144,19 +155,27 @@ def table(comparisons: list[Comparison]) -> str:
     for c in comparisons:
         head = f"{c.name:18.18}{c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
         measured = f"{'-':>12}{'-':>9}" if c.measured is None else f"{c.measured:12.4g}{c.fit_error:9.0e}"
-        lines.append(f"{head}  {c.theory:15}{_cells(c.error)}   {measured}{c.predicted:11.4g}")
+        predicted = f"{'-':>11}" if c.predicted is None else f"{c.predicted:11.4g}"
+        lines.append(f"{head}  {c.theory or '-':15}{_cells(c.error)}   {measured}{predicted}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
     lines += [f"note on {c.name}: {note}" for c in comparisons for note in c.notes]
     return "\n".join(lines)
 
 
 def _cells(values: dict[str, float | None]) -> str:
+    if not values:
+        return f"{'-':>9}" * len(COMPONENTS)
     return "".join(f"{'0' if value is None else format(value, '.1e'):>9}" for value in values.values())
 
 
 def figure(record: Record, comparison: Comparison) -> Figure:
-    """p, q and φ of the run over theory, the difference below each in its own scale."""
-    theory = THEORIES[comparison.theory](Wave.of(record), record.tau)
+    """p, q and φ of the run over theory, the difference below each in its own scale.
+
+    Raises TheoryError for a comparison without a theory.
+    """
+    if comparison.theory is None:
+        raise TheoryError(f"theory = None: {comparison.name} is compared with nothing")
+    theory = trajectory(comparison.theory, Wave.of(record), record.tau)
     result = Figure(figsize=(7.5, 7.0), layout="constrained")
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
     for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, theory, strict=True):
@@ -191,8 +210,12 @@ def main(argv: list[str] | None = None) -> int:
     comparisons = []
     for folder in options.runs:
         record = load(folder, unfinished=options.force)
-        comparisons.append(compare(record, options.theory))
-        save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
+        try:
+            comparisons.append(compare(record, options.theory))
+        except TheoryError as error:
+            raise SystemExit(f"{folder}: {error}") from error
+        if comparisons[-1].theory:
+            save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
     print(table(comparisons))
     if options.json:
         write(Path(options.json), json.dumps([asdict(c) for c in comparisons], indent=2) + "\n")

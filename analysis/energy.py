@@ -86,18 +86,18 @@ class Ledger:
 def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
     """Energy per row of states (..., 6 or 8, K) of the lattice: the equations at the top of this module.
 
-    Arguments as of `lattice.rhs`. Raises ValueError for overlap_ratio > 0, whose normals turn.
+    Arguments as of `lattice.rhs`. Raises ValueError for overlap_ratio > 0, whose normals turn, and for dashpots.
     """
     stretch, tangential, overlap = _contacts(states, contact, neighbours)
     p_rate, q_rate, phi_rate = np.moveaxis(states[..., 3:6, :], -2, 0)
     root = np.sqrt(overlap)
     normal = (2 / 3) * (stretch + 0.4 * (overlap**2 * root - 1))
-    shear = 0.5 * contact.kappa * root * tangential**2
+    shear = 0.5 * contact.shear_stiffness * root * tangential**2
     kinetic = (contact.kappa + 3) * (p_rate**2 + q_rate**2 + contact.inertia * phi_rate**2)
     return Energy(
         kinetic=kinetic.mean(axis=-1),
         normal=normal.sum(axis=-2).mean(axis=-1),
-        shear=(shear.sum(axis=-2) + 2 * contact.kappa * states[..., 2, :] ** 2).mean(axis=-1),
+        shear=(shear.sum(axis=-2) + 2 * contact.shear_stiffness * states[..., 2, :] ** 2).mean(axis=-1),
     )
 
 
@@ -106,7 +106,7 @@ def law_power(states: Floats, contact: Contact, neighbours: Neighbours) -> Float
     _, tangential, overlap = _contacts(states, contact, neighbours)
     closing = -_stretch(states[..., 3:5, :], neighbours)
     root = np.sqrt(overlap)
-    softening = np.divide(contact.kappa, 2 * root, out=np.zeros_like(root), where=root > 0)  # dk_S/dδ
+    softening = np.divide(contact.shear_stiffness, 2 * root, out=np.zeros_like(root), where=root > 0)  # dk_S/dδ
     power: Floats = WORK_SIGN[contact.law] * 0.5 * (softening * tangential**2 * closing).sum(axis=-2)
     return power
 
@@ -186,10 +186,12 @@ def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple
     """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the right and left contacts, each (..., 2, K)."""
     if contact.overlap_ratio:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
+    if contact.viscosity:
+        raise ValueError(f"viscosity = {contact.viscosity} is not 0: the ledger has no entry for what dashpots take")
     stretch = _stretch(states[..., :2, :], neighbours)
     overlap = np.maximum(1 - stretch, 0)
-    if contact.incremental:
-        return stretch, states[..., 6:8, :] / (contact.kappa * np.sqrt(overlap)), overlap
+    if contact.has_history:
+        return stretch, states[..., 6:8, :] / (contact.shear_stiffness * np.sqrt(overlap)), overlap
     here = np.moveaxis(states[..., :3, :], -2, 0)[..., None, :]
     ahead = np.moveaxis(neighbours[0](states[..., :3, :]), -2, 0)[..., None, :]
     _, n_p, n_q = stretch_and_normal(here[0], here[1], 0.0)

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from analysis.compare import errors
 from analysis.plotting import load, parser, save
-from analysis.theories import THEORIES, Wave, best
+from analysis.theories import TheoryError, Wave, best, trajectory
 from granular_lmp.record import Record
 
 
@@ -50,7 +50,7 @@ def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
         ("second-order", "the paper's order", "tab:cyan", "-"),
         (ours, "best theory", "tab:red", "--"),
     ):
-        p, q, phi = THEORIES[name](wave, record.tau)
+        p, q, phi = trajectory(name, wave, record.tau)
         for axes, values, shown in ((upper, q, label), (upper, phi, None), (middle, p, label)):
             axes.plot(record.tau, values, color=colour, linestyle=dashes, linewidth=1.0, label=shown)
         # The first record is the start, which every theory shares
@@ -80,7 +80,11 @@ def main(argv: list[str] | None = None) -> int:
     chosen = options.parse_args(argv)
     if 3 * len(chosen.runs) > len(ascii_lowercase):
         options.error(f"{len(chosen.runs)} runs: at most {len(ascii_lowercase) // 3} fit into one figure")
-    save(draw([load(folder) for folder in chosen.runs]), chosen.output)
+    try:
+        figure = draw([load(folder) for folder in chosen.runs])
+    except TheoryError as error:
+        raise SystemExit(f"{' '.join(chosen.runs)}: {error}") from error
+    save(figure, chosen.output)
     print(chosen.output)
     return 0
 

@@ -38,7 +38,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, Ratios, nonlinearity, second_harmonic
+from analysis.second_harmonic import Mode, Ratios, doubled_frequency, nonlinearity, second_harmonic
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -53,20 +53,22 @@ class Shift(NamedTuple):
 
 def shift_parts(mode: Mode, ratios: Ratios) -> Shift:
     """The two parts of σ by the equations at the top of this module. Arguments as in `frequency_shift`."""
-    kappa, beta, omega, w = ratios.kappa, ratios.beta, mode.frequency, np.sin(mode.wavenumber)
+    kappa, beta, omega, sine = ratios.shear_stiffness, ratios.beta, mode.frequency, np.sin(mode.wavenumber)
+    unit, squared = 128 * (ratios.kappa + 3), ratios.speed**2
     s, c = np.sin(mode.wavenumber / 2), np.cos(mode.wavenumber / 2)
     strength = nonlinearity(ratios, 1.0)  # ε̂
     if mode.name == "L":
-        chi = 3 * (1 + kappa) / (128 * (kappa + 3))
-        # Y = −ε̂c², and w̃² − 4Ω² = −4s⁴
-        return Shift(float(-6 * chi * omega**3), float(-omega * (ratios.longitudinal * strength * c * s**2) ** 2))
+        chi = 3 * (1 + kappa) / unit
+        # In the paper's geometry Y = −ε̂c², and w̃² − 4Ω² = −4s⁴
+        through_p = -omega * (ratios.longitudinal * strength * c * s**2) ** 2 / squared
+        return Shift(float(-6 * chi * omega**3 / squared**2), float(through_p))
     Dq, Sg = 2 * s * mode.q, 2 * c * mode.f
     T = np.sqrt(3) / 2 * Dq - Sg
     inertia = 2 * omega * (mode.q**2 + ratios.inertia * mode.f**2)
-    springs = 3 / (128 * (kappa + 3)) * Dq**2 * (Dq**2 / 12 + kappa * T**2)
-    drive = w * mode.q * (ratios.alpha * s**2 * mode.q - beta / np.sqrt(3) * w * mode.f)  # P̃1/i·(w̃² − 4Ω²)
+    springs = 3 / unit * Dq**2 * (Dq**2 / 12 + kappa * T**2)
+    drive = sine * mode.q * (ratios.alpha * s**2 * mode.q - beta / np.sqrt(3) * sine * mode.f)  # P̃1/i·(w̃² − 4Ω²)
     felt = ratios.gamma * Dq**2 - 5 / np.sqrt(3) * beta * Dq * Sg + 2 * beta * Sg**2
-    return Shift(float(-springs / inertia), float(strength**2 * w * drive * felt / 8 / inertia))
+    return Shift(float(-springs / inertia), float(strength**2 * sine * drive * felt / 8 / inertia))
 
 
 def frequency_shift(mode: Mode, ratios: Ratios) -> float:
@@ -89,17 +91,17 @@ def frequency_shift(mode: Mode, ratios: Ratios) -> float:
     Source: not in the paper.
     """
     springs, through_p = shift_parts(mode, ratios)
-    below, above = _detunings(mode)
+    below, above = _detunings(mode, ratios)
     if below == 0:
         raise ValueError(f"wavenumber = {mode.wavenumber} is on resonance: the frequency shift is infinite")
     return springs - through_p / (below * above)
 
 
-def _detunings(mode: Mode) -> tuple[float, float]:
+def _detunings(mode: Mode, ratios: Ratios) -> tuple[float, float]:
     """δ₊ = 2Ω − w̃ and δ₋ = 2Ω + w̃; of L without the cancellation of 2 sin(ξ/2) − sin ξ at small ξ."""
-    w = float(np.sin(mode.wavenumber))
+    w = doubled_frequency(mode, ratios)
     above = 2 * mode.frequency + w
-    return 4 * mode.frequency**4 / above if mode.name == "L" else 2 * mode.frequency - w, above
+    return 4 * mode.frequency**4 / ratios.speed**2 / above if mode.name == "L" else 2 * mode.frequency - w, above
 
 
 def slow_amplitude(mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike) -> Complexes:
@@ -111,9 +113,9 @@ def slow_amplitude(mode: Mode, ratios: Ratios, amplitude: float, tau: ArrayLike)
     """
     tau = np.asarray(tau, dtype=float)
     springs, through_p = shift_parts(mode, ratios)
-    below, above = _detunings(mode)
+    below, above = _detunings(mode, ratios)
     # σ_p r± = ±through_p/(2w̃δ±): the 1/δ± is in _ripple.
-    ripple = through_p / (2 * np.sin(mode.wavenumber)) * (_ripple(below, tau) - _ripple(above, tau))
+    ripple = through_p / (2 * doubled_frequency(mode, ratios)) * (_ripple(below, tau) - _ripple(above, tau))
     return np.asarray(np.exp(-1j * amplitude**2 * (springs * tau + ripple)), dtype=np.complex128)
 
 

@@ -9,7 +9,8 @@ and each of them has a rule for truncated series (Knuth, The Art of Computer Pro
                                       r = √x:  r_k = (x_k − Σ_{0<j<k} r_j r_{k−j})/(2r_0)
 
 `Series` is an array that obeys them. Given to `lattice.rhs` in place of numbers, it returns the equations of all orders
-at once, in the paper's geometry or with contacts of true direction and length, and these are integrated in time.
+at once, in the paper's geometry or with contacts of true direction and length, under compression, the incremental law,
+with dashpots or without shear or rotation, and these are integrated in time.
 
 In units of D0 the displacement to order n is y1 + a y2 + … + aⁿ⁻¹ yn. Order k holds the harmonics k, k−2, … of ϑ, so
 2n+1 points of phase are exact. For TR and RT, p has even orders only, q and φ odd ones only. Order 2 is
@@ -32,13 +33,13 @@ resonance), 8e-3 (L, ξ=0.802), 2.5e-2 (TR, ξ=2.127). A contact that opens has 
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import lattice
-from analysis.second_harmonic import SOLID_SPHERE, Mode
+from analysis.second_harmonic import Mode
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class Series(np.ndarray[Any, np.dtype[np.float64]]):
     """Array of truncated power series in a. The last axis, hidden from arithmetic, holds the coefficients of a⁰ … aⁿ.
 
     Plain numbers and arrays are constants. The arithmetic is what `lattice.rhs` asks for; any other ufunc raises
-    TypeError, and a square root or maximum that is not analytic at a=0 raises ValueError.
+    TypeError, and a square root, maximum or sign that is not analytic at a=0 raises ValueError.
     """
 
     __array_priority__ = 1.0  # so that np.stack and np.concatenate of series are series
@@ -111,6 +112,12 @@ def _root(x: Floats) -> Floats:
     return r
 
 
+def _sign(x: Floats) -> Floats:
+    if np.any(x[..., 0] == 0):
+        raise ValueError("the sign has no power series where the argument is 0 at a = 0")
+    return np.multiply.outer(np.sign(x[..., 0]), np.eye(x.shape[-1])[0])
+
+
 def _maximum(x: Floats, y: Floats) -> Floats:
     if np.any(x[..., 0] <= y[..., 0]):
         raise ValueError("the maximum has a power series here only where the first argument is the larger at a = 0")
@@ -126,6 +133,7 @@ RULES: dict[np.ufunc, Callable[..., Floats]] = {
     np.sqrt: _root,
     np.hypot: lambda x, y: _root(_product(x, x) + _product(y, y)),
     np.maximum: _maximum,
+    np.sign: _sign,
 }
 
 
@@ -135,17 +143,16 @@ def hierarchy_orders(
     poisson_ratio: float,
     *,
     order: int = 6,
-    overlap_ratio: float = 0.0,
-    inertia: float = SOLID_SPHERE,
     rtol: float = 1e-10,
+    **effects: Unpack[lattice.Effects],
 ) -> Floats:
     """Every order of p, q, φ on the phase torus, (n, T, 3, 2n+1): [k−1] is yk, the factor of aᵏ in units of Δ0.
 
     Parameters
     ----------
-    mode : the wave at τ=0 (all of it in y1), made from ratios with the same ν, η and inertia.
+    mode : the wave at τ=0 (all of it in y1), made from ratios with the same ν and effects.
     tau : (T,) ascending times.
-    poisson_ratio, overlap_ratio, inertia : as in `lattice.contact`.
+    poisson_ratio, effects : as in `lattice.contact`; the law from a potential, which divides by the overlap, is none.
     order : n ≥ 2, the highest power of a.
     rtol : error per step, relative for an order larger than 1, absolute else. At τ=120 it has become up to 100 rtol
         (φ of RT).
@@ -153,13 +160,15 @@ def hierarchy_orders(
     Raises
     ------
     ValueError
-        For an order below 2, a time or a contact that is none.
+        For an order below 2, a time or a contact that is none, or the law "potential".
 
     Source: the equations of `analysis.lattice` (equ, eqv, eqphi of the paper).
     """
     if order < 2:
         raise ValueError(f"order = {order} must be at least 2")
-    contact = lattice.contact(poisson_ratio, overlap_ratio=overlap_ratio, inertia=inertia)
+    contact = lattice.contact(poisson_ratio, **effects)
+    if contact.law == "potential":
+        raise ValueError("law = 'potential' has no hierarchy here; 'secant' and 'incremental' do")
     points = 2 * order + 1
     neighbours = lattice.torus_neighbours(mode.wavenumber, points)
     amplitude = Series.variable(order)
@@ -179,20 +188,17 @@ def hierarchy(
     poisson_ratio: float,
     *,
     order: int = 6,
-    overlap_ratio: float = 0.0,
-    inertia: float = SOLID_SPHERE,
     row: float = 0,
     phase: float = 0.0,
     rtol: float = 1e-10,
+    **effects: Unpack[lattice.Effects],
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ (T,) of one row to order n in units of D0: Σ aᵏ⁻¹ yk, where ϑ = ξ·row + phase at τ=0.
 
     For TR and RT, orders 2 and 3 differ in q and φ only, orders 3 and 4 in p only. amplitude is a = D0/Δ0; the other
     arguments are those of `hierarchy_orders`, which serves all amplitudes, rows and phases at once.
     """
-    orders = hierarchy_orders(
-        mode, tau, poisson_ratio, order=order, overlap_ratio=overlap_ratio, inertia=inertia, rtol=rtol
-    )
+    orders = hierarchy_orders(mode, tau, poisson_ratio, order=order, rtol=rtol, **effects)
     points = orders.shape[-1]
     weights = lattice.periodic_kernel(mode.wavenumber * row + phase - lattice.torus_phases(points), points)
     p, q, phi = np.tensordot(amplitude ** np.arange(order), orders @ weights, axes=1).T

@@ -23,18 +23,26 @@ the configuration (so it has no `potential`) and is integrated as a state,
 
 Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
 
-Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance, and `incremental` freezes
-the shear force of an open contact where LAMMPS forgets it.
+And the physics a scene calls for (`Effects`). `prestress`: adhesion holds the lattice at 0, compression at 1; the
+contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn (η > 0). `shear`,
+`rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'². `viscosity` c (in
+m/t0, t0 the unit of τ): every closed contact, also that within the row, has a dashpot along its normal and, if it
+resists shear, one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c dt/dτ (LAMMPS damping velocity).
+`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
+
+Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
+is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from analysis.damping import restitution_viscosity
 from analysis.second_harmonic import SOLID_SPHERE, Mode
 
 Floats = NDArray[np.float64]
@@ -45,14 +53,41 @@ SIDE = np.array([[1.0], [-1.0]])  # right, left contact
 NORMAL = (np.sqrt(3) / 2, -SIDE / 2)  # (p, q) components at equilibrium
 
 
+class Effects(TypedDict, total=False):
+    """Arguments of `contact` beyond ν, which every function that integrates a wave takes and hands on."""
+
+    law: Law
+    overlap_ratio: float
+    inertia: float
+    prestress: float
+    shear: bool
+    rotation: bool
+    viscosity: float
+    restitution: float | None
+
+
 @dataclass(frozen=True)
 class Contact:
-    """What rules a contact: κ of the spheres, Ĩ = I/(mR²), the tangential law, η = Δ0/2R (0: the paper's geometry)."""
+    """What rules a contact, by the terms of this module: made and checked by `contact`.
+
+    kappa is the spheres' own κ, which sets the unit of τ; a contact without shear has none of its force. viscosity is
+    that at rest, in m/t0; hertzian says whether it varies as (1−x)^{1/4}.
+    """
 
     kappa: float
     inertia: float
     law: Law
     overlap_ratio: float
+    prestress: float
+    shear: bool
+    rotation: bool
+    viscosity: float
+    hertzian: bool
+
+    @property
+    def shear_stiffness(self) -> float:
+        """κ of the contacts at rest; 0 without shear."""
+        return self.kappa if self.shear else 0.0
 
     @property
     def incremental(self) -> bool:
@@ -62,7 +97,7 @@ class Contact:
     @property
     def has_history(self) -> bool:
         """Whether the shear of a contact is a state of its own rather than a function of the displacements."""
-        return self.incremental or self.overlap_ratio > 0
+        return self.shear and (self.incremental or self.overlap_ratio > 0)
 
 
 def contact(
@@ -71,8 +106,17 @@ def contact(
     law: Law = "secant",
     overlap_ratio: float = 0.0,
     inertia: float = SOLID_SPHERE,
+    prestress: float = 0.0,
+    shear: bool = True,
+    rotation: bool = True,
+    viscosity: float = 0.0,
+    restitution: float | None = None,
 ) -> Contact:
-    """Hertz–Mindlin contact, κ = 2(1−ν)/(2−ν); ValueError for a law, ν, η or inertia that is none."""
+    """Hertz–Mindlin contact, κ = 2(1−ν)/(2−ν), with the physics named at the top of this module.
+
+    Raises ValueError for a law, ν, η, inertia, prestress, viscosity or restitution that is none, and for laws that do
+    not go together: `potential` with η > 0, `restitution` with `viscosity` or with adhesion (LAMMPS refuses it too).
+    """
     if law not in get_args(Law):
         raise ValueError(f"law = {law!r} is none of {get_args(Law)}")
     if not -1.0 <= poisson_ratio <= 0.5:
@@ -83,7 +127,20 @@ def contact(
         raise ValueError(f"law = 'potential' needs overlap_ratio = 0, not {overlap_ratio}: slip has a history")
     if not 0.0 < inertia < np.inf:
         raise ValueError(f"inertia = {inertia} must be positive and finite")
-    return Contact(2 * (1 - poisson_ratio) / (2 - poisson_ratio), inertia, law, overlap_ratio)
+    if not 0.0 <= prestress <= 1.0:
+        raise ValueError(f"prestress = {prestress} is outside [0, 1]")
+    if not 0.0 <= viscosity < np.inf:
+        raise ValueError(f"viscosity = {viscosity} must be finite and not negative")
+    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    if restitution is not None:
+        if viscosity:
+            raise ValueError(f"restitution = {restitution} and viscosity = {viscosity}: a contact has one dashpot")
+        if prestress != 1:
+            raise ValueError(f"restitution = {restitution} needs prestress = 1, not {prestress}: it knows no adhesion")
+        viscosity = restitution_viscosity(restitution, kappa)
+    return Contact(
+        kappa, inertia, law, overlap_ratio, prestress, shear, rotation, viscosity, hertzian=restitution is not None
+    )
 
 
 def stretch_and_normal(dp: Floats, dq: Floats, overlap_ratio: float) -> tuple[Floats, Floats | float, Floats]:
@@ -118,16 +175,18 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     neighbours : two functions, values → values one row on, and one row back.
     """
     after, before = neighbours
-    moving = state[: 6 if contact.has_history else 3]  # velocities are asked for only where slip is a state
+    dashpot = 2 * (contact.kappa + 3) * contact.viscosity
+    # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
+    moving = state[: 6 if contact.has_history or dashpot else 3]
     here, ahead = moving, after(moving)
     dp, dq = ahead[:2] - here[:2]
     x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
     overlap = np.maximum(1 - x, 0)
     root = np.sqrt(overlap)
-    normal = (1 - overlap * root) / 1.5
+    normal = (1 - contact.prestress - overlap * root) / 1.5
 
     rate = np.empty_like(state)
-    stiffness = contact.kappa * root
+    stiffness = contact.shear_stiffness * root
     if contact.has_history:
         slip_rate = slip(n_p, n_q, ahead[3:], here[3:])
         rate[6:] = stiffness * slip_rate if contact.incremental else slip_rate
@@ -137,6 +196,14 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
         shear = stiffness * tangential
         if contact.law == "potential":
             normal -= np.divide(shear * tangential, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
+    turning = contact.shear_stiffness * state[2]  # the slip −2φ of the contacts within the row, over −2
+    if dashpot:
+        closed = np.sqrt(root) if contact.hertzian else np.sign(overlap)
+        p_rate, q_rate = ahead[3:5] - here[3:5]
+        normal = normal + dashpot * closed * (n_p * p_rate + n_q * q_rate)
+        if contact.shear:
+            shear = shear + dashpot * closed * slip(n_p, n_q, ahead[3:], here[3:])
+            turning = turning + dashpot * state[5]
 
     eta = contact.overlap_ratio
     force = np.stack(
@@ -149,7 +216,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     behind = before(force)
     rate[:3] = state[3:6]
     rate[3:5] = force[:2] - behind[:2]
-    rate[5] = (force[2] + behind[2] - 4 * (1 - eta) * contact.kappa * state[2]) / contact.inertia
+    rate[5] = (force[2] + behind[2] - 4 * (1 - eta) * turning) / contact.inertia if contact.rotation else 0.0
     rate[3:6] /= 2 * (contact.kappa + 3)
     return rate
 
@@ -175,7 +242,7 @@ def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floa
     x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
     start = slip(n_p, n_q, ahead, here)
     if contact.incremental:
-        start *= contact.kappa * np.sqrt(np.maximum(1 - x, 0))
+        start *= contact.shear_stiffness * np.sqrt(np.maximum(1 - x, 0))
     return np.concatenate([moving, start])
 
 
@@ -238,11 +305,9 @@ def torus_trajectory(
     tau: ArrayLike,
     poisson_ratio: float,
     *,
-    law: Law = "secant",
-    overlap_ratio: float = 0.0,
-    inertia: float = SOLID_SPHERE,
     points: int = 31,
     rtol: float = 1e-11,
+    **effects: Unpack[Effects],
 ) -> Floats:
     """P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
 
@@ -252,16 +317,16 @@ def torus_trajectory(
 
     Parameters
     ----------
-    mode : the wave at τ=0, of `analysis.second_harmonic.mode`; with η > 0 made from ratios with that η.
+    mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects.
     amplitude : a = D0/Δ0.
     tau : (T,) ascending times.
-    poisson_ratio, law, overlap_ratio, inertia : as in `contact`; inertia is the sphere's, without the factor of η.
+    poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.
     points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
     rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
-    laws = contact(poisson_ratio, law=law, overlap_ratio=overlap_ratio, inertia=inertia)
+    laws = contact(poisson_ratio, **effects)
     neighbours = torus_neighbours(mode.wavenumber, points)
     start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
     states = integrate(lambda state: rhs(state, laws, neighbours), start, tau, rtol, amplitude)
@@ -274,19 +339,14 @@ def torus(
     tau: ArrayLike,
     poisson_ratio: float,
     *,
-    law: Law = "secant",
-    overlap_ratio: float = 0.0,
-    inertia: float = SOLID_SPHERE,
     row: float = 0,
     phase: float = 0.0,
     points: int = 31,
     rtol: float = 1e-11,
+    **effects: Unpack[Effects],
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ (T,) of one row in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`."""
-    trajectory = torus_trajectory(
-        mode, amplitude, tau, poisson_ratio,
-        law=law, overlap_ratio=overlap_ratio, inertia=inertia, points=points, rtol=rtol,
-    )  # fmt: skip
+    trajectory = torus_trajectory(mode, amplitude, tau, poisson_ratio, points=points, rtol=rtol, **effects)
     weights = periodic_kernel(mode.wavenumber * row + phase - torus_phases(points), points)
     p, q, phi = (trajectory @ weights).T
     return p, q, phi

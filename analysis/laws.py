@@ -31,7 +31,7 @@ Not covered: LAMMPS mindlin_rescale, which shrinks the slip whenever the contact
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, get_args
+from typing import Final, TypedDict, Unpack, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -59,7 +59,18 @@ LINES: Final[dict[Law, dict[str, str]]] = {
 }
 
 
-def shear_law_ratios(poisson_ratio: float, law: Law, mode: Mode | None = None, inertia: float = SOLID_SPHERE) -> Ratios:
+class Lattice(TypedDict, total=False):
+    """Options of `sh.ratios` beyond ν and inertia."""
+
+    overlap_ratio: float
+    prestress: float
+    shear: bool
+    rotation: bool
+
+
+def shear_law_ratios(
+    poisson_ratio: float, law: Law, mode: Mode | None = None, inertia: float = SOLID_SPHERE, **lattice: Unpack[Lattice]
+) -> Ratios:
     """Constants with which the functions of `analysis.second_harmonic` give the second harmonic under a shear law.
 
         secant       α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),   L: ε as in the paper
@@ -75,22 +86,33 @@ def shear_law_ratios(poisson_ratio: float, law: Law, mode: Mode | None = None, i
     law : "secant", "incremental" or "potential".
     mode : the fundamental; needed for "potential", whose α holds for this mode only.
     inertia : I/(mR²).
+    lattice : overlap_ratio, prestress, shear, rotation of `sh.ratios`, for the secant and the incremental law. What
+        they change is the same for both: to second order the laws differ by ½κ(xt − ∫x dt), where x and t are linear.
 
     Raises
     ------
     ValueError
-        For another law, a ν or an inertia out of range, or "potential" without a mode.
+        For another law, a ν or an inertia out of range, or "potential" without a mode or with an option of the lattice.
     """
-    secant = sh.ratios(poisson_ratio, inertia)
+    secant = sh.ratios(poisson_ratio, inertia, **lattice)
     kappa, unit = secant.kappa, 2 * secant.kappa + 3
     if law == "secant":
         return secant
     if law == "incremental":
-        return replace(secant, alpha=(kappa - 1) / unit, beta=kappa / unit, longitudinal=(kappa + 3) / unit)
+        less = secant.shear_stiffness / unit
+        return replace(
+            secant,
+            alpha=secant.alpha - less,
+            beta=secant.beta - less,
+            longitudinal=secant.longitudinal - less,
+            memory=less,
+        )
     if law != "potential":
         raise ValueError(f"law = {law!r} is none of {LAWS}")
     if mode is None:
         raise ValueError("law = 'potential' needs the mode: it has a term in σ², which Ratios holds mode by mode")
+    if lattice:
+        raise ValueError(f"law = 'potential' is that of the paper's lattice, not with {', '.join(lattice)}")
     alpha = -(kappa + 1) / unit
     if mode.name != "L":
         alpha -= 4 * kappa / unit * (mode.f / (mode.q * np.tan(mode.wavenumber / 2))) ** 2
@@ -136,12 +158,7 @@ def second_harmonic(
     It vanishes where ξn + phase is a multiple of π/2, as in the centre row at phase 0.
     """
     own = shear_law_ratios(poisson_ratio, law, mode, inertia)
-    moving = sh.second_harmonic(mode, own, amplitude, tau, row, phase)
-    if law != "incremental":
-        return moving
-    still, secant = replace(mode, frequency=0.0), sh.ratios(poisson_ratio, inertia)
-    start, end = (sh.second_harmonic(still, constants, amplitude, tau, row, phase) for constants in (secant, own))
-    return moving + start - end
+    return sh.second_harmonic(mode, own, amplitude, tau, row, phase)
 
 
 def ratio_to_secant(wavenumber: float, law: Law, poisson_ratio: float = SILICA) -> tuple[float, float, float]:

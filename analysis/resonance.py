@@ -45,7 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
-from analysis.second_harmonic import Mode, ModeName, Ratios
+from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency
 from analysis.second_harmonic import mode as linear_mode
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Waves:
     """Linear waves of harmonics 1 … 6 of a fundamental, followed by their conjugates in the same order: K in all.
 
     harmonic, frequency (K,): m and ω. shape (K, 3): v = (P, Q, if). stretch, slip (K, 2): x, t of contacts R, L to the
-    next row, for A = 1. response (K,): iC/(ω|v|²), the rate of A per force. kappa: κ of the lattice.
+    next row, for A = 1. response (K,): iC/(ω|v|²), the rate of A per force. kappa: κ of the contacts, 0 without shear.
     """
 
     harmonic: Indices
@@ -76,7 +76,7 @@ class Waves:
 def waves(fundamental: Mode, ratios: Ratios) -> Waves:
     """All waves a fundamental can drive, by symmetry: L for L; L in even and TR, RT in odd harmonics otherwise."""
     even: tuple[ModeName, ...] = ("L",)
-    odd: tuple[ModeName, ...] = even if fundamental.name == "L" else ("TR", "RT")
+    odd: tuple[ModeName, ...] = even if fundamental.name == "L" else ("TR", "RT") if ratios.rotation else ("TR",)
     labels = [
         (harmonic, name, direction)
         for harmonic in range(1, HARMONICS + 1)
@@ -100,7 +100,7 @@ def waves(fundamental: Mode, ratios: Ratios) -> Waves:
     slip = np.sqrt(3) / 2 * dq - sigma + side * dp / 2
     norm = np.abs(shape) ** 2 @ [1.0, 1.0, ratios.inertia]
     response = 1j / (2 * (ratios.kappa + 3) * frequency * norm)
-    return Waves(m, frequency, shape, stretch.T, slip.T, response, ratios.kappa)
+    return Waves(m, frequency, shape, stretch.T, slip.T, response, ratios.shear_stiffness)
 
 
 def quadratic(waves: Waves, k: Indices, i: Indices, j: Indices) -> Complexes:
@@ -247,7 +247,7 @@ def two_mode_amplitudes(mode: Mode, ratios: Ratios, amplitude: float, tau: Array
     if g * h >= 0:
         raise ValueError(f"the exchange at wavenumber = {mode.wavenumber} has g h = {g * h:.3g} >= 0: it is explosive")
     tau = np.asarray(tau, dtype=float)
-    delta = 2 * mode.frequency - abs(np.sin(mode.wavenumber))
+    delta = 2 * mode.frequency - doubled_frequency(mode, ratios)
     rate = abs(amplitude) * np.sqrt(-g * h)
     S = delta / (2 * rate)
     v = 1 / (np.hypot(1, S / 2) + abs(S) / 2)
@@ -285,5 +285,5 @@ def two_mode(
     A, B = two_mode_amplitudes(mode, ratios, amplitude, tau)
     start = np.exp(1j * (mode.wavenumber * row + phase))
     A = A * start * np.exp(-1j * mode.frequency * tau)
-    B = B * start**2 * np.exp(-1j * abs(np.sin(mode.wavenumber)) * tau)
+    B = B * start**2 * np.exp(-1j * doubled_frequency(mode, ratios) * tau)
     return (mode.p * A + B).real, mode.q * A.real, -mode.f * A.imag

@@ -35,22 +35,37 @@ SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
 class Ratios:
     """Dimensionless constants of the lattice: all follow from κ = g1/k1, the shear-to-normal stiffness of a contact.
 
-    inertia is Ĩ = I/(mR²); longitudinal multiplies ε where the L mode acts on itself (1 in the paper's geometry);
+    kappa is the spheres' own κ, which sets the units of τ and ε; shear_stiffness is κ too, or 0 where no contact
+    resists shear. speed is that of long L waves in half rows per τ: Ω_L = speed·sin(ξ/2) (1 in the paper's geometry).
+    inertia is Ĩ = I/(mR²); rotation says whether the spheres turn. longitudinal multiplies ε where the L mode acts on
+    itself (1 in the paper's geometry); memory is κ/(2κ+3) for a shear force that remembers its start (`laws`), else 0;
     overlap_ratio is η = Δ0/2R (0 in the paper's geometry).
     """
 
     kappa: float
+    shear_stiffness: float
+    speed: float
     mu1: float
     mu2: float
     alpha: float
     beta: float
     gamma: float
     inertia: float
+    rotation: bool
     longitudinal: float
+    memory: float
     overlap_ratio: float
 
 
-def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
+def ratios(
+    poisson_ratio: float,
+    inertia: float = SOLID_SPHERE,
+    overlap_ratio: float = 0.0,
+    *,
+    prestress: float = 0.0,
+    shear: bool = True,
+    rotation: bool = True,
+) -> Ratios:
     """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν).
 
         μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
@@ -60,13 +75,21 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
     These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
-    What the geometry adds to the start of a wave is in `second_harmonic`.
+    What the geometry adds to the start of a wave is in `second_harmonic`. A net force F0 in the contacts at rest turns
+    with them and pushes the spheres out of line, χ = F0/(k1(2R−Δ0)) = (2/3)·prestress·h per unit of sideways shift:
+
+        Ω_L² = (1 − χ/(κ+3)) sin²(ξ/2),  μ1 → μ1 − 3χ/(κ+3),  α → α + 2χh/(2κ+3),  ε_L → ε_L − 6χh/(2κ+3) of ε
+
+    Without shear every κ above is 0 but those of the units, κ+3 and 2κ+3; spheres that feel no torque do not turn.
 
     Parameters
     ----------
     poisson_ratio : ν of the spheres, in [−1, 0.5].
     inertia : I/(mR²) > 0.
     overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
+    prestress : F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does.
+    shear : whether contacts resist shear.
+    rotation : whether the spheres turn; if not, TR is purely transverse, Ω = √μ1 sin(ξ/2), and there is no RT.
 
     Raises
     ------
@@ -75,7 +98,7 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
 
     γ keeps its value of the paper at η > 0: no second harmonic depends on it.
 
-    Source: definitions below eqr, right as printed; the geometry is not in the paper.
+    Source: definitions below eqr, right as printed; geometry, compression and what is left out are not in the paper.
     """
     if not -1.0 <= poisson_ratio <= 0.5:
         raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
@@ -83,17 +106,26 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
         raise ValueError(f"inertia = {inertia} must be positive and finite")
     if not 0.0 <= overlap_ratio <= 0.1:
         raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
+    if not 0.0 <= prestress <= 1.0:
+        raise ValueError(f"prestress = {prestress} is outside [0, 1]")
     kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    stiffness = kappa if shear else 0.0
     h = overlap_ratio / (1 - overlap_ratio)
+    chi = prestress * h / 1.5
+    sideways = stiffness - chi
     return Ratios(
         kappa=kappa,
-        mu1=(3 * kappa + 1) / (kappa + 3),
-        mu2=kappa / (kappa + 3),
-        alpha=(2 * kappa - 1 + 2 * h * (1 - 5 * kappa)) / (2 * kappa + 3),
-        beta=2 * kappa * (1 - 6 * h) / (2 * kappa + 3),
-        gamma=(2 * kappa + 1) / (2 * kappa + 3),
+        shear_stiffness=stiffness,
+        speed=float(np.sqrt((3 + sideways) / (3 + kappa))),
+        mu1=(3 * sideways + 1) / (kappa + 3),
+        mu2=stiffness / (kappa + 3),
+        alpha=(2 * stiffness - 1 + 2 * h * (1 - 5 * stiffness + chi)) / (2 * kappa + 3),
+        beta=2 * stiffness * (1 - 6 * h) / (2 * kappa + 3),
+        gamma=(2 * stiffness + 1) / (2 * kappa + 3),
         inertia=inertia / (1 - overlap_ratio),
-        longitudinal=1 - 6 * h * (1 - kappa) / (2 * kappa + 3),
+        rotation=rotation and shear,
+        longitudinal=(2 * stiffness + 3 - 6 * h * (1 - stiffness + chi)) / (2 * kappa + 3),
+        memory=0.0,
         overlap_ratio=overlap_ratio,
     )
 
@@ -126,10 +158,12 @@ class Mode:
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
     """Frequency Ω(ξ) of a mode, array of the shape of wavenumbers (rad per row, in (0, π]).
 
-        L:       Ω = sin(ξ/2)                                     [Ldisp]
+        L:       Ω = speed·sin(ξ/2)                               [Ldisp; speed = 1 in the paper's geometry]
         TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    [TRdisp]
+        TR:      Ω² = A, if the spheres do not turn
 
-    Raises ValueError for a wavenumber outside (0, π] or an unknown name. Both right as printed.
+    Raises ValueError for a wavenumber outside (0, π], an unknown name, or RT of spheres that do not turn. Both right as
+    printed.
     """
     return _branch(wavenumbers, name, ratios)[0]
 
@@ -142,7 +176,7 @@ def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
     At ξ=π translation and rotation decouple; the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺
     (rounding leaves ~1e-16) and |f|=1, f>0 if it is the lower root and f<0 if it is the upper.
 
-    Raises ValueError for a wavenumber outside (0, π] or an unknown name.
+    Raises what `dispersion` raises.
     """
     frequency, q, f = (float(value) for value in _branch(wavenumber, name, ratios))
     return Mode(name, float(wavenumber), frequency, 1.0 if name == "L" else 0.0, q, f)
@@ -155,9 +189,13 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
         raise ValueError(f"wavenumber = {wavenumbers!r} is outside (0, pi]")
     s, c = np.sin(xi / 2), np.cos(xi)
     if name == "L":
-        return s, np.zeros_like(xi), np.zeros_like(xi)
+        return ratios.speed * s, np.zeros_like(xi), np.zeros_like(xi)
     if name not in ("TR", "RT"):
         raise ValueError(f"mode name = {name!r} is not one of 'L', 'TR', 'RT'")
+    if not ratios.rotation:
+        if name == "RT":
+            raise ValueError("mode name = 'RT': there is none where the spheres do not turn")
+        return np.sqrt(ratios.mu1) * s, np.ones_like(xi), np.zeros_like(xi)
     mu1, mu2, inertia = ratios.mu1, ratios.mu2, ratios.inertia
     A, b, c0 = mu1 * s**2, 2 * mu2 * (2 + c), np.sqrt(3) * mu2 * np.sin(xi)
     d = (b - inertia * A) / 2
@@ -176,7 +214,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
 
 
 def _source(mode: Mode, ratios: Ratios) -> float:
-    """Strength g of the drive: P1'' + sin²ξ P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp."""
+    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp."""
     s = np.sin(mode.wavenumber / 2)
     if mode.name == "L":
         return float(-ratios.longitudinal * s**2)
@@ -184,18 +222,24 @@ def _source(mode: Mode, ratios: Ratios) -> float:
     return float(mode.q * (alpha * s**2 * mode.q - beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f))
 
 
+def doubled_frequency(mode: Mode, ratios: Ratios) -> float:
+    """w̃ = Ω_L(2ξ) = speed·sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
+    return float(ratios.speed * np.sin(mode.wavenumber))
+
+
 def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     """Amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields take half of it.
 
-        TR, RT:  P̃1/i = sin ξ Q[α sin²(ξ/2) Q − (β/√3) sin ξ f]/(sin²ξ − 4Ω²)      [P1TR, which prints 4/3 for 1]
-        L:       P̃1/i = ½ cot(ξ/2)
+        TR, RT:  P̃1/i = sin ξ Q[α sin²(ξ/2) Q − (β/√3) sin ξ f]/(w̃² − 4Ω²)      [P1TR, which prints 4/3 for 1]
+        L:       P̃1/i = ½ cot(ξ/2)                       (times longitudinal/speed², 1 in the paper's geometry)
 
-    On resonance it grows without bound and changes sign; where the denominator rounds to 0 it is ±inf, never nan.
+    with w̃ = speed·sin ξ = Ω_L(2ξ). On resonance it grows without bound and changes sign; where the denominator rounds
+    to 0 it is ±inf, never nan.
     """
-    if mode.name == "L":  # sin²ξ − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
-        return float(ratios.longitudinal / np.tan(mode.wavenumber / 2) / 2)
-    w = np.sin(mode.wavenumber)
-    strength = float(w * _source(mode, ratios))
+    if mode.name == "L":  # w̃² − 4Ω² = −4 speed² sin⁴(ξ/2), which a difference loses at small ξ
+        return float(ratios.longitudinal / ratios.speed**2 / np.tan(mode.wavenumber / 2) / 2)
+    strength = float(np.sin(mode.wavenumber) * _source(mode, ratios))
+    w = doubled_frequency(mode, ratios)
     denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
     return strength / denominator if denominator else float(np.copysign(np.inf, strength))
 
@@ -205,17 +249,17 @@ def second_harmonic_terms(
 ) -> tuple[Floats, Floats, Floats]:
     """The three waves of the second harmonic, real fields: generated, free forward, free backward, shaped like tau.
 
-        p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = sin ξ = Ω_L(2ξ)   [ansatzPTR]
+        p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
-    (with phase, 2ξn + 2·phase for 2ξn), without the `_preload_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
+    (with phase, 2ξn + 2·phase for 2ξn), without the `_start_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
     and forward wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
     """
     tau = np.asarray(tau, dtype=float)
-    w, twice = np.sin(mode.wavenumber), 2 * mode.frequency
+    w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
     angle = 2 * (mode.wavenumber * row + phase)
-    half, g = nonlinearity(ratios, amplitude) / 2, _source(mode, ratios)
-    # P̃₊ and P̃₋ with the common factor w̃ of numerator and denominator taken out: regular at ξ=π.
+    half, g = nonlinearity(ratios, amplitude) / 2, _source(mode, ratios) / ratios.speed
+    # P̃₊ and P̃₋ with the common factor sin ξ of numerator and denominator taken out: regular at ξ=π.
     forward, backward = -g / (2 * (w - twice)), -g / (2 * (w + twice))
     return (
         -half * generated_amplitude(mode, ratios) * np.sin(angle - twice * tau),
@@ -229,9 +273,9 @@ def second_harmonic(
 ) -> Floats:
     """Second-harmonic displacement p_SH(τ) in units of D0, the sum of `second_harmonic_terms`, regular on resonance.
 
-        p_SH = (ε/4) g Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
+        p_SH = (εg/4 speed) Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
 
-    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `_preload_wave` is added.
+    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `_start_wave` is added.
 
     Parameters
     ----------
@@ -248,26 +292,31 @@ def second_harmonic(
     Source: eqP1TR and eqP1 with the initial conditions IC, ICprime, solved by Duhamel's integral.
     """
     tau = np.asarray(tau, dtype=float)
-    w, twice = np.sin(mode.wavenumber), 2 * mode.frequency
+    w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
     start = np.exp(2j * (mode.wavenumber * row + phase))
     backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
     forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)
-    driven = nonlinearity(ratios, amplitude) / 4 * _source(mode, ratios) * np.real(start * (backward - forward))
-    return driven + _preload_wave(mode, ratios, amplitude, tau, row, phase)
+    strength = nonlinearity(ratios, amplitude) / (4 * ratios.speed) * _source(mode, ratios)
+    return strength * np.real(start * (backward - forward)) + _start_wave(mode, ratios, amplitude, tau, row, phase)
 
 
-def _preload_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
-    """What the preload of the contacts adds to p with η > 0, in D0; zero where ξn + phase is a multiple of π/2.
+def _start_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
+    """What the start leaves in the contacts adds to p, in D0; zero where ξn + phase is a multiple of π/2.
 
-        p = a κh√3/(4(κ+3)) sin²(ξ/2) (Q² − P²) sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)
+        p = G0 sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)
+        G0 = a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) − (ε/2)·memory·[sin²(ξ/2)(Q² − P²) − sin ξ Q f/√3]
 
     The shear springs are loaded in one step along the tangents of the displaced lattice (LAMMPS's rule), not along the
-    path there. The difference, second order in the displacements, stays in the contacts as a static force at 2ξ.
+    path there. The difference, second order in the displacements, stays in the contacts as a static force at 2ξ. So
+    does, under a law with memory, what the force at τ=0 differs from that of a wave that has always run.
     """
+    s2, sine = np.sin(mode.wavenumber / 2) ** 2, np.sin(mode.wavenumber)
+    translation = s2 * (mode.q**2 - mode.p**2)
     h = ratios.overlap_ratio / (1 - ratios.overlap_ratio)
-    w, kappa = np.sin(mode.wavenumber), ratios.kappa
-    force = amplitude * kappa * h * np.sqrt(3) / (4 * (kappa + 3)) * np.sin(mode.wavenumber / 2) ** 2
-    force *= (mode.q**2 - mode.p**2) * w * np.sin(2 * (mode.wavenumber * row + phase))
+    force = amplitude * ratios.mu2 * h * np.sqrt(3) / 4 * translation
+    force -= nonlinearity(ratios, amplitude) / 2 * ratios.memory * (translation - sine * mode.q * mode.f / np.sqrt(3))
+    force *= sine * np.sin(2 * (mode.wavenumber * row + phase))
+    w = doubled_frequency(mode, ratios)
     return force * tau**2 / 2 * np.sinc(w * tau / (2 * np.pi)) ** 2  # (1 − cos w̃τ)/w̃², regular at w̃ = 0
 
 
@@ -291,20 +340,29 @@ def second_order(
 
 
 def resonance(ratios: Ratios) -> float:
-    """Wavenumber where the TR mode's second harmonic is a free L wave: 2Ω_TR(ξ) = sin ξ.
+    """Wavenumber where the TR mode's second harmonic is a free L wave: 2Ω_TR(ξ) = speed·sin ξ.
 
-    Put Ω² = (1−C²)/4, C = cos ξ, into [TRdisp] and divide by 1−C: what remains is a cubic in C,
+    Put Ω² = λ(1−C²)/4, C = cos ξ, λ = speed², into [TRdisp] and divide by 1−C: what remains is a cubic in C,
 
-        [2μ2(2+C) − Ĩ(1−C²)/4][μ1 − (1+C)/2]/2 = 3μ2²(1+C).
+        [2μ2(2+C) − Ĩλ(1−C²)/4][μ1 − λ(1+C)/2]/2 = 3μ2²(1+C),
 
-    The paper says the resonance may lie outside the first zone. It cannot, for any inertia: left minus right is
-    μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses zero. So the least
-    root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch. That TR has no second one is tested by scanning.
+    and C = 2μ1/λ − 1, ξ = 2 arccos(√μ1/speed), if the spheres do not turn.
+
+    The paper says the resonance may lie outside the first zone. It cannot if the spheres turn, for any inertia: left
+    minus right is μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses zero.
+    So the least root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch. That TR has no second one is tested by
+    scanning.
+
+    Raises ValueError where there is none: spheres that resist shear and do not turn, ν ≤ 0 (at η = 0).
     """
-    mu1, mu2, inertia = ratios.mu1, ratios.mu2, ratios.inertia
+    mu1, mu2, inertia, squared = ratios.mu1, ratios.mu2, ratios.inertia, ratios.speed**2
+    if not ratios.rotation:
+        if mu1 >= squared:
+            raise ValueError(f"TR has no resonance: without rotation it is no slower than L, mu1 = {mu1} >= {squared}")
+        return float(2 * np.arccos(np.sqrt(mu1 / squared)))
     C = np.polynomial.Polynomial([0, 1])
-    b = 2 * mu2 * (2 + C) - inertia * (1 - C**2) / 4
-    roots = (b * (mu1 - (1 + C) / 2) / 2 - 3 * mu2**2 * (1 + C)).roots()
+    b = 2 * mu2 * (2 + C) - inertia * squared * (1 - C**2) / 4
+    roots = (b * (mu1 - squared * (1 + C) / 2) / 2 - 3 * mu2**2 * (1 + C)).roots()
     inside = roots.real[(np.abs(roots.imag) < 1e-12) & (np.abs(roots) < 1)]
     return float(np.arccos(np.min(inside)))
 
@@ -316,8 +374,10 @@ def antiresonance(ratios: Ratios) -> float | None:
 
         C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
 
-    None if that is no wavenumber of TR inside (0, π). AntiRes is right as printed.
+    None if that is no wavenumber of TR inside (0, π), and if the spheres do not turn. AntiRes is right as printed.
     """
+    if not ratios.rotation:  # nothing but α to cancel α
+        return None
     mu2, rho = ratios.mu2, ratios.alpha / ratios.beta
     rate = ratios.mu1 - 3 * mu2 * rho
     inertial = ratios.inertia * rate * rho / 2

@@ -7,11 +7,17 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | second-order | the second harmonic: the paper's order | as the phase drifts, σa²τ; at resonance and antiresonance |
 | frequency-shift | and the drift of the fundamental | p is still the paper's |
 | three-mode | and all exchange of energy with 2ξ and 3ξ | p at the antiresonance |
-| hierarchy | all waves to order a⁶ | once any correction has grown large: long times |
+| hierarchy | all waves to order a⁶, every law | once any correction has grown large: long times |
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
+A scene may call for other physics than the paper's (`Physics`). All five hold compression in place of adhesion, no
+rotation and no shear; what else one leaves out is in `LEAVES_OUT`. With compression, frequency shift and three waves
+lack corrections of relative order η, as they do without. Sliding contacts are in none. That contacts open is no law
+but a limit: the theories are those of the wave that does not open them, and the guards of a run say when it did.
+
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
-else gives p; else three-mode, which holds for long times near the resonance.
+else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
+leaves out what the scene has.
 """
 
 from collections.abc import Callable
@@ -23,40 +29,106 @@ from numpy.typing import NDArray
 
 from analysis.frequency_shift import shifted_second_order
 from analysis.hierarchy import hierarchy, hierarchy_orders
-from analysis.lattice import torus
+from analysis.lattice import Effects, Law, torus
+from analysis.laws import shear_law_ratios
 from analysis.resonance import three_mode
-from analysis.second_harmonic import Mode, Ratios, mode, ratios, second_order
+from analysis.second_harmonic import Mode, Ratios, mode, second_order
 from granular_lmp.record import Record
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]
 
 
+class TheoryError(ValueError):
+    """A theory asked for that there is not, or that leaves out what the run has."""
+
+
+@dataclass(frozen=True)
+class Physics:
+    """The physics of a run, in the words of `lattice.contact`, and whether contacts were let slide.
+
+    prestress is F0/(F0 + adhesive force); viscosity is in m/t0.
+    """
+
+    poisson_ratio: float
+    overlap_ratio: float
+    prestress: float = 0.0
+    law: Law = "secant"
+    shear: bool = True
+    rotation: bool = True
+    viscosity: float = 0.0
+    restitution: float | None = None
+    sliding: bool = False
+
+    @property
+    def effects(self) -> Effects:
+        """The arguments of `lattice.contact` beyond ν."""
+        return {
+            "law": self.law,
+            "overlap_ratio": self.overlap_ratio,
+            "prestress": self.prestress,
+            "shear": self.shear,
+            "rotation": self.rotation,
+            "viscosity": self.viscosity,
+            "restitution": self.restitution,
+        }
+
+    @property
+    def ratios(self) -> Ratios:
+        """Constants of the closed forms; they know nothing of damping and sliding."""
+        return shear_law_ratios(
+            self.poisson_ratio,
+            self.law,
+            overlap_ratio=self.overlap_ratio,
+            prestress=self.prestress,
+            shear=self.shear,
+            rotation=self.rotation,
+        )
+
+    @property
+    def beyond_the_paper(self) -> frozenset[str]:
+        """What of it not every theory holds, in the words of `LEAVES_OUT`."""
+        present = {
+            "damping": self.viscosity > 0 or self.restitution is not None,
+            "incremental": self.law == "incremental",
+            "sliding": self.sliding,
+        }
+        return frozenset(name for name, there in present.items() if there)
+
+
+def physics_of(record: Record) -> Physics:
+    """The physics of a run: the one place that knows where scene and ``run.json`` say it.
+
+    A record without ``run.json`` has what its scene has and every effect at its usual.
+    """
+    sphere = record.scene.sphere
+    on = {name: effect["on"] for name, effect in record.info.get("effects", {}).items()}
+    return Physics(
+        poisson_ratio=sphere.poisson_ratio,
+        overlap_ratio=sphere.overlap_ratio,
+        shear=on.get("shear", True),
+        rotation=on.get("rotation", True),
+        sliding=on.get("sliding", False),
+    )
+
+
 @dataclass(frozen=True)
 class Wave:
-    """What a theory needs to know: the mode at τ=0, its amplitude D0/Δ0 and phase, ν, and η = Δ0/2R of the contacts."""
+    """What a theory needs to know: the mode at τ=0, its amplitude D0/Δ0 and phase, and the physics of the contacts."""
 
     mode: Mode
     ratios: Ratios
     amplitude: float
     phase: float
-    poisson_ratio: float
-    overlap_ratio: float
+    physics: Physics
 
     @classmethod
     def of(cls, record: Record) -> Self:
         """The wave that a run started with, in LAMMPS's contact geometry."""
-        scene = record.scene
-        overlap_ratio = scene.sphere.overlap_ratio
-        constants = ratios(scene.sphere.poisson_ratio, overlap_ratio=overlap_ratio)
-        return cls(
-            mode(scene.wave.mode, scene.wavenumber, constants),  # type: ignore[arg-type]  # the scene checked the name
-            constants,
-            scene.wave.amplitude,
-            scene.wave.phase,
-            scene.sphere.poisson_ratio,
-            overlap_ratio,
-        )
+        wave, physics = record.scene.wave, physics_of(record)
+        constants = physics.ratios
+        linear = mode(wave.mode, record.scene.wavenumber, constants)  # type: ignore[arg-type]  # checked by the scene
+        return cls(linear, constants, wave.amplitude, wave.phase, physics)
 
 
 def _closed(formula: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Trajectory]:
@@ -69,12 +141,12 @@ def _closed(formula: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Traj
 
 
 def _integrated(method: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Trajectory]:
-    """An integration of mode, amplitude, tau, ν and η as a theory."""
+    """An integration of mode, amplitude, tau, ν and effects as a theory."""
 
     def theory(wave: Wave, tau: Floats) -> Trajectory:
         return method(
-            wave.mode, wave.amplitude, tau, wave.poisson_ratio,
-            overlap_ratio=wave.overlap_ratio, phase=wave.phase, rtol=1e-10,
+            wave.mode, wave.amplitude, tau, wave.physics.poisson_ratio,
+            phase=wave.phase, rtol=1e-10, **wave.physics.effects,
         )  # fmt: skip
 
     return theory
@@ -88,22 +160,53 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
     "exact-lattice": _integrated(torus),
 }
 
+# Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
+LEAVES_OUT: dict[str, frozenset[str]] = {
+    "second-order": frozenset({"damping", "sliding"}),
+    "frequency-shift": frozenset({"damping", "incremental", "sliding"}),
+    "three-mode": frozenset({"damping", "incremental", "sliding"}),
+    "hierarchy": frozenset({"sliding"}),
+    "exact-lattice": frozenset({"sliding"}),
+}
+
+
+def holding(physics: Physics) -> list[str]:
+    """Names of the theories that leave out nothing of the physics."""
+    return [name for name in THEORIES if not LEAVES_OUT[name] & physics.beyond_the_paper]
+
+
+def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
+    """p, q, φ of a theory; TheoryError if there is none of that name or it leaves out what the wave's contacts do."""
+    if name not in THEORIES:
+        raise TheoryError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
+    missing = LEAVES_OUT[name] & wave.physics.beyond_the_paper
+    if missing:
+        allowed = ", ".join(holding(wave.physics)) or "none"
+        raise TheoryError(f"theory = {name!r} leaves out {', '.join(sorted(missing))}; that hold it: {allowed}")
+    return THEORIES[name](wave, tau)
+
 
 CONVERGED = 0.02  # of any component, in the two last orders of the hierarchy: the error is then smaller still
 LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
 
 
 def best(wave: Wave, tau: Floats) -> str:
-    """Name of the formula that holds best for the wave at the times: hierarchy or three-mode, by the module's rule."""
+    """Name of the theory that holds best for the wave at the times, by the module's rule.
+
+    Raises TheoryError if none holds its physics.
+    """
+    allowed = holding(wave.physics)
+    if not allowed:
+        raise TheoryError(f"no theory here holds {', '.join(sorted(wave.physics.beyond_the_paper))}")
     if drive_cancels(wave) or (tau[-1] <= LONGEST and last_orders(wave, tau) < CONVERGED):
         return "hierarchy"
-    return "three-mode"
+    return "three-mode" if "three-mode" in allowed else "exact-lattice"
 
 
 def last_orders(wave: Wave, tau: Floats) -> float:
     """How much the two last orders of the hierarchy add to p, q or φ, whichever is worst: relative, over all rows."""
     few = np.linspace(tau[0], tau[-1], 61)
-    orders = hierarchy_orders(wave.mode, few, wave.poisson_ratio, overlap_ratio=wave.overlap_ratio, rtol=1e-5)
+    orders = hierarchy_orders(wave.mode, few, wave.physics.poisson_ratio, rtol=1e-5, **wave.physics.effects)
     terms = orders * (wave.amplitude ** np.arange(len(orders)))[:, None, None, None]  # as (order, T, component, K)
     tail, total = (np.sqrt(np.sum(part.sum(axis=0) ** 2, axis=(0, 2))) for part in (terms[-2:], terms))
     return float(np.max(tail / np.where(total > 0, total, np.inf)))

@@ -1,0 +1,150 @@
+"""What dashpots in the contacts do to a wave: closed form against the exact lattice, and LAMMPS's restitution."""
+
+import numpy as np
+import pytest
+
+from analysis import lattice
+from analysis import second_harmonic as sh
+from analysis.damping import decay_rate, restitution_viscosity
+from analysis.hierarchy import hierarchy_orders
+
+NU = 0.17
+SILICA = sh.ratios(NU)
+TAU = np.linspace(0, 20, 41)
+PLAIN, COMPRESSED = {}, {"overlap_ratio": 0.05, "prestress": 1.0}
+WAVES = [
+    *((name, xi, effects) for name in ("L", "TR", "RT") for xi in (0.802, 2.6) for effects in (PLAIN, COMPRESSED)),
+    *((name, 0.802, {effect: False}) for name in ("L", "TR") for effect in ("rotation", "shear")),
+]
+
+
+def shrinking(mode, constants, viscosity, **effects):
+    """Rate at which the first order of a damped wave shrinks, from its projection on the mode over 20 τ.
+
+    The start is not quite the damped mode: a wave of relative size Γ/Ω runs backward and ripples at 2Ω.
+    """
+    first = hierarchy_orders(mode, TAU, NU, order=2, rtol=1e-11, viscosity=viscosity, **effects)[0]
+    harmonic = 2 * np.mean(first * np.exp(-1j * lattice.torus_phases(first.shape[-1])), axis=-1)
+    on_mode = harmonic @ [mode.p, mode.q, -1j * mode.f * constants.inertia]
+    ripple = 2 * mode.frequency * TAU
+    columns = np.stack([TAU, np.ones_like(TAU), np.cos(ripple), np.sin(ripple)], axis=-1)
+    return -np.linalg.lstsq(columns, np.log(np.abs(on_mode)))[0][0]
+
+
+@pytest.mark.parametrize(("name", "xi", "effects"), WAVES)
+def test_waves_decay_at_the_rate_of_the_closed_form(name, xi, effects):
+    constants = sh.ratios(NU, **effects)
+    mode = sh.mode(name, xi, constants)
+    # Relative error of order Γ, at most 1.3e-3 here, and of the integration, 1e-9/20 over Γ ≥ 5e-6.
+    assert shrinking(mode, constants, 2e-4, **effects) == pytest.approx(decay_rate(mode, constants, 2e-4), rel=1e-3)
+
+
+def test_a_wrong_decay_rate_is_seen():
+    mode = sh.mode("TR", 0.802, SILICA)
+    right = decay_rate(mode, SILICA, 2e-4)
+    assert abs(shrinking(mode, SILICA, 2.02e-4) / right - 1) > 5e-3  # one percent of viscosity
+    assert abs(shrinking(mode, SILICA, 2e-4) / decay_rate(mode, sh.ratios(NU, shear=False), 2e-4) - 1) > 0.1
+
+
+def test_the_decay_is_proportional_to_the_viscosity():
+    mode = sh.mode("TR", 0.802, SILICA)
+    rates = [shrinking(mode, SILICA, c) for c in (1e-3, 2e-3, 4e-3)]
+    assert np.diff(np.log2(rates)) == pytest.approx(1, abs=2e-3)  # the next power of c
+    assert rates[0] == pytest.approx(decay_rate(mode, SILICA, 1e-3), rel=2e-3)
+
+
+def test_long_waves_decay_as_four_times_viscosity_times_frequency_squared():
+    mode = sh.mode("L", 0.3, SILICA)
+    assert decay_rate(mode, SILICA, 0.01) == pytest.approx(0.04 * mode.frequency**2, rel=1e-14)
+
+
+def six_dashpots(moving, contact):
+    """Force and torque on the middle of three rows by dashpots in its six contacts, in m Δ0/t0², directions at rest."""
+    p, q, phi = moving
+    total = np.zeros(3)
+    for degrees, row in ((60, 2), (0, 1), (-60, 0), (240, 0), (180, 1), (120, 2)):
+        n = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+        t = np.array([-n[1], n[0]])
+        d = np.array([-(q[row] - q[1]), p[row] - p[1]])
+        slip = t @ d - phi[row] - phi[1]
+        total[:2] += contact.viscosity * ((n @ d) * n + slip * t)
+        total[2] += contact.viscosity * slip
+    return total
+
+
+def test_every_contact_has_two_dashpots():
+    rates = np.random.default_rng(2).uniform(-1, 1, (3, 3))
+    contact, neighbours = lattice.contact(NU, viscosity=0.3), lattice.ring_neighbours()
+    state = np.concatenate([np.zeros((3, 3)), rates])
+    p, q, phi = lattice.rhs(state, contact, neighbours)[3:, 1]
+    force = six_dashpots(rates, contact)
+    assert [p, q, phi] == pytest.approx([force[1], -force[0], force[2] / 0.4], rel=0, abs=1e-14)
+
+
+def test_an_open_contact_does_not_damp():
+    contact, still = lattice.contact(NU, viscosity=0.3), lattice.contact(NU)
+    neighbours = lattice.ring_neighbours()
+    state = np.zeros((6, 5))
+    state[0] = 10 * np.arange(5)  # rows 0 … 4 far apart; between 4 and 0 they are pressed
+    state[3] = [0.0, 0.1, -0.2, 0.3, 0.0]
+    damped, free = (lattice.rhs(state, c, neighbours)[3:] for c in (contact, still))
+    assert np.array_equal(damped[:2, 1:4], free[:2, 1:4])
+    state[0] = 0
+    damped, free = (lattice.rhs(state, c, neighbours)[3:] for c in (contact, still))
+    assert np.max(np.abs(damped - free)) > 0.1
+
+
+@pytest.mark.parametrize("law", ["secant", "incremental"])
+def test_the_law_of_the_shear_force_changes_nothing_of_the_damping(law):
+    mode = sh.mode("TR", 0.802, SILICA)
+    assert shrinking(mode, SILICA, 2e-4, law=law) == pytest.approx(decay_rate(mode, SILICA, 2e-4), rel=1e-3)
+
+
+# --- restitution ---
+
+
+@pytest.mark.parametrize("restitution", [0.95, 0.8, 0.5])
+def test_two_spheres_part_with_the_restitution_coefficient(restitution):
+    # One Hertz contact in units of Δ0, t0, m: f_N = C(2/3)(1−x)^{3/2}, and the dashpot of `restitution_viscosity`.
+    contact = lattice.contact(NU, restitution=restitution, prestress=1.0)
+
+    def rate(y):  # overlap and its rate, reduced mass ½
+        overlap = max(y[0], 0.0)
+        repulsion = overlap**1.5 / 1.5 / (2 * (contact.kappa + 3))
+        return np.array([y[1], -2 * (repulsion + contact.viscosity * overlap**0.25 * y[1])])
+
+    # Until the overlap is back at zero, where the dashpot of LAMMPS ends too.
+    states = lattice.integrate(rate, np.array([1e-12, 1.0]), np.linspace(0, 60, 60001), 1e-10, 1e-3)
+    parting = np.flatnonzero(states[:, 0] <= 0)[0]
+    assert -states[parting, 1] == pytest.approx(restitution, rel=2e-3)  # the grid, and the corner at zero overlap
+
+
+def test_a_wave_damped_by_restitution_decays_as_by_its_viscosity_at_rest():
+    mode = sh.mode("TR", 0.802, SILICA)
+    viscosity = restitution_viscosity(0.999, SILICA.kappa)
+    damped = [
+        hierarchy_orders(mode, TAU, NU, order=3, prestress=1.0, **effects)
+        for effects in ({"restitution": 0.999}, {"viscosity": viscosity})
+    ]
+    assert np.allclose(damped[0][0], damped[1][0], rtol=0, atol=1e-8)
+    assert np.max(np.abs(damped[0][1] - damped[1][1])) > 1e-5  # (1−x)^{1/4} is seen in the second order
+
+
+def test_no_restitution_is_no_damping():
+    assert restitution_viscosity(1.0, SILICA.kappa) == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"viscosity": -0.1}, "viscosity"),
+        ({"viscosity": np.inf}, "viscosity"),
+        ({"restitution": 0.0, "prestress": 1.0}, "restitution = 0.0 is outside"),
+        ({"restitution": 1.1, "prestress": 1.0}, "restitution = 1.1 is outside"),
+        ({"restitution": 0.9}, "needs prestress = 1"),
+        ({"restitution": 0.9, "prestress": 1.0, "viscosity": 0.1}, "one dashpot"),
+    ],
+)
+def test_dashpots_that_are_none_are_refused(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        lattice.contact(NU, **wrong)

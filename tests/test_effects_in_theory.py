@@ -1,0 +1,227 @@
+"""Compression instead of adhesion, no rotation, no shear: closed forms against the exact lattice, and a wrong one."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from analysis import lattice, laws
+from analysis import second_harmonic as sh
+from analysis.frequency_shift import frequency_shift, shifted_second_order
+from analysis.hierarchy import hierarchy, hierarchy_orders
+from analysis.norms import relative_error
+from analysis.resonance import three_mode
+
+NU = 0.17
+ETA = 0.02  # Δ0/2R: large enough for every term in it to be seen
+SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
+
+# What a scene can call for, in the words of `lattice.contact` and `sh.ratios` alike.
+EFFECTS = {
+    "compression": {"overlap_ratio": ETA, "prestress": 1.0},
+    "half": {"overlap_ratio": 0.1, "prestress": 0.5},
+    "no rotation": {"rotation": False},
+    "no rotation, compression": {"rotation": False, "overlap_ratio": ETA, "prestress": 1.0},
+    "no shear": {"shear": False},
+    "no shear, compression": {"shear": False, "overlap_ratio": ETA, "prestress": 1.0},
+}
+WAVES = [
+    (effects, name) for effects, name in product(EFFECTS, ("L", "TR", "RT")) if name != "RT" or "no" not in effects
+]
+
+
+def both_parts(mode, amplitude, tau, phase=0.0, **effects):
+    """Odd and even part of p, q, φ in the amplitude: a → −a is a phase of π."""
+    # From one integration: the points of the torus hold every phase.
+    states = lattice.torus_trajectory(mode, amplitude, tau, NU, points=15, rtol=1e-12, **effects)
+    one, other = ((states @ lattice.periodic_kernel(phase + c - lattice.torus_phases(15), 15)).T for c in (0, np.pi))
+    return (one - other) / 2, (one + other) / 2
+
+
+def first_order(mode, **effects):
+    """p, q, φ of the lattice to first order in a, in D0, less those of the mode: on the torus, over 10 τ."""
+    tau = np.linspace(0, 10, 11)
+    order = hierarchy_orders(mode, tau, NU, order=2, rtol=1e-11, **effects)[0]
+    theta = lattice.torus_phases(order.shape[-1]) - mode.frequency * tau[:, None]
+    wave = [mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)]
+    return np.max(np.abs(order - np.stack(wave, axis=1)))
+
+
+@pytest.mark.parametrize("xi", [0.802, 2.127, np.pi])
+@pytest.mark.parametrize(("effects", "name"), WAVES)
+def test_the_lattice_runs_in_its_linear_modes(effects, name, xi):
+    mode = sh.mode(name, xi, sh.ratios(NU, **EFFECTS[effects]))
+    assert first_order(mode, **EFFECTS[effects]) < 1e-9  # 100 rtol, and then some
+
+
+@pytest.mark.parametrize(("effects", "name"), WAVES)
+def test_the_lattice_itself_does_so_at_small_amplitude(effects, name):
+    mode = sh.mode(name, 0.802, sh.ratios(NU, **EFFECTS[effects]))
+    odd, _ = both_parts(mode, 1e-5, SHORT, **EFFECTS[effects])
+    theta = -mode.frequency * SHORT
+    wave = np.stack([mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)])
+    # a² = 1e-10 of nonlinearity, and rounding of 1 − x, 1e-16/1e-5, over 30 τ.
+    assert np.max(np.abs(odd - wave)) < 5e-9
+
+
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+def test_a_prestress_left_out_is_seen_in_the_linear_mode(name):
+    mode = sh.mode(name, 0.802, sh.ratios(NU, overlap_ratio=ETA))
+    # χ = 0.014, of which RT feels 0.01 in q.
+    assert first_order(mode, overlap_ratio=ETA, prestress=1.0) > 1e-4
+
+
+def test_a_prestress_does_nothing_where_normals_do_not_turn():
+    mode = sh.mode("TR", 0.802, sh.ratios(NU, prestress=1.0))
+    assert mode == sh.mode("TR", 0.802, sh.ratios(NU))
+    with_it, without = (lattice.torus(mode, 0.2, SHORT, NU, prestress=c) for c in (1.0, 0.0))
+    assert np.allclose(with_it, without, rtol=0, atol=1e-9)  # the integrator's own steps
+
+
+@pytest.mark.parametrize(("xi", "law"), [(0.802, "secant"), (1.9, "incremental")])
+@pytest.mark.parametrize(("effects", "name"), WAVES)
+def test_second_harmonic_is_exact_at_small_amplitude(effects, name, xi, law):
+    phase = 0.4  # what the start leaves in the contacts is there too
+    constants = laws.shear_law_ratios(NU, law, **EFFECTS[effects])
+    mode = sh.mode(name, xi, constants)
+    _, even = both_parts(mode, SMALL, SHORT, phase, law=law, **EFFECTS[effects])
+    theory = sh.second_harmonic(mode, constants, SMALL, SHORT, phase=phase)
+    # a² times the relative coefficient of order a⁴: at most 10 (RT, whose second harmonic is small).
+    assert relative_error(even[0], theory) < 15 * SMALL**2
+
+
+@pytest.mark.parametrize("constant", ["alpha", "longitudinal", "speed"])
+def test_one_percent_of_what_compression_adds_is_seen(constant):
+    name = "TR" if constant == "alpha" else "L"
+    right, adhesive = (sh.ratios(NU, overlap_ratio=0.1, prestress=c) for c in (1.0, 0.0))
+    mode = sh.mode(name, 0.802, right)
+    _, even = both_parts(mode, SMALL, SHORT, overlap_ratio=0.1, prestress=1.0)
+    value = getattr(right, constant)
+    wrong = replace(right, **{constant: value + 0.01 * (getattr(adhesive, constant) - value)})
+    off, rest = (relative_error(even[0], sh.second_harmonic(mode, r, SMALL, SHORT)) for r in (wrong, right))
+    assert off > 10 * rest
+
+
+def test_without_rotation_silica_resonates_in_long_waves():
+    constants = sh.ratios(NU, rotation=False)
+    assert sh.resonance(constants) == pytest.approx(2 * np.arccos(np.sqrt(constants.mu1)), rel=1e-14)
+    assert sh.resonance(constants) == pytest.approx(0.43966, abs=5e-6)  # five digits are known
+    assert sh.antiresonance(constants) is None
+
+
+def test_without_rotation_the_lattice_resonates_there_and_not_elsewhere():
+    constants, tau = sh.ratios(NU, rotation=False), np.linspace(0, 400, 401)
+    at = sh.resonance(constants)
+
+    def late_over_early(xi):
+        p = lattice.torus(sh.mode("TR", xi, constants), SMALL, tau, NU, rotation=False, points=11, rtol=1e-9)[0]
+        return np.max(np.abs(p[350:])) / np.max(np.abs(p[50:100]))
+
+    assert late_over_early(at) == pytest.approx(4, rel=0.05)  # p ∝ τ, whole periods at w̃ = 0.43: 1/20 of the window
+    assert late_over_early(1.475) < 1.2
+
+
+@pytest.mark.parametrize("nu", [-0.5, 0.0])
+def test_without_rotation_there_is_no_resonance_for_auxetic_spheres(nu):
+    with pytest.raises(ValueError, match="no resonance"):
+        sh.resonance(sh.ratios(nu, rotation=False))
+
+
+@pytest.mark.parametrize("effects", EFFECTS.values(), ids=EFFECTS)
+def test_resonance_is_where_twice_the_frequency_is_that_of_l(effects):
+    constants = sh.ratios(NU, **effects)
+    at = sh.resonance(constants)
+    mode = sh.mode("TR", at, constants)
+    assert 2 * mode.frequency == pytest.approx(sh.doubled_frequency(mode, constants), rel=1e-12)
+    folded = min(2 * at, 2 * np.pi - 2 * at)
+    assert 2 * mode.frequency == pytest.approx(float(sh.dispersion(folded, "L", constants)), rel=1e-12)
+
+
+def test_antiresonance_under_compression_is_where_the_second_harmonic_vanishes():
+    constants = sh.ratios(NU, overlap_ratio=ETA, prestress=1.0)
+    at = sh.antiresonance(constants)
+    assert abs(sh.generated_amplitude(sh.mode("TR", at, constants), constants)) < 1e-14  # rounding
+    assert abs(at - sh.antiresonance(sh.ratios(NU, overlap_ratio=ETA))) > 1e-3
+
+
+def test_without_rotation_no_sphere_turns():
+    mode = sh.mode("TR", 0.802, sh.ratios(NU, rotation=False))
+    _, _, phi = lattice.torus(mode, 0.2, SHORT, NU, rotation=False, overlap_ratio=ETA)
+    assert np.all(phi == 0)
+    _, _, turned = lattice.torus(mode, 0.2, SHORT, NU, overlap_ratio=ETA)
+    assert np.max(np.abs(turned)) > 0.1
+
+
+def test_without_rotation_is_the_limit_of_a_large_moment_of_inertia():
+    mode = sh.mode("TR", 0.802, sh.ratios(NU, rotation=False))
+    held = np.stack(lattice.torus(mode, 0.2, SHORT, NU, rotation=False))
+    heavy = [np.stack(lattice.torus(mode, 0.2, SHORT, NU, inertia=i)) for i in (1e5, 1e6)]
+    off = [np.max(np.abs(values - held)) for values in heavy]
+    assert off[0] / off[1] == pytest.approx(10, rel=0.1)  # the difference falls as 1/Ĩ
+    assert off[1] < 1e-3
+
+
+def test_without_shear_the_unit_of_time_stays_that_of_the_spheres():
+    constants = sh.ratios(NU, shear=False)
+    # Central springs on a triangular lattice: transverse waves √3 slower than longitudinal ones.
+    assert constants.mu1 / constants.speed**2 == pytest.approx(1 / 3, rel=1e-14)
+    assert constants.speed**2 == pytest.approx(3 / (3 + constants.kappa), rel=1e-14)
+    assert constants.kappa == sh.ratios(NU).kappa
+
+
+@pytest.mark.parametrize("effects", [{"rotation": False}, {"shear": False}])
+def test_there_is_no_rt_mode_where_spheres_do_not_turn(effects):
+    with pytest.raises(ValueError, match="'RT'"):
+        sh.mode("RT", 1.0, sh.ratios(NU, **effects))
+
+
+@pytest.mark.parametrize("prestress", [-0.1, 1.1, np.nan])
+def test_a_prestress_that_is_no_share_is_refused(prestress):
+    for make in (sh.ratios, lattice.contact):
+        with pytest.raises(ValueError, match="prestress"):
+            make(NU, prestress=prestress)
+
+
+def test_the_potential_law_is_refused_with_options_of_the_lattice():
+    with pytest.raises(ValueError, match="not with rotation"):
+        laws.shear_law_ratios(NU, "potential", sh.mode("L", 1.0, sh.ratios(NU)), rotation=False)
+
+
+# --- the other theories ---
+
+
+@pytest.mark.parametrize(
+    "effects", [*EFFECTS.values(), {"law": "incremental"}, {"law": "incremental", "overlap_ratio": ETA}], ids=str
+)
+@pytest.mark.parametrize("name", ["TR", "L"])
+def test_the_hierarchy_holds_the_lattice_with_every_effect(name, effects):
+    mode = sh.mode(name, 0.802, sh.ratios(NU, **{k: v for k, v in effects.items() if k != "law"}))
+    exact = lattice.torus(mode, 0.02, SHORT, NU, points=21, rtol=1e-9, **effects)
+    theory = hierarchy(mode, 0.02, SHORT, NU, rtol=1e-8, **effects)
+    # a⁶ times a coefficient that the steepening of L takes to 1e4 at most; and the errors of the integrations.
+    assert np.max(np.abs(np.subtract(theory, exact))) < 1e-6
+    if "law" in effects and name == "TR":
+        secant = hierarchy(mode, 0.02, SHORT, NU, **{**effects, "law": "secant"})
+        assert np.max(np.abs(np.subtract(secant, exact))) > 1e-4
+
+
+def test_the_law_from_a_potential_has_no_hierarchy():
+    with pytest.raises(ValueError, match="potential"):
+        hierarchy_orders(sh.mode("L", 1.0, sh.ratios(NU)), SHORT, NU, law="potential")
+
+
+@pytest.mark.parametrize("effects", ["no rotation", "no shear"])
+@pytest.mark.parametrize(("name", "xi"), [("TR", 0.95), ("L", 0.95), ("TR", 2.6)])
+def test_frequency_shift_and_three_waves_hold_without_rotation_and_shear(name, xi, effects):
+    constants = sh.ratios(NU, **EFFECTS[effects])
+    mode, tau, a = sh.mode(name, xi, constants), np.linspace(0, 60, 121), 0.05
+    exact = lattice.torus(mode, a, tau, NU, points=21, rtol=1e-9, **EFFECTS[effects])
+    component = 0 if name == "L" else 1
+    second, shifted, three = (
+        relative_error(exact[component], theory(mode, constants, a, tau)[component])
+        for theory in (sh.second_order, shifted_second_order, three_mode)
+    )
+    assert frequency_shift(mode, constants) != 0
+    assert shifted < second / 3
+    assert three < second / 3
