@@ -5,7 +5,8 @@
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Each run gets a figure ``compare.png`` in its folder. A theory that leaves out what the scene has is
-refused; a run with physics that none here holds, sliding contacts, is compared with nothing, and a note says so.
+refused; a run with physics that none here holds, contacts that slide or open, is compared with nothing, and a note says
+so.
 """
 
 import argparse
@@ -21,7 +22,18 @@ from numpy.typing import NDArray
 from analysis.norms import relative_error
 from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theories import LEAVES_OUT, THEORIES, TheoryError, Wave, best, drive_cancels, holding, trajectory
+from analysis.theories import (
+    BEYOND_ALL,
+    LEAVES_OUT,
+    THEORIES,
+    TheoryError,
+    Wave,
+    best,
+    drive_cancels,
+    holding,
+    physics_of,
+    trajectory,
+)
 from granular_lmp.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -91,9 +103,11 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 def notes(record: Record) -> list[str]:
     """What in a run no theory here covers."""
     guards = record.info.get("guards", {})
-    loud = [guard["meaning"] for guard in guards.values() if not guard["quiet"]]
-    if not holding(Wave.of(record).physics):
-        loud.append("contacts were let slide, which no theory here holds: the run is compared with nothing")
+    loud = [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
+    physics = physics_of(record)
+    if not holding(physics):
+        present = " and ".join(sorted(physics.beyond_the_paper & BEYOND_ALL))
+        loud.append(f"{present} of contacts is in no theory here: the run is compared with nothing")
     echo = record.scene.echo_time
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
@@ -113,10 +127,14 @@ def predicted_amplitude(wave: Wave) -> float | None:
 def errors(
     record: Record, reference: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 ) -> dict[str, float | None]:
-    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent."""
+    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent.
+
+    An angle that was not tracked has no error.
+    """
     return {
         name: relative_error(getattr(record, name), values) if np.max(np.abs(values)) > SILENT else None
         for name, values in zip(COMPONENTS, reference, strict=True)
+        if not np.isnan(getattr(record, name)).all()
     }
 
 
@@ -163,9 +181,8 @@ def table(comparisons: list[Comparison]) -> str:
 
 
 def _cells(values: dict[str, float | None]) -> str:
-    if not values:
-        return f"{'-':>9}" * len(COMPONENTS)
-    return "".join(f"{'0' if value is None else format(value, '.1e'):>9}" for value in values.values())
+    shown = {name: "0" if value is None else format(value, ".1e") for name, value in values.items()}
+    return "".join(f"{shown.get(name, '-'):>9}" for name in COMPONENTS)
 
 
 def figure(record: Record, comparison: Comparison) -> Figure:
@@ -180,13 +197,10 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
     for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, theory, strict=True):
         run = getattr(record, name)
-        error = comparison.error[name]
         signal.plot(record.tau, run, color="black", label="LAMMPS")
         signal.plot(record.tau, values, color="tab:red", linestyle="--", label=comparison.theory)
         signal.set_ylabel(LABELS[name])
-        signal.set_title(
-            "zero by symmetry" if error is None else f"relative error {error:.1e}", fontsize="small", pad=2
-        )
+        signal.set_title(_title(comparison.error, name), fontsize="small", pad=2)
         difference.plot(record.tau, run - values, color="tab:grey", linewidth=0.8)
         difference.set_ylabel("difference", fontsize="x-small")
     result.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
@@ -195,6 +209,13 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     c = comparison
     result.suptitle(rf"{c.name}: {c.mode}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$")
     return result
+
+
+def _title(error: dict[str, float | None], name: str) -> str:
+    if name not in error:
+        return "not in the record"
+    value = error[name]
+    return "zero by symmetry" if value is None else f"relative error {value:.1e}"
 
 
 def main(argv: list[str] | None = None) -> int:

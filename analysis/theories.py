@@ -12,8 +12,7 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 
 A scene may call for other physics than the paper's (`Physics`). All five hold compression in place of adhesion, no
 rotation and no shear; what else one leaves out is in `LEAVES_OUT`. With compression, frequency shift and three waves
-lack corrections of relative order η, as they do without. Sliding contacts are in none. That contacts open is no law
-but a limit: the theories are those of the wave that does not open them, and the guards of a run say when it did.
+lack corrections of relative order η, as they do without. Contacts that slide or open are in none.
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -45,7 +44,7 @@ class TheoryError(ValueError):
 
 @dataclass(frozen=True)
 class Physics:
-    """The physics of a run, in the words of `lattice.contact`, and whether contacts were let slide.
+    """The physics of a run, in the words of `lattice.contact`, and whether contacts were let slide or open.
 
     prestress is F0/(F0 + adhesive force); viscosity is in m/t0.
     """
@@ -59,6 +58,7 @@ class Physics:
     viscosity: float = 0.0
     restitution: float | None = None
     sliding: bool = False
+    opening: bool = False
 
     @property
     def effects(self) -> Effects:
@@ -92,6 +92,7 @@ class Physics:
             "damping": self.viscosity > 0 or self.restitution is not None,
             "incremental": self.law == "incremental",
             "sliding": self.sliding,
+            "opening": self.opening,
         }
         return frozenset(name for name, there in present.items() if there)
 
@@ -101,14 +102,21 @@ def physics_of(record: Record) -> Physics:
 
     A record without ``run.json`` has what its scene has and every effect at its usual.
     """
-    sphere = record.scene.sphere
-    on = {name: effect["on"] for name, effect in record.info.get("effects", {}).items()}
+    sphere, declared = record.scene.sphere, record.scene.effects
+    effects = record.info.get("effects", {})
+    on = {name: effect["on"] for name, effect in effects.items()}
+    damped = on.get("damping", True)
     return Physics(
         poisson_ratio=sphere.poisson_ratio,
         overlap_ratio=sphere.overlap_ratio,
+        prestress=sphere.contact_force / sphere.holding_force,
+        law=declared.shear_law,  # type: ignore[arg-type]  # checked by the scene
         shear=on.get("shear", True),
         rotation=on.get("rotation", True),
+        viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
+        restitution=declared.restitution if damped and declared.restitution < 1 else None,
         sliding=on.get("sliding", False),
+        opening=effects.get("contact_opening", {}).get("called_for", False),
     )
 
 
@@ -160,13 +168,15 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
     "exact-lattice": _integrated(torus),
 }
 
+# A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
+BEYOND_ALL = frozenset({"sliding", "opening"})
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 LEAVES_OUT: dict[str, frozenset[str]] = {
-    "second-order": frozenset({"damping", "sliding"}),
-    "frequency-shift": frozenset({"damping", "incremental", "sliding"}),
-    "three-mode": frozenset({"damping", "incremental", "sliding"}),
-    "hierarchy": frozenset({"sliding"}),
-    "exact-lattice": frozenset({"sliding"}),
+    "second-order": frozenset({"damping", *BEYOND_ALL}),
+    "frequency-shift": frozenset({"damping", "incremental", *BEYOND_ALL}),
+    "three-mode": frozenset({"damping", "incremental", *BEYOND_ALL}),
+    "hierarchy": BEYOND_ALL,
+    "exact-lattice": BEYOND_ALL,
 }
 
 
