@@ -101,7 +101,7 @@ def run(
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder).absolute()
-    with _locked(folder, make=True, force=force) as lock:
+    with locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
         for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
             (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
@@ -132,7 +132,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
     route = _route(info["launcher"] == "lmp", info["ranks"])
     name = f"{deck.input_name}.resume"
-    with _locked(folder) as lock:
+    with locked(folder) as lock:
         (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
         mend_dump(folder / DUMP)
         # The input opens the log itself, to append to it
@@ -174,8 +174,8 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
 
 
 @contextmanager
-def _locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
-    """Hold the folder for one run; gives the descriptor of the lock."""
+def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
+    """Hold the folder for one run or sweep; gives the descriptor of the lock."""
     with writable(folder):
         if make:
             folder.mkdir(parents=True, exist_ok=force)
