@@ -78,8 +78,8 @@ wave effects datafile
 deck
 record
 status accuracy locate plots
-launch
-doctor
+launch workers
+sweep doctor
 cli
 """
 
