@@ -8,6 +8,7 @@ import fcntl
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, Deck, build, resume_text, writable
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
 from granular_lmp.scene import Scene
@@ -228,7 +229,12 @@ def _route(program: bool, ranks: int) -> Route:
 
 def _run_module(module: Any, job: Job) -> None:
     with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        instance = pool.submit(module.lammps, cmdargs=job.switches).result()
+        try:
+            instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
+        except RuntimeError as refused:  # without the communicator it would be a segmentation fault
+            raise LammpsMissingError(
+                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
+            ) from refused
         work = pool.submit(instance.file, job.input_name)
         try:
             _watch(work, lambda: job.tell(instance.extract_global("ntimestep")))
@@ -244,6 +250,12 @@ def _run_module(module: Any, job: Job) -> None:
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+def _this_rank() -> Any:
+    """The communicator of this process alone, where the caller has MPI ranks; in the world's, LAMMPS waits for all."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_SELF if mpi else None
 
 
 def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
