@@ -70,10 +70,11 @@ def _parser() -> argparse.ArgumentParser:
     _folder_arguments(sweep, "sweep folder (default: sweeps/NAME)")
     sweep.add_argument(
         "--workers",
-        type=_positive,
+        type=_workers,
         default=1,
         metavar="N",
-        help="processes, each with one run at a time (default: 1)",
+        help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
+        "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
 
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
@@ -119,6 +120,10 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 1")
     return int(text)
+
+
+def _workers(text: str) -> int | str:
+    return text if text == "mpi" else _positive(text)
 
 
 def _scene(options: argparse.Namespace) -> "Scene":
@@ -167,7 +172,7 @@ def _resume(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     from granular_lmp.sweep import axes, sweep
-    from granular_lmp.workers import Workers
+    from granular_lmp.workers import Workers, mpi_workers
 
     scene, over = _scene(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
@@ -175,7 +180,7 @@ def _sweep(options: argparse.Namespace) -> int:
     def progress(done: int, runs: int, left: float) -> None:
         _progress(done, runs, "run", f", {left:.0f} s left")
 
-    with _interruptible() as bar, Workers(options.workers) as workers:
+    with _interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
         done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress)
     failed = done.having("failed")
     for row in failed:

@@ -167,22 +167,23 @@ def _points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[Point, st
         point = dict(zip(over, values, strict=True))
         try:
             made = scene.with_values(point)
+            name = f"runs/{scene_hash(made)}"
         except SceneError as error:
             said = ", ".join(f"{key} = {value!r}" for key, value in point.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
-        points.append((point, f"runs/{scene_hash(made)}", made))
+        points.append((point, name, made))
     return points
 
 
 def scene_hash(scene: Scene) -> str:
     """Name of the run of a scene: 16 hexadecimal digits of the SHA-256 of its sorted JSON, without its name."""
-    values = _plain(scene) | {"name": None}
+    values = _concrete(scene).to_dict() | {"name": None}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _plain(scene: Scene) -> dict[str, Any]:
-    """The scene with every default and choice written out."""
-    return scene.to_dict()
+def _concrete(scene: Scene) -> Scene:
+    """The scene with every default and choice made."""
+    return scene
 
 
 # --- the sweep -------------------------------------------------------------------------------------------------------
@@ -410,7 +411,8 @@ def _largest(values: NDArray[np.float64]) -> float | None:
 
 def _cost(scene: Scene) -> float:
     """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
-    return scene.packing.rows * scene.packing.columns * scene.time.steps + _OVERHEAD
+    packing, time_ = _concrete(scene).packing, _concrete(scene).time
+    return packing.rows * packing.columns * time_.steps + _OVERHEAD
 
 
 def _write_table(done: Sweep) -> None:

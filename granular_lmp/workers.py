@@ -85,6 +85,24 @@ class Workers(Executor):
         return result
 
 
+def mpi_workers() -> Executor:
+    """The ranks of ``mpiexec -n RANKS python -m mpi4py.futures …``; the first one gives out the calls.
+
+    Raises
+    ------
+    LaunchError
+        When there is no mpi4py, or the program was not started so.
+    """
+    try:
+        from mpi4py import MPI, futures  # noqa: PLC0415 (starts MPI)
+    except (ImportError, RuntimeError) as error:  # no such module; no MPI library
+        raise LaunchError(f"workers = 'mpi': mpi4py cannot be loaded: {error}") from error
+    if MPI.COMM_WORLD.size < 2:
+        raise LaunchError("workers = 'mpi': start at least 2 ranks: mpiexec -n RANKS python -m mpi4py.futures ...")
+    executor: Executor = futures.MPIPoolExecutor()
+    return executor
+
+
 def stop_requested() -> bool:
     """Whether the caller wants this worker's call to stop, or is gone; False in any other process."""
     return _served is not None and _served.poll()
