@@ -182,12 +182,12 @@ def _sweep(options: argparse.Namespace) -> int:
 
     with _interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
         done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress)
-    failed = done.having("failed")
-    for row in failed:
+    for row in done.having("failed"):
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
         print(f"failed: {point}: {row['message']} ({folder}/{row['run']})", file=sys.stderr)
-    print(f"{folder}: {len(done.having('finished'))} of {len(done.rows)} runs finished; {folder}/sweep.csv")
-    return 1 if failed else 0
+    finished = len(done.having("finished"))
+    print(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
+    return 0 if finished == len(done.rows) else 1
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.launch import locked, resume, run
 from granular_lmp.record import Record, read_status, replace_text, write_status
@@ -100,6 +101,14 @@ class Sweep:
         """Rows of this status."""
         return [row for row in self.rows if row["status"] == status]
 
+    def to_csv(self) -> str:
+        """The table, each number in the shortest form that reads back to the same double."""
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        return stream.getvalue()
+
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
         counts = (f"{len(self.having(status))} {status}" for status in ("finished", "failed", "unfinished"))
@@ -121,9 +130,9 @@ def axis(text: str) -> tuple[str, list[Any]]:
         When the text is something else.
     """
     key, equals, values = text.partition("=")
-    if not equals or not all(value.strip() for value in values.split(",")):
+    if not equals or not key.strip() or not all(value.strip() for value in values.split(",")):
         raise SceneError(f"{text!r}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT")
-    return assignment(f"{key}=0")[0], [value for item in values.split(",") for value in _item(item, text)]
+    return key.strip(), [value for item in values.split(",") for value in _item(item, text)]
 
 
 def axes(texts: Iterable[str]) -> dict[str, list[Any]]:
@@ -142,7 +151,8 @@ def _item(item: str, text: str) -> list[Any]:
         return [assignment(f"key={item}")[1]]
     try:
         first, last, count = item.split(":")
-        start, end, steps = Fraction(first), Fraction(last), int(count) - 1
+        start, end = (Fraction(repr(float(number))) for number in (first, last))  # 0.05 is 1/20, not its double
+        steps = int(count) - 1
     except ValueError as error:
         raise SceneError(f"{text!r}: {item!r} must be FIRST:LAST:COUNT, three numbers") from error
     if not 1 <= steps < MOST_RUNS:
@@ -238,23 +248,24 @@ def sweep(
 
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, [point | rows[name] | {"run": name} for point, name, _ in points])
-            _write_table(done)
+            with writable(folder):
+                replace_text(folder / TABLE, done.to_csv())
             return done
 
         cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}
-        total, started = sum(cost.values()), time.monotonic()
-        saved = started
+        total = left = sum(cost.values())
+        started = saved = time.monotonic()
         try:
             for name, row in _results(folder, {name: made[name] for name in cost}, executor or _Here()):
                 rows[name] = row
-                del cost[name]
-                left = sum(cost.values())
+                left -= cost.pop(name)
                 if progress is not None:
                     progress(len(made) - len(cost), len(made), (time.monotonic() - started) * left / (total - left))
                 if time.monotonic() > saved + _SAVE:
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
+            rows |= {name: _row(folder / name) for name in cost}  # some may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -274,7 +285,8 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     if there is None and not force and any(folder.iterdir()):
         raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
     if there != request:
-        replace_text(folder / REQUEST, json.dumps(request, indent=2) + "\n")
+        with writable(folder):
+            replace_text(folder / REQUEST, json.dumps(request, indent=2) + "\n")
 
 
 def _identity(request: dict[str, Any]) -> str:
@@ -368,6 +380,7 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
         return _row(folder)
     except Exception as error:  # of the executor or of the machine: this run failed, the others go on
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
+        message = " ".join(message.split())
     with suppress(OSError, RunFolderError):
         write_status(folder, read_status(folder) | {"status": "failed", "message": message})
     return _row(folder) | {"status": "failed", "message": message}
@@ -413,11 +426,3 @@ def _cost(scene: Scene) -> float:
     """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
     packing, time_ = _concrete(scene).packing, _concrete(scene).time
     return packing.rows * packing.columns * time_.steps + _OVERHEAD
-
-
-def _write_table(done: Sweep) -> None:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, [*done.over, *COLUMNS], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(done.rows)
-    replace_text(done.folder / TABLE, stream.getvalue())

@@ -113,7 +113,7 @@ def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":
     package = str(Path(__file__).parents[1])  # also where the package is not installed but run from a checkout
     path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
     process = subprocess.Popen(
-        [sys.executable, "-m", __name__, str(theirs.fileno())],
+        [sys.executable, "-c", f"from {__name__} import serve; serve({theirs.fileno()})"],
         stdin=subprocess.DEVNULL,
         env=os.environ | {"PYTHONPATH": path},
         pass_fds=[theirs.fileno()],
@@ -135,10 +135,10 @@ def _end(status: int) -> str:
     return f"signal {-status}" if status < 0 else f"exit status {status}"
 
 
-def serve(line: Connection) -> None:
-    """Answer calls until the caller closes the line, asks to stop, or is gone."""
+def serve(descriptor: int) -> None:
+    """Answer calls until the caller closes the line, asks to stop, or is gone: the whole life of a worker."""
     global _served
-    _served = line
+    line = _served = Connection(descriptor)
     while True:
         try:
             call = line.recv_bytes()
@@ -154,9 +154,3 @@ def _answer(call: bytes) -> bytes:
         return pickle.dumps((function(*args, **kwargs), None))
     except Exception as error:  # whatever it is, it is the caller's
         return pickle.dumps((None, error))
-
-
-if __name__ == "__main__":
-    from granular_lmp import workers  # not this copy, named __main__: `stop_requested` is asked there
-
-    workers.serve(Connection(int(sys.argv[1])))
