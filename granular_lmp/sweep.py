@@ -79,7 +79,7 @@ class Sweep:
         SceneError
             When its scene is not one of this version.
         """
-        folder = Path(folder)
+        folder = Path(folder).absolute()
         request = _read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {REQUEST})")
@@ -353,7 +353,7 @@ def run_point(scene: Scene, folder: Path) -> Point:
     """
 
     def heed(step: int, steps: int) -> None:
-        if stop_requested():
+        if step < steps and stop_requested():  # a run that has ended says so once more
             raise KeyboardInterrupt
 
     try:

@@ -11,7 +11,7 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 
-COMMANDS = ("build", "run", "resume", "effects", "modes", "doctor")
+COMMANDS = ("build", "run", "resume", "sweep", "effects", "modes", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

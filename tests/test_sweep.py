@@ -21,7 +21,7 @@ from granular_lmp import Record, Scene, launch, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.launch import locked
 from granular_lmp.record import read_status
-from granular_lmp.sweep import COLUMNS, Sweep, axes, axis, scene_hash, sweep
+from granular_lmp.sweep import COLUMNS, Sweep, axes, axis, run_point, scene_hash, sweep
 from granular_lmp.workers import Workers
 from tests.test_cli import cli
 
@@ -248,6 +248,21 @@ def interrupt(step: int, steps: int) -> None:
         raise KeyboardInterrupt
 
 
+def test_a_stop_that_comes_after_the_last_step_lets_the_run_be_finished(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def finished(scene: Scene, *arguments: Any, progress: Callable[[int, int], None], **options: Any) -> Record:
+        record = run(scene, *arguments, **options)
+        monkeypatch.setattr(module, "stop_requested", lambda: True)
+        progress(40, 40)
+        with pytest.raises(KeyboardInterrupt):
+            progress(39, 40)
+        return record
+
+    monkeypatch.setattr(module, "run", finished)
+    assert run_point(small, tmp_path / "run")["status"] == "finished"
+
+
 def test_progress_ends_with_all_runs_and_no_time_left(small: Scene, tmp_path: Path) -> None:
     said: list[tuple[int, int, float]] = []
     over = {"wave.phase": [0.1, 0.2, 0.3]}
@@ -454,3 +469,26 @@ def wait_for(happened: Callable[[], bool]) -> None:
     while not happened():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+
+
+def test_a_run_whose_process_is_killed_fails_and_the_others_go_on(small_toml: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "sweep"
+    words = ["--over", "time.duration=1e6,2.0", "-o", str(folder)]  # the first would take an hour
+    command = [sys.executable, "-m", "granular_lmp", "sweep", str(small_toml), *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        wait_for(lambda: states(folder) == ["running"])
+        worker = [pid for pid in Path("/proc").glob("[0-9]*") if parent(pid) == process.pid]
+        assert len(worker) == 1
+        os.kill(int(worker[0].name), signal.SIGKILL)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert err.startswith("failed: time.duration = 1000000.0: the process of the run ended by signal 9 (")
+    assert len(err.splitlines()) == 1
+    assert list(Sweep.load(folder).column("status")) == ["failed", "finished"]
+
+
+def parent(process: Path) -> int | None:
+    try:
+        return int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+    except (FileNotFoundError, ProcessLookupError):
+        return None
