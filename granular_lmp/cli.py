@@ -171,7 +171,8 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from granular_lmp.sweep import axes, sweep
+    from granular_lmp.grid import axes
+    from granular_lmp.sweep import sweep
     from granular_lmp.workers import Workers, mpi_workers
 
     scene, over = _scene(options), axes(options.over)

@@ -6,7 +6,6 @@ is asked for again, reads them, runs what is missing, and continues what was cut
 """
 
 import csv
-import hashlib
 import io
 import json
 import time
@@ -14,9 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
-from itertools import product
-from math import prod
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,23 +20,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import writable
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
+from granular_lmp.grid import concrete, points, scene_hash
 from granular_lmp.launch import locked, resume, run
 from granular_lmp.record import Record, read_status, replace_text, write_status
-from granular_lmp.scene import Scene, assignment
+from granular_lmp.scene import Scene
 from granular_lmp.workers import stop_requested
 
 Progress = Callable[[int, int, float], None]
 Point = dict[str, Any]
 
-TABLE = "sweep.csv"
 REQUEST = "sweep.json"
+TABLE = "sweep.csv"
+RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
 COLUMNS = (
     *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "frequency"),
     *("largest_p", "largest_q", "largest_phi", "guards"),
 )
-MOST_RUNS = 100_000  # folders; file systems and the table stay quick up to here
 _LOOK = 0.02  # s between two looks at what is done
 _SAVE = 5.0  # s between two writes of the table
 _OVERHEAD = 1e5  # particle-steps that take as long as starting a warm run and reading its record, 20 ms
@@ -84,8 +81,9 @@ class Sweep:
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {REQUEST})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
-        rows = [point | _row(folder / name) | {"run": name} for point, name, _ in _points(scene, over)]
-        return cls(folder, scene, over, rows)
+        grid = points(scene, over)
+        rows = {name: _row(folder / RUNS / name) for _, name, _ in grid}
+        return cls(folder, scene, over, _table(grid, rows))
 
     def column(self, name: str) -> NDArray[Any]:
         """One column of the table, in the order of `rows`; numbers that are not known are nan."""
@@ -113,87 +111,6 @@ class Sweep:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
         counts = (f"{len(self.having(status))} {status}" for status in ("finished", "failed", "unfinished"))
         return f"<Sweep {self.folder}: {asked}; {', '.join(counts)}>"
-
-
-# --- what is asked for -----------------------------------------------------------------------------------------------
-
-
-def axis(text: str) -> tuple[str, list[Any]]:
-    """``("wave.amplitude", [0.02, 0.2])`` from ``"wave.amplitude=0.02,0.2"``.
-
-    The values are TOML scalars with commas between them; ``a:b:n`` stands for n values from a to b, both included,
-    each the double nearest to the exact a + k(b − a)/(n − 1), whole numbers where all are whole.
-
-    Raises
-    ------
-    SceneError
-        When the text is something else.
-    """
-    key, equals, values = text.partition("=")
-    if not equals or not key.strip() or not all(value.strip() for value in values.split(",")):
-        raise SceneError(f"{text!r}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT")
-    return key.strip(), [value for item in values.split(",") for value in _item(item, text)]
-
-
-def axes(texts: Iterable[str]) -> dict[str, list[Any]]:
-    """Key → values of several texts, each as for `axis`; a key that comes twice is a SceneError."""
-    over: dict[str, list[Any]] = {}
-    for text in texts:
-        key, values = axis(text)
-        if key in over:
-            raise SceneError(f"{key}: is swept over twice; put all its values together, with commas")
-        over[key] = values
-    return over
-
-
-def _item(item: str, text: str) -> list[Any]:
-    if ":" not in item:
-        return [assignment(f"key={item}")[1]]
-    try:
-        first, last, count = item.split(":")
-        start, end = (Fraction(repr(float(number))) for number in (first, last))  # 0.05 is 1/20, not its double
-        steps = int(count) - 1
-    except ValueError as error:
-        raise SceneError(f"{text!r}: {item!r} must be FIRST:LAST:COUNT, three numbers") from error
-    if not 1 <= steps < MOST_RUNS:
-        raise SceneError(f"{text!r}: {item!r} must have a COUNT from 2 to {MOST_RUNS}")
-    values = [start + (end - start) * k / steps for k in range(steps + 1)]
-    whole = all(value.denominator == 1 for value in values)
-    return [int(value) if whole else float(value) for value in values]
-
-
-def _points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[Point, str, Scene]]:
-    """Every point of the outer product, the folder of its run, and its scene; all are checked before anything runs."""
-    empty = [key for key, values in over.items() if not values]
-    if not over or empty:
-        raise SceneError(f"{empty[0] if empty else 'sweep'}: there is no value to sweep over")
-    if "name" in over:
-        raise SceneError(f"name = {over['name'][0]!r}: cannot be swept over; it does not change the run")
-    count = prod(map(len, over.values()))
-    if count > MOST_RUNS:
-        raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
-    points = []
-    for values in product(*over.values()):
-        point = dict(zip(over, values, strict=True))
-        try:
-            made = scene.with_values(point)
-            name = f"runs/{scene_hash(made)}"
-        except SceneError as error:
-            said = ", ".join(f"{key} = {value!r}" for key, value in point.items())
-            raise SceneError(f"{error} (in the sweep at {said})") from error
-        points.append((point, name, made))
-    return points
-
-
-def scene_hash(scene: Scene) -> str:
-    """Name of the run of a scene: 16 hexadecimal digits of the SHA-256 of its sorted JSON, without its name."""
-    values = _concrete(scene).to_dict() | {"name": None}
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _concrete(scene: Scene) -> Scene:
-    """The scene with every default and choice made."""
-    return scene
 
 
 # --- the sweep -------------------------------------------------------------------------------------------------------
@@ -240,14 +157,14 @@ def sweep(
     """
     folder = Path(folder).absolute()
     asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
-    points = _points(scene, asked)
-    made = {name: each for _, name, each in points}
+    grid = points(scene, asked)
+    made = {name: each for _, name, each in grid}
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
-        rows = {name: _row(folder / name) for name in made}
+        rows = {name: _row(folder / RUNS / name) for name in made}
 
         def save() -> Sweep:
-            done = Sweep(folder, scene, asked, [point | rows[name] | {"run": name} for point, name, _ in points])
+            done = Sweep(folder, scene, asked, _table(grid, rows))
             with writable(folder):
                 replace_text(folder / TABLE, done.to_csv())
             return done
@@ -256,7 +173,7 @@ def sweep(
         total = left = sum(cost.values())
         started = saved = time.monotonic()
         try:
-            for name, row in _results(folder, {name: made[name] for name in cost}, executor or _Here()):
+            for name, row in _results(folder / RUNS, {name: made[name] for name in cost}, executor or _Here()):
                 rows[name] = row
                 left -= cost.pop(name)
                 if progress is not None:
@@ -265,7 +182,7 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: _row(folder / name) for name in cost}  # some may have ended since
+            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -339,7 +256,12 @@ class _Here(Executor):
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         future: Future[Any] = Future()
-        future.set_result(function(*args, **kwargs))
+        try:
+            future.set_result(function(*args, **kwargs))
+        except RunInterrupted:
+            raise
+        except Exception as error:
+            future.set_exception(error)
         return future
 
 
@@ -381,8 +303,12 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
     except Exception as error:  # of the executor or of the machine: this run failed, the others go on
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
-    with suppress(OSError, RunFolderError):
-        write_status(folder, read_status(folder) | {"status": "failed", "message": message})
+    info = _status(folder)
+    if info.get("status") == "finished":  # only its answer was lost
+        return _row(folder)
+    if info:
+        with suppress(OSError):
+            write_status(folder, info | {"status": "failed", "message": message})
     return _row(folder) | {"status": "failed", "message": message}
 
 
@@ -396,14 +322,20 @@ def _status(folder: Path) -> dict[str, Any]:
         return {}
 
 
+def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
+    """A line for each point of the grid; points of the same scene share a run."""
+    return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
+
+
 def _row(folder: Path) -> Point:
     """What the table says of a run folder, or of one that is not there."""
     info = _status(folder)
+    if info.get("status") != "finished":
+        return _summary(info, None)
     try:
-        return _summary(info, Record.load(folder, unfinished=True))
-    except GranularError as error:  # it recorded nothing, or its files are damaged
-        damaged = {"status": "failed", "message": str(error)} if info.get("status") == "finished" else {}
-        return _summary(info | damaged, None)
+        return _summary(info, Record.load(folder))
+    except GranularError as error:  # its files are damaged
+        return _summary(info | {"status": "failed", "message": str(error)}, None)
 
 
 def _summary(info: dict[str, Any], record: Record | None) -> Point:
@@ -413,16 +345,16 @@ def _summary(info: dict[str, Any], record: Record | None) -> Point:
         "message": info["message"] if ended else "",
         "seconds": info.get("wall_seconds", {}).get("total"),
         **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "frequency")},
-        **{f"largest_{name}": record and _largest(getattr(record, name)) for name in ("p", "q", "phi")},
+        **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},
         "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
     }
 
 
-def _largest(values: NDArray[np.float64]) -> float | None:
-    return float(np.abs(values).max()) if len(values) else None
+def _largest(record: Record | None, name: str) -> float | None:
+    return None if record is None else float(np.abs(getattr(record, name)).max())
 
 
 def _cost(scene: Scene) -> float:
     """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
-    packing, time_ = _concrete(scene).packing, _concrete(scene).time
-    return packing.rows * packing.columns * time_.steps + _OVERHEAD
+    known = concrete(scene)
+    return known.packing.rows * known.packing.columns * known.time.steps + _OVERHEAD

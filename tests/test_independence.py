@@ -72,7 +72,7 @@ def test_package_never_imports_analysis():
 ORDER = """
 errors units sphere
 scene
-packing
+packing grid
 modes
 wave effects datafile
 deck

@@ -9,7 +9,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import nullcontext
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ import pytest
 
 from granular_lmp import Record, Scene, launch, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.grid import axes, axis, scene_hash
 from granular_lmp.launch import locked
 from granular_lmp.record import read_status
-from granular_lmp.sweep import COLUMNS, Sweep, axes, axis, run_point, scene_hash, sweep
+from granular_lmp.sweep import COLUMNS, Sweep, run_point, sweep
 from granular_lmp.workers import Workers
 from tests.test_cli import cli
 
@@ -184,13 +186,13 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, amplitude: float 
         (MemoryError("no room"), "MemoryError: no room"),
     ],
 )
-@pytest.mark.parametrize("executor", [None, ThreadPoolExecutor])
+@pytest.mark.parametrize("executor", [nullcontext, ThreadPoolExecutor])
 def test_a_failing_run_is_recorded_and_the_others_go_on(
     executor: Any, error: Exception, message: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
         failing(patch, error)
-        with (executor or Inline)() as runs:
+        with executor() as runs:
             done = sweep(small, TWO, tmp_path / "sweep", executor=runs)
     assert list(done.column("status")) == ["failed", "finished"]
     assert done.rows[0]["message"] == message
@@ -318,18 +320,6 @@ def test_what_is_no_sweep_folder_is_refused(text: str | None, message: str, tmp_
 # ---------------------------------------------------------------- executors
 
 
-class Inline(Executor):
-    """The least that an executor is; what a call raises is in its future."""
-
-    def submit(self, function: Callable[..., Any], /, *arguments: Any, **options: Any) -> "Future[Any]":
-        future: Future[Any] = Future()
-        try:
-            future.set_result(function(*arguments, **options))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 class Bare:
     """Not of `concurrent.futures` at all: what it returns has done, result and cancel, as submitit's jobs."""
 
@@ -346,7 +336,6 @@ EXECUTORS: dict[str, Callable[[], Any]] = {
     "workers": lambda: Workers(2),
     "threads": lambda: ThreadPoolExecutor(2),
     "spawned processes": lambda: ProcessPoolExecutor(1, mp_context=get_context("spawn")),
-    "inline": Inline,
 }
 
 
