@@ -8,7 +8,7 @@ of the centre sphere::
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
 The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave` and `effects`, `deck`, `record`,
-`launch`. A module imports only from its left (the whole order is in ``tests/test_independence.py``).
+`launch`, `sweep`. A module imports only from its left (the whole order is in ``tests/test_independence.py``).
 """
 
 from importlib import import_module

@@ -4,4 +4,5 @@ import sys
 
 from granular_lmp.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # mpi4py.futures reads this file in every rank
+    sys.exit(main())

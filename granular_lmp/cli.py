@@ -57,6 +57,26 @@ def _parser() -> argparse.ArgumentParser:
     resume = _add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
 
+    sweep = _add(commands, "sweep", _sweep, "run a scene with every combination of some values; again, to go on")
+    _scene_arguments(sweep)
+    sweep.add_argument(
+        "--over",
+        action="append",
+        required=True,
+        metavar="KEY=VALUES",
+        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many) or wave.mode=TR,RT; "
+        "may be given more than once: every combination is run",
+    )
+    _folder_arguments(sweep, "sweep folder (default: sweeps/NAME)")
+    sweep.add_argument(
+        "--workers",
+        type=_workers,
+        default=1,
+        metavar="N",
+        help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
+        "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
+    )
+
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     _scene_arguments(effects)
 
@@ -118,6 +138,10 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _workers(text: str) -> int | str:
+    return text if text == "mpi" else _positive(text)
+
+
 def _scene(options: argparse.Namespace) -> "Scene":
     from granular_lmp.effects import select, warnings, with_all
     from granular_lmp.scene import Scene, assignment
@@ -167,6 +191,27 @@ def _resume(options: argparse.Namespace) -> int:
     return _say_how_it_went(options.folder, record)
 
 
+def _sweep(options: argparse.Namespace) -> int:
+    from granular_lmp.grid import axes
+    from granular_lmp.sweep import sweep
+    from granular_lmp.workers import Workers, mpi_workers
+
+    scene, over = _scene(options), axes(options.over)
+    folder = options.output or f"sweeps/{scene.name}"
+
+    def progress(done: int, runs: int, left: float) -> None:
+        _progress(done, runs, "run", f", {left:.0f} s left")
+
+    with _interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
+        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress)
+    for row in done.having("failed"):
+        point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
+        print(f"failed: {point}: {row['message']} ({folder}/{row['run']})", file=sys.stderr)
+    finished = len(done.having("finished"))
+    print(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
+    return 0 if finished == len(done.rows) else 1
+
+
 @contextmanager
 def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
     """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
@@ -193,11 +238,11 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
     return 0
 
 
-def _progress(step: int, steps: int) -> None:
+def _progress(done: int, total: int, what: str = "step", more: str = "") -> None:
     """Draw the bar again on the same line of the terminal."""
-    filled = _BAR * step // max(steps, 1)
+    filled = _BAR * done // max(total, 1)
     bar = "#" * filled + "." * (_BAR - filled)
-    print(f"\r{bar} step {step} of {steps}", end="", file=sys.stderr, flush=True)
+    print(f"\r\033[K{bar} {what} {done} of {total}{more}", end="", file=sys.stderr, flush=True)
 
 
 def _effects(options: argparse.Namespace) -> int:

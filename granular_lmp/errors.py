@@ -48,6 +48,10 @@ class LammpsError(GranularError):
         self.log_tail = log_tail
 
 
+class WorkerError(GranularError):
+    """The process that a run was in has died: killed for want of memory, or by a fault inside LAMMPS."""
+
+
 class RunInterrupted(GranularError):
     """The user stopped a run; its folder says so and what was recorded until then is kept."""
 

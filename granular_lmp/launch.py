@@ -8,6 +8,7 @@ import fcntl
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -21,7 +22,14 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, SCENE, Deck, build, resume_text, writable
-from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import (
+    EffectError,
+    LammpsError,
+    LammpsMissingError,
+    LaunchError,
+    RunFolderError,
+    RunInterrupted,
+)
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
 from granular_lmp.scene import Scene
@@ -103,7 +111,7 @@ def run(
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder).absolute()
-    with _locked(folder, make=True, force=force) as lock:
+    with locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
         (folder / SCENE).write_text(deck.scene.to_toml(), encoding="utf-8")  # of a run: with every choice written out
         for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
@@ -135,7 +143,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
     route = _route(info["launcher"] == "lmp", info["ranks"])
     name = f"{deck.input_name}.resume"
-    with _locked(folder) as lock:
+    with locked(folder) as lock:
         (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
         mend_dump(folder / DUMP)
         # The input opens the log itself, to append to it
@@ -152,7 +160,7 @@ def run_input(folder: Path, input_name: str) -> None:
     LammpsMissingError, LammpsError
     """
     module = lammps_module()
-    with _locked(folder) as lock:
+    with locked(folder) as lock:
         _run_module(module, Job(folder, input_name, LOG, lock, lambda step: None))
 
 
@@ -194,8 +202,8 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
 
 
 @contextmanager
-def _locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
-    """Hold the folder for one run; gives the descriptor of the lock."""
+def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
+    """Hold the folder for one run or sweep; gives the descriptor of the lock."""
     with writable(folder):
         if make:
             folder.mkdir(parents=True, exist_ok=force)
@@ -249,7 +257,12 @@ def _route(program: bool, ranks: int) -> Route:
 
 def _run_module(module: Any, job: Job) -> None:
     with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        instance = pool.submit(module.lammps, cmdargs=job.switches).result()
+        try:
+            instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
+        except RuntimeError as refused:  # without the communicator it would be a segmentation fault
+            raise LammpsMissingError(
+                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
+            ) from refused
         work = pool.submit(instance.file, job.input_name)
         try:
             _watch(work, lambda: job.tell(instance.extract_global("ntimestep")))
@@ -265,6 +278,12 @@ def _run_module(module: Any, job: Job) -> None:
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+def _this_rank() -> Any:
+    """The communicator of this process alone, where the caller has MPI ranks; in the world's, LAMMPS waits for all."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return mpi.COMM_SELF if mpi else None
 
 
 def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:

@@ -5,6 +5,7 @@ a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. **Length
 and draws cells in steps of a fraction of one, then shows spheres of 5 mm as well as of 50 nm.
 """
 
+from functools import cache
 from math import sqrt
 
 import ase
@@ -70,8 +71,9 @@ def lattice_constant(sphere: Sphere) -> float:
     return sphere.lattice_constant / sphere.radius
 
 
+@cache
 def unit_lattice(sphere: Sphere) -> ase.Atoms:
-    """The smallest periodic packing whose centre sphere stands for the infinite lattice."""
+    """The smallest periodic packing whose centre sphere stands for the infinite lattice; not to be changed."""
     return hexagonal(sphere, Shape(rows=4, columns=3, ends="periodic"))
 
 

@@ -131,8 +131,9 @@ def run_blocks(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_python_of_the_readme_runs(tmp_path: Path) -> None:
-    done = run_blocks((ROOT / "README.md").read_text("utf-8"), tmp_path)
+@pytest.mark.parametrize("page", ["README.md", "docs/sweeps.md"])
+def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
+    done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
     assert done.returncode == 0, done.stderr
 
 

@@ -77,11 +77,12 @@ scene
 packing collision
 modes guards
 wave effects datafile
+grid
 deck
 record
 status accuracy locate plots
-launch
-doctor collide
+launch workers
+sweep doctor collide
 cli
 """
 

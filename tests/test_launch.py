@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,6 +39,22 @@ def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
         # Relative to the wave, D0 = 1. The forces of a sphere are summed in another order; the positions of the far
         # rows, 8.7e4 nm, are rounded to 1.5e-11 nm = 3e-10 D0.
         assert np.abs(getattr(one, name) - getattr(two, name)).max() < 1e-9
+
+
+def test_beside_mpi_ranks_a_run_in_this_process_is_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "mpi4py.MPI", raising=False)
+    assert launch._this_rank() is None
+    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))  # type: ignore[arg-type]
+    assert launch._this_rank() == "self"
+
+
+def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**arguments: object) -> None:
+        raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
+
+    monkeypatch.setattr(launch, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
+        run(small, tmp_path / "run")
 
 
 def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
