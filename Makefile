@@ -12,7 +12,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test decks clean
+.PHONY: paper figures test decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -21,7 +21,19 @@ paper: .venv/ready
 	$(BIN)/python -m analysis.figure2 -o figures/figure2.png
 	$(BIN)/python -m analysis.figure3 $(RUNS) -o figures/figure3.png
 
-figures: .venv/ready
+# The second harmonic over wave number, by what the scene leaves out or adds
+EFFECTS = paper no_rotation incremental compressed damped
+no_rotation = --set effects.rotation=false
+incremental = --set effects.shear_law=incremental
+compressed = --set sphere.work_of_adhesion=0.0 --set packing.contact_force=9.896016858807847e-08
+damped = --set effects.viscosity=1e-7
+
+$(EFFECTS:%=runs/effects/%): runs/effects/%: .venv/ready
+	$(BIN)/granular-lmp sweep tr_periodic --over wave.wavenumber=0.0785398:3.0630528:39 --workers 2 -o $@ \
+	    --set packing.rows=80 --set wave.amplitude=0.02 --set time.duration=60 --set time.timestep=0.0125 $($*)
+
+figures: .venv/ready $(EFFECTS:%=runs/effects/%)
+	$(BIN)/python -m analysis.effects $(EFFECTS:%=runs/effects/%) -o figures/effects.png
 	$(BIN)/python -m analysis.convergence -o figures/convergence.png
 	$(BIN)/python -m analysis.laws -o figures/laws.png
 	$(BIN)/python -m analysis.map -o figures/map.png
@@ -42,4 +54,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects build dist .venv .pytest_cache .mypy_cache .ruff_cache

@@ -205,11 +205,12 @@ _CONTACTS = """\
 
 _PRELOAD = """\
 # --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
-#     step without forces, which loads the shear springs
-timestep     $(v_step:%.17g)
+#     step without forces, which loads the shear springs; a long step, slow enough for dashpots to stay silent
+variable     slow  equal 1e6*v_step
+timestep     $(v_slow:%.17g)
 compute      u all displace/atom
-variable     to_ux atom v_D0*d_ux/v_step
-variable     to_uy atom v_D0*d_uy/v_step
+variable     to_ux atom v_D0*d_ux/v_slow
+variable     to_uy atom v_D0*d_uy/v_slow
 velocity     all set v_to_ux v_to_uy NULL units box
 <preload_spin>
 fix          plane all enforce2d
@@ -217,7 +218,8 @@ fix          move mobile nve/noforce
 thermo_style custom step
 run          1 post no
 unfix        move
-reset_timestep 0"""
+reset_timestep 0
+timestep     $(v_step:%.17g)"""
 
 _WAVE = """\
 # --- the wave: the true velocities

@@ -309,7 +309,7 @@ ROWS = (
             "angle_field": " d_phi",
             "spin_field": " d_vphi",
             "spin_column": " omegaz",
-            "preload_spin": "variable     to_th atom v_D0*d_phi/v_R/v_step\n"
+            "preload_spin": "variable     to_th atom v_D0*d_phi/v_R/v_slow\n"
             "variable     zero  atom 0.0\n"
             "set          group all omega v_zero v_zero v_to_th",
             "start_spin": "variable     om atom v_D0*d_vphi/v_R/v_t0\nset          group all omega v_zero v_zero v_om",
