@@ -1,0 +1,61 @@
+"""The ends of the zone: ξ = 0.01, π − 0.01 and π, where modes meet, decouple or stand."""
+
+import numpy as np
+
+from analysis import lattice
+from analysis.second_harmonic import ModeName, ratios
+from analysis.second_harmonic import mode as linear_mode
+from granular_lmp import build
+from tests.hard.case import Case, Cases
+from tests.hard.cell import running
+from tests.hard.waves import NU, scene
+
+ENDS = ((1, 628), (313, 628), (2, 4))  # cycles and rows: ξ = 0.010005, π − 0.010005, π
+MODES: tuple[ModeName, ...] = ("L", "TR", "RT")
+
+
+def end(
+    name: ModeName, cycles: int, rows: int, step: float, duration: float, nu: float = NU, reference: float | None = None
+) -> Cases:
+    """A mode near an end of the zone against the exact lattice; `reference` is the lattice's ν, if another."""
+    wave = scene(name, cycles, rows, 0.2, step, duration).with_values({"sphere.poisson_ratio": nu})
+    eta = wave.sphere.overlap_ratio
+    nu_exact = nu if reference is None else reference
+    mode = linear_mode(name, wave.wavenumber, ratios(nu_exact, overlap_ratio=eta))
+    tau = np.arange(0.0, duration + 0.25, 0.5)
+    chunk = round(0.5 / wave.time.step)
+    centre = wave.packing.centre_row
+    with running(wave) as cell:
+        found = [cell.rows()[:3, centre]]
+        for _ in tau[1:]:
+            cell.advance(chunk)
+            found.append(cell.rows()[:3, centre])
+    truth = lattice.torus(mode, 0.2, tau, nu_exact, overlap_ratio=eta, rtol=1e-9)
+    lag = (mode.frequency * wave.time.step) ** 2
+    return [
+        Case(
+            f"{name}, ξ = {wave.wavenumber:.5g}, ν = {nu:g}, τ ≤ {duration:g}: error in D0",
+            "long waves are a small difference of large displacements; at ξ = π modes decouple and stand (dΩ/dξ = 0)",
+            float(np.abs(np.array(found).T / 0.2 - truth).max()),
+            "phase (ΩΔτ)²Ωτ/24 and amplitude (ΩΔτ)²/8 of Verlet, half as much again for harmonics, 1e-7 of rounding",
+            most=1.5 * lag * (mode.frequency * duration / 24 + 1 / 8) + 1e-7,
+        )
+    ]
+
+
+def degenerate_start() -> Cases:
+    """ν = 0, ξ = π, where Ω_L = Ω_TR = 1: any mixture of the two is a Bloch mode, but L must stay L and TR stay TR."""
+    cases = []
+    for name, foreign in (("L", "ux"), ("TR", "uy")):
+        wave = scene(name, 2, 4, 0.2, 0.05, 10).with_values({"sphere.poisson_ratio": 0.0})  # type: ignore[arg-type]
+        mixed = getattr(build(wave).mode, foreign)
+        cases.append(
+            Case(
+                f"{name} at ξ = π, ν = 0: share of the other mode",
+                "Ω_L = Ω_TR = 1: the eigenvectors of the pair are arbitrary",
+                float(abs(mixed)),
+                "a start by symmetry is free of it but for rounding of cos and sin",
+                most=1e-12,
+            )
+        )
+    return cases
