@@ -93,6 +93,14 @@ class Cell:
             values = self.instance.numpy.extract_atom(name)[:local]
             values *= -1
 
+    def kick(self, rates: Floats) -> None:
+        """Add q', φ' (2, rows), in Δ0/t0, to the velocities of each row's spheres."""
+        local = self.instance.extract_global("nlocal")
+        row = (self.instance.numpy.extract_atom("id")[:local] - 1) // self.scene.packing.columns
+        q_rate, phi_rate = rates[:, row] * (self.overlap / self.time)
+        self.instance.numpy.extract_atom("v")[:local, 0] -= q_rate
+        self.instance.numpy.extract_atom("omega")[:local, 2] += phi_rate / self.radius
+
     def contacts(self) -> Contacts:
         """The contacts of this step, sorted."""
         pairs = self.instance.numpy.extract_compute("pairs", 2, 2)
