@@ -71,8 +71,8 @@ def noise_floor(scene: Scene) -> float:
     Notes
     -----
     A law of magnitudes, good to a factor of 3: with smaller steps at one duration the noise rises more slowly than the
-    root (measured: 1.8-fold for sixteen times the steps, where the root says 4). q and φ are a few times quieter. Breaks
-    for signals below `grain`, where roundings are not random: the noise is then smaller, and the signal lost.
+    root (measured: 1.8-fold for sixteen times the steps, where the root says 4). q and φ are a few times quieter.
+    Breaks for signals below `grain`, where roundings are not random: the noise is then smaller, and the signal lost.
     """
     return float(np.sqrt(scene.time.steps / 2) * _spacing(scene) / np.sqrt(12))
 

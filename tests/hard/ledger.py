@@ -31,8 +31,8 @@ from tests.hard.cell import Cell, Floats
 class Ledger:
     """What a cell's energy did, all (T,).
 
-    tau; energy and work, E and W without `released`, what detaching contacts gave up; contacts, how many touch; sliding,
-    the largest share of the sliding force that the shear of a contact has reached since τ = 0.
+    tau; energy and work, E and W without `released`, what detaching contacts gave up; contacts, how many touch;
+    sliding, the largest share of the sliding force that the shear of a contact has reached since τ = 0.
     """
 
     tau: Floats
@@ -83,9 +83,7 @@ def _look(cell: Cell, near: NDArray[np.intp]) -> _Look:
     )
 
 
-def keep(
-    cell: Cell, tau: float, every: int, stride: int = 1, look: Callable[[], object] = lambda: None
-) -> Ledger:
+def keep(cell: Cell, tau: float, every: int, stride: int = 1, look: Callable[[], object] = lambda: None) -> Ledger:
     """Run to τ = tau with the ledger; W is summed each `stride` steps, and the record made each `every` strides.
 
     `look` is called with each record but the first, for those who want to see more of the cell.

@@ -36,7 +36,11 @@ def refused(factors: tuple[float, ...] = (1.0, 1.0 + 1e-9, 1.5)) -> Cases:
             most=0,
         ),
         Case(
-            "a step of 0.999 of 2/Ω_max is refused", "a limit too low costs runs", float(not passes(0.999)), "no", most=0
+            "a step of 0.999 of 2/Ω_max is refused",
+            "a limit too low costs runs",
+            float(not passes(0.999)),
+            "no",
+            most=0,
         ),
     ]
 
@@ -118,9 +122,9 @@ def there_and_back(amplitude: float, step: float, edits: Edits = ()) -> float:
 def reversal(edits: Edits = ()) -> Cases:
     """How well a run comes back, and how what is missing depends on the step.
 
-    Verlet is reversible, and LAMMPS adds v·t Δτ to the slip with the velocity of mid-step, which is too. But it takes the
-    tangent t of the step's end, which on the way back is the other end: v_n v_t Δτ²/2R is left each step, over the run
-    ηaΔτ∫v_n v_t dτ in D0.
+    Verlet is reversible, and LAMMPS adds v·t Δτ to the slip with the velocity of mid-step, which is too. But it takes
+    the tangent t of the step's end, which on the way back is the other end: v_n v_t Δτ²/2R is left each step, over the
+    run ηaΔτ∫v_n v_t dτ in D0.
     """
     steps = (0.05, 0.025, 0.0125)
     large = [there_and_back(0.2, step, edits) for step in steps]

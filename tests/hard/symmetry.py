@@ -25,7 +25,11 @@ def subspace(duration: float = 60.0, edits: Edits = ()) -> Cases:
     return [
         Case(f"q and φ of an L wave in D0, τ ≤ {duration:g}", hard, float(np.abs(place[1:]).max()), reason, most=1e-8),
         Case(
-            f"spheres of a row apart in D0, τ ≤ {duration:g}", hard, float(np.ptp(apart, axis=-1).max()), reason, most=1e-8
+            f"spheres of a row apart in D0, τ ≤ {duration:g}",
+            hard,
+            float(np.ptp(apart, axis=-1).max()),
+            reason,
+            most=1e-8,
         ),
     ]
 

@@ -37,7 +37,8 @@ def end(
             f"{name}, ξ = {wave.wavenumber:.5g}, ν = {nu:g}, τ ≤ {duration:g}: error in D0",
             "long waves are a small difference of large displacements; at ξ = π modes decouple and stand (dΩ/dξ = 0)",
             float(np.abs(np.array(found).T / 0.2 - truth).max()),
-            "phase (ΩΔτ)²Ωτ/24 and amplitude (ΩΔτ)²/8 of Verlet, half as much again for harmonics; three times the noise of rounding",
+            "phase (ΩΔτ)²Ωτ/24 and amplitude (ΩΔτ)²/8 of Verlet, half as much again for harmonics; three times the "
+            "noise of rounding",
             most=1.5 * lag * (mode.frequency * duration / 24 + 1 / 8) + 3 * noise_floor(wave),
         )
     ]
