@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from math import pi
 
+from analysis.second_harmonic import ModeName
 from tests.hard.case import Cases
 from tests.hard.impacts import kept, order
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
@@ -13,6 +14,7 @@ from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import ENDS, MODES, degenerate, end
 
 Measure = Callable[[], Cases]
+DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
 
 FAST: Mapping[str, Measure] = {
     "resonance": partial(at_the_resonance, 8, 34, 0.05, 200),
@@ -22,8 +24,7 @@ FAST: Mapping[str, Measure] = {
         for mode in MODES
         for cycles, rows in ENDS
     },
-    "degenerate L": partial(degenerate, "L"),
-    "degenerate TR": partial(degenerate, "TR"),
+    **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
     **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
     **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},
     "noise of a short cell": partial(floor, 16, 0.01),

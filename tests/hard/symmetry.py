@@ -39,7 +39,7 @@ def instability(duration: float = 240.0, step: float = 0.025, kappa_of: float = 
     wave = scene("L", PUMP, ROWS, 0.2, step, duration)
     xi = 2 * np.pi * SEED / ROWS
     seed = mode("TR", xi, RATIOS)
-    angles = xi * (np.arange(ROWS) - wave.packing.centre_row)
+    angles = xi * (np.arange(ROWS, dtype=np.float64) - wave.packing.centre_row)
     # velocities q', φ' of a TR wave; it starts forward and backward in equal parts
     kick = KICK * 0.2 * seed.frequency * np.array([seed.q * np.sin(angles), seed.f * np.cos(angles)])
     tau = np.arange(0.0, duration + 1, 10.0)
@@ -74,7 +74,7 @@ def _linearised(kick: Floats, tau: Floats, nu: float) -> Floats:
     """States (T, 6, rows) of the exact ring after the kick; q and φ are linear in it to 1e-12, for they are odd."""
     contact, neighbours = lattice.contact(nu, overlap_ratio=ETA), lattice.ring_neighbours()
     xi = 2 * np.pi * PUMP / ROWS
-    phases = xi * (np.arange(ROWS) - (ROWS - 1) // 2)
+    phases = xi * (np.arange(ROWS, dtype=np.float64) - (ROWS - 1) // 2)
     start = lattice.initial_state(mode("L", xi, RATIOS), 0.2, phases, contact, neighbours)
     start[4:6] += kick
     scale = KICK * 0.2 * 1e-3  # the seed is to be resolved, not only the pump

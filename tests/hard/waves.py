@@ -35,7 +35,7 @@ def scene(
 
 def phases(scene: Scene) -> Floats:
     """ξn of the rows, n = 0 at the centre row."""
-    return scene.wavenumber * (np.arange(scene.packing.rows) - scene.packing.centre_row)
+    return scene.wavenumber * (np.arange(scene.packing.rows, dtype=np.float64) - scene.packing.centre_row)
 
 
 def exact(scene: Scene, tau: ArrayLike, overlap_ratio: float = ETA, points: int = 31, rtol: float = 1e-10) -> Floats:

@@ -1,4 +1,9 @@
-"""The ends of the zone: ξ = 0.01, π − 0.01 and π, where modes meet, decouple or stand."""
+"""The ends of the zone: ξ = 0.01, π − 0.01 and π, where modes meet, decouple or stand.
+
+The group velocity of every mode is zero at π, and RT's at 0 too; nowhere between. At π, with Ω_L = 1, Ω_TR² = μ1 and
+Ω_RT² = 5κ/(κ+3), L meets TR for ν = 0 and RT for ν = 0.4 (and crosses them before π for smaller and larger ν); TR and
+RT would meet for ν = 2/3.
+"""
 
 import numpy as np
 
@@ -44,17 +49,17 @@ def end(
     ]
 
 
-def degenerate(name: ModeName, duration: float = 60.0, edits: Edits = ()) -> Cases:
-    """ν = 0, ξ = π, where Ω_L = Ω_TR = 1: any mixture of the two is a Bloch mode, but L must stay L and TR stay TR."""
-    wave = scene(name, 2, 4, 0.2, 0.05, duration).with_values({"sphere.poisson_ratio": 0.0})
+def degenerate(name: ModeName, nu: float, duration: float = 60.0, edits: Edits = ()) -> Cases:
+    """ξ = π, where L and TR (ν = 0) or RT (ν = 0.4) have one frequency, and any mixture of the two is a Bloch mode."""
+    wave = scene(name, 2, 4, 0.2, 0.05, duration).with_values({"sphere.poisson_ratio": nu})
     with running(wave, edits) as cell:
         cell.advance(wave.time.steps)
-        p, q, _ = np.abs(cell.displacement()).max(axis=1) / 0.2
+        p, q, phi = np.abs(cell.displacement()).max(axis=1) / 0.2
     return [
         Case(
-            f"{name} at ξ = π, ν = 0, τ = {duration:g}: displacement of the other mode in D0",
-            "Ω_L = Ω_TR = 1: the eigenvectors of the pair are arbitrary, and what one leaks the other keeps",
-            float(q if name == "L" else p),
+            f"{name} at ξ = π, ν = {nu:g}, τ = {duration:g}: displacement of the other mode in D0",
+            f"degenerate with {'TR' if nu == 0 else 'RT'} or L: eigenvectors are arbitrary, and what leaks resonates",
+            float(max(q, phi) if name == "L" else p),
             "symmetry forbids it; rounding alone: ten times the noise of the cell",
             most=10 * noise_floor(wave),
         )
