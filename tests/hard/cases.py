@@ -9,7 +9,7 @@ from tests.hard.case import Cases
 from tests.hard.impacts import kept, order
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, origin, signal
-from tests.hard.steps import at_the_limit, drift, refused, reversal
+from tests.hard.steps import at_the_limit, drift, drift_order, refused, reversal
 from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import ENDS, MODES, degenerate, end
 
@@ -51,5 +51,6 @@ LONG: Mapping[str, Measure] = {
     "noise of a very long cell": partial(floor, 384, 0.01, 480),
     "limit of the step, long": partial(at_the_limit, 1_000_000),
     "drift": partial(drift, 1_000_000, stride=10),
+    "where the drift comes from": drift_order,
     "seed of TR on L": instability,
 }

@@ -56,7 +56,11 @@ def at_the_resonance(cycles: int, rows: int, step: float, duration: float, strid
 
 
 def blow_up(edits: Edits = ()) -> Cases:
-    """When the first contact opens: the exact solution of the secant law grows without bound, and so must LAMMPS."""
+    """When the first contact opens: the exact solution of the secant law grows without bound, and so must LAMMPS.
+
+    Where it does: in the exact lattice with LAMMPS's geometry at ξ = 1.4746, τ = 2302, but not at 1.4756 before 2600 nor
+    at 1.4784 before 3000. In a run folder the guard `open_contacts` says so.
+    """
     wave = scene("TR", 23, 98, 0.2, 0.0125, END)
     expected = opening_time(wave)
     with running(wave, edits) as cell:
@@ -69,8 +73,7 @@ def blow_up(edits: Edits = ()) -> Cases:
             f"τ at which a contact opens, ξ = {wave.wavenumber:.4f}, a = 0.2 (exact lattice: {expected:.0f})",
             "the model itself blows up: no integrator can prevent it, and none may hide it",
             found,
-            "2 %: amplitudes grow as e^{0.003τ}, so 2 % of amplitude is 7 in τ; three waves and two decades of growth "
-            "in energy on the way multiply that by at most 6",
+            "2 % of the time, as of the amplitudes at τ = 1500",
             least=0.98 * expected,
             most=1.02 * expected,
         )
