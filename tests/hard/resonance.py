@@ -58,7 +58,7 @@ def at_the_resonance(cycles: int, rows: int, step: float, duration: float, strid
 def blow_up(edits: Edits = ()) -> Cases:
     """When the first contact opens: the exact solution of the secant law grows without bound, and so must LAMMPS.
 
-    Where it does: in the exact lattice with LAMMPS's geometry at ξ = 1.4746, τ = 2302, but not at 1.4756 before 2600 nor
+    Where it does: in the exact lattice with LAMMPS's geometry at ξ = 1.4746, τ = 2302; not at 1.4756 before 2600, nor
     at 1.4784 before 3000. In a run folder the guard `open_contacts` says so.
     """
     wave = scene("TR", 23, 98, 0.2, 0.0125, END)
