@@ -3,7 +3,7 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make stability (hard cases, ten minutes: docs/stability.md), make figures (the others of the docs),
+# Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
