@@ -13,8 +13,8 @@ import pytest
 from analysis.lattice import torus
 from analysis.norms import relative_error, slope
 from analysis.second_harmonic import mode, ratios, second_order
-from granular_lmp import Record, build, launch, run
-from granular_lmp.accuracy import halved_step, richardson
+from granular_lmp import Record, Scene, build, launch, run
+from granular_lmp.accuracy import grain, halved_step, noise_floor, richardson
 from tests.conftest import PAPER
 
 Errors = dict[str, float]
@@ -148,6 +148,27 @@ def test_richardson_estimates_the_error_of_the_finer_run(pair: Callable[[float],
     fine = pair(0.802).info["error_estimate"]
     assert fine["p"] == pytest.approx(4.1e-4, rel=0.1)  # measured once against the exact lattice
     assert halved_step(PAPER).time.step == 0.025
+
+
+# --- the floor; its size is measured in tests/hard ---
+
+
+def test_the_noise_floor_rises_as_the_root_of_the_duration_and_as_one_over_the_amplitude(small: Scene) -> None:
+    base = noise_floor(small)
+    # Both so short that the centre hears the same rows
+    assert noise_floor(small.with_values({"time.duration": 0.5})) == pytest.approx(base / 2, rel=1e-12)
+    assert noise_floor(small.with_values({"wave.amplitude": 0.02})) == pytest.approx(10 * base, rel=1e-12)
+
+
+def test_smaller_steps_make_the_grain_coarser_and_the_floor_higher(small: Scene) -> None:
+    finer = halved_step(small)
+    assert grain(finer) == pytest.approx(2 * grain(small), rel=1e-12)
+    assert noise_floor(finer) == pytest.approx(2**0.5 * noise_floor(small), rel=1e-12)
+
+
+def test_rows_that_the_centre_does_not_hear_add_no_noise(small: Scene) -> None:
+    # 2 τ: half a row; the box of the long cell is coarser by 100 at its ends
+    assert noise_floor(small.with_values({"packing.rows": 800})) == noise_floor(small)
 
 
 # --- what a deck must not leave out; each fails loudly when it does ---

@@ -1,0 +1,56 @@
+"""All cases of the stability table: the fast ones, which `make test` asserts, and the long ones of `make stability`."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import pi
+
+from analysis.second_harmonic import ModeName
+from tests.hard.case import Cases
+from tests.hard.impacts import kept, order
+from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
+from tests.hard.rounding import floor, origin, signal
+from tests.hard.steps import at_the_limit, drift, drift_order, refused, reversal
+from tests.hard.symmetry import instability, subspace
+from tests.hard.zone import ENDS, MODES, degenerate, end
+
+Measure = Callable[[], Cases]
+DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
+
+FAST: Mapping[str, Measure] = {
+    "resonance": partial(at_the_resonance, 8, 34, 0.05, 200),
+    "antiresonance": at_the_antiresonance,
+    **{
+        f"{mode}, xi = {2 * pi * cycles / rows:.4g}": partial(end, mode, cycles, rows, 0.025, 20)
+        for mode in MODES
+        for cycles, rows in ENDS
+    },
+    **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
+    **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
+    **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},
+    "noise of a short cell": partial(floor, 16, 0.01),
+    "noise of a long cell": partial(floor, 96, 0.01),
+    "noise far from the origin": origin,
+    **{f"p at a = {a}": partial(signal, a) for a in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)},
+    "refused steps": refused,
+    "limit of the step": partial(at_the_limit, 100_000),
+    "time turned round": reversal,
+    "L stays L": subspace,
+}
+
+LONG: Mapping[str, Measure] = {
+    "resonance, long": partial(at_the_resonance, 39, 166, 0.0125, 1500, stride=2),
+    "blow-up": blow_up,
+    **{
+        f"{mode}, xi = {2 * pi * cycles / rows:.4g}, long": partial(end, mode, cycles, rows, 0.0125, 120)
+        for mode in MODES
+        for cycles, rows in ENDS
+    },
+    **{f"a = {a}": partial(kept, a) for a in (0.5, 1, 5)},
+    **{f"order at a = {a}": partial(order, a) for a in (0.5, 1, 2, 20)},
+    "noise at a = 0.001": partial(floor, 96, 0.001),
+    "noise of a very long cell": partial(floor, 384, 0.01, 480),
+    "limit of the step, long": partial(at_the_limit, 1_000_000),
+    "drift": partial(drift, 1_000_000, stride=10),
+    "where the drift comes from": drift_order,
+    "seed of TR on L": instability,
+}

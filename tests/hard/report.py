@@ -1,0 +1,56 @@
+"""Measure every case, fast and long, and write the stability table: `python -m tests.hard.report`."""
+
+import argparse
+import logging
+import sys
+from pathlib import Path
+from time import process_time
+
+from tests.hard.case import Case, Cases
+from tests.hard.cases import FAST, LONG
+
+HEAD = """\
+# Stability
+
+Hard cases for LAMMPS as the decks use it, what was measured, and the bound, which is decided by physics or arithmetic
+and not by the measurement. The references are the exact lattice of `analysis/lattice.py` in LAMMPS's contact geometry,
+symmetry, and conservation. Written by `make stability`; the fast half is asserted by `make test`, where each
+measurement is also made on a broken deck or against a wrong reference and has to say so (`tests/hard/test_hard.py`).
+
+Units: lengths in D0, times in τ; spheres of the paper. "The works" is what the secant law, which has no potential, and
+LAMMPS's lever arm do on the wave (`tests/hard/ledger.py`).
+
+"""
+
+
+def table(cases: Cases) -> str:
+    """The cases as a Markdown table."""
+    lines = ["| case | what is hard | figure | bound |", "|---|---|---|---|"]
+    return "\n".join([*lines, *map(_line, cases)]) + "\n"
+
+
+def _line(case: Case) -> str:
+    figure = f"{case.figure:.3g}" + ("" if case.holds else " **missed**")
+    return f"| {case.name} | {case.hard} | {figure} | {case.bound}: {case.reason} |"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status 1 when a bound is missed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("docs/stability.md"))
+    output = parser.parse_args(arguments).output
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    cases: Cases = []
+    for name, measure in {**FAST, **LONG}.items():
+        start = process_time()
+        cases += measure()
+        logging.info("%-28s %6.1f s of CPU", name, process_time() - start)
+    output.write_text(HEAD + table(cases), encoding="utf-8")
+    missed = [case for case in cases if not case.holds]
+    for case in missed:
+        logging.error("missed: %s", case)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

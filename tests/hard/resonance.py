@@ -1,0 +1,126 @@
+"""Long times at the resonance, where small errors grow, and the antiresonance, where there is hardly a signal."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from analysis import lattice
+from analysis.norms import relative_error
+from analysis.second_harmonic import mode
+from granular_lmp import Scene, run
+from granular_lmp.accuracy import halved_step, richardson
+from tests.hard.case import Case, Cases, Edits
+from tests.hard.cell import Floats, running
+from tests.hard.ledger import keep
+from tests.hard.waves import ETA, NU, RATIOS, amplitude, exact, phases, scene
+
+END = 3000.0  # τ; past every blow-up at a = 0.2
+LOOK = 5.0  # τ between two looks at the amplitudes, a tenth of the time in which they change
+
+
+def at_the_resonance(cycles: int, rows: int, step: float, duration: float, stride: int = 1, edits: Edits = ()) -> Cases:
+    """TR and L amplitudes against the exact lattice, and the energy ledger."""
+    wave = scene("TR", cycles, rows, 0.2, step, duration)
+    transverse, longitudinal = mode("TR", wave.wavenumber, RATIOS), mode("L", 2 * wave.wavenumber, RATIOS)
+    states = []
+    with running(wave, edits) as cell:
+        states.append(cell.rows())
+        books = keep(cell, duration, round(LOOK / (stride * step)), stride, lambda: states.append(cell.rows()))
+    reference = exact(wave, books.tau, rtol=1e-9)
+    where = f"ξ = {wave.wavenumber:.4f}, a = 0.2, τ ≤ {duration:g}"
+    cases = []
+    for name, order, each in (("TR", 1, transverse), ("L", 2, longitudinal)):
+        truth = amplitude(reference, lattice.torus_phases(31), order, each)
+        error = np.abs(amplitude(np.array(states), phases(wave), order, each) - truth)
+        cases.append(
+            Case(
+                f"{name} amplitude, {where}",
+                "the exchange of energy between TR and L is a phase of the slow detuning, which the time step shifts",
+                float(error.max() / truth.max()),
+                "Verlet shifts 2Ω − w̃ by (2Ω³ − w̃³)Δτ²/24 = −0.031Δτ², which is less than 0.02 rad by the end",
+                most=0.02,
+            )
+        )
+    cases.append(
+        Case(
+            f"energy less the works, {where}",
+            "the secant law has no potential: a third of the energy goes, and comes back",
+            float(np.abs(books.gap).max()),
+            "the ledger closes to second order in the step; required",
+            most=1e-4,
+        )
+    )
+    return cases
+
+
+def blow_up(edits: Edits = ()) -> Cases:
+    """When the first contact opens: the exact solution of the secant law grows without bound, and so must LAMMPS.
+
+    Where it does: in the exact lattice with LAMMPS's geometry at ξ = 1.4746, τ = 2302; not at 1.4756 before 2600, nor
+    at 1.4784 before 3000. In a run folder the guard `open_contacts` says so.
+    """
+    wave = scene("TR", 23, 98, 0.2, 0.0125, END)
+    expected = opening_time(wave)
+    with running(wave, edits) as cell:
+        found = 0.0
+        while found < END and len(cell.contacts().overlap) == 3 * cell.spheres:
+            cell.advance(80)
+            found += 1.0
+    return [
+        Case(
+            f"τ at which a contact opens, ξ = {wave.wavenumber:.4f}, a = 0.2 (exact lattice: {expected:.0f})",
+            "the model itself blows up: no integrator can prevent it, and none may hide it",
+            found,
+            "2 % of the time, as of the amplitudes at τ = 1500",
+            least=0.98 * expected,
+            most=1.02 * expected,
+        )
+    ]
+
+
+def opening_time(wave: Scene) -> float:
+    """τ at which the first contact of the exact lattice opens, in LAMMPS's geometry (`energy` has the paper's)."""
+    contact = lattice.contact(NU, overlap_ratio=ETA)
+    neighbours = lattice.torus_neighbours(wave.wavenumber, 31)
+    start = lattice.initial_state(
+        mode("TR", wave.wavenumber, RATIOS), 0.2, lattice.torus_phases(31), contact, neighbours
+    )
+
+    def closed(_: float, y: Floats) -> float:
+        place = y.reshape(start.shape)[:2]
+        dp, dq = neighbours[0](place) - place
+        return float(1 - np.max(lattice.stretch_and_normal(dp, dq, ETA)[0]))
+
+    closed.terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        lambda _, y: lattice.rhs(y.reshape(start.shape), contact, neighbours).ravel(),
+        (0.0, END),
+        start.ravel(),
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-11,
+        events=closed,
+    )
+    return float(solution.t[-1])
+
+
+def at_the_antiresonance(overlap_ratio: float = ETA) -> Cases:
+    """p of 3e-5 D0 beside q of 1 D0, a Richardson pair against the exact lattice."""
+    coarse = scene("TR", 40, 118, 0.2, 0.05, 120)
+    with TemporaryDirectory() as folder:
+        pair = [run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved_step(coarse)))]
+    record = richardson(*pair)
+    wave = mode("TR", coarse.wavenumber, RATIOS)
+    p, _, _ = lattice.torus(wave, 0.2, record.tau, NU, overlap_ratio=overlap_ratio)
+    size = float(np.abs(p).max())
+    return [
+        Case(
+            f"p, ξ = {coarse.wavenumber:.4f}, {size:.1g} D0 at most, relative L2",
+            "p is of order a⁴, and the contact geometry, of relative order Δ0/2R, moves it by a fifth",
+            relative_error(record.p, p),
+            "required; Δτ⁴ is left of the step, 1e-16·y·√steps of rounding",
+            most=0.01,
+        ),
+    ]

@@ -1,0 +1,79 @@
+"""The fast part of the stability table holds, and each measurement fails when what it measures is broken."""
+
+from functools import partial
+from math import nan
+
+import pytest
+
+from tests.hard.case import Case
+from tests.hard.cases import FAST, LONG, Measure
+from tests.hard.impacts import kept, order
+from tests.hard.report import table
+from tests.hard.resonance import at_the_antiresonance, at_the_resonance
+from tests.hard.rounding import floor, moved, signal
+from tests.hard.steps import at_the_limit, drift, refused, reversal
+from tests.hard.symmetry import instability, subspace
+from tests.hard.zone import degenerate, end
+
+
+@pytest.mark.parametrize("measure", FAST.values(), ids=FAST.keys())
+def test_the_fast_part_of_the_stability_table_holds(measure: Measure) -> None:
+    assert not [str(case) for case in measure() if not case.holds]
+
+
+ANOTHER_LAW = (("tangential mindlin ", "tangential mindlin_rescale "),)
+DAMPED = (("dmt 73000.0 0.0 ", "dmt 73000.0 1e4 "),)  # ag/ns; a rate of 0.004 per τ
+SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/v_slow", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/v_slow"),)
+L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/v_slow", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/v_slow"),)
+A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"),)
+
+# Each is a measurement made on something broken, and a part of the name of the figure that has to say so.
+BROKEN: dict[str, tuple[Measure, str]] = {
+    "another law": (partial(at_the_resonance, 8, 34, 0.05, 200, edits=ANOTHER_LAW), "L amplitude"),
+    "a lossy contact at the resonance": (partial(at_the_resonance, 8, 34, 0.05, 100, edits=DAMPED), "energy"),
+    "the paper's geometry": (partial(at_the_antiresonance, overlap_ratio=0.0), "p,"),
+    "long TR of another ν": (partial(end, "TR", 1, 628, 0.025, 20, reference=0.18), "TR"),
+    "short TR of another ν": (partial(end, "TR", 2, 4, 0.025, 20, reference=0.18), "TR"),
+    "TR in L where they are degenerate": (partial(degenerate, "L", 0.0, edits=SHEAR_IN_L), "L at"),
+    "L in TR where they are degenerate": (partial(degenerate, "TR", 0.0, edits=L_IN_SHEAR), "TR at"),
+    "a lossy contact at large amplitude": (partial(kept, 0.9, edits=DAMPED), "energy"),
+    "another law with open contacts": (partial(kept, 2, edits=ANOTHER_LAW), "energy"),
+    "a held sphere": (partial(kept, 2, edits=A_HELD_SPHERE), "momentum"),
+    "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
+    "a law of noise ten times too large": (partial(floor, 16, 0.01, scale=10.0), "noise of p"),
+    "a law of noise ten times too small": (partial(floor, 16, 0.01, scale=0.1), "noise of p"),
+    "a small wave far from the origin": (partial(signal, 1e-3, edits=moved(0.0, 1.4e6)), "error of p"),
+    "a limit that lets 0.99 pass": (partial(refused, factors=(0.99, 1.0)), "not refused"),
+    "a step beyond the limit": (partial(at_the_limit, 100_000, share=1.01), "Δτ = 1.01"),
+    "loss on a long run": (partial(drift, 2_000, edits=DAMPED), "fitted drift"),
+    "loss both ways": (partial(reversal, edits=DAMPED), "a = 0.02"),
+    "TR in L": (partial(subspace, edits=SHEAR_IN_L), "q and φ"),
+    "a seed on a lattice of another law": (partial(instability, 60, 0.05, edits=ANOTHER_LAW), "growth of a TR seed"),
+}
+
+
+@pytest.mark.parametrize(("measure", "figure"), BROKEN.values(), ids=BROKEN.keys())
+def test_a_broken_deck_or_a_wrong_reference_is_seen(measure: Measure, figure: str) -> None:
+    told = [case for case in measure() if figure in case.name]
+    assert told
+    assert not any(case.holds for case in told)
+
+
+def test_a_figure_that_is_no_number_does_not_hold() -> None:
+    assert not Case("name", "hard", nan, "reason").holds
+
+
+def test_a_figure_outside_its_bounds_does_not_hold() -> None:
+    held = [Case("name", "hard", figure, "reason", least=1, most=2).holds for figure in (0.99, 1, 2, 2.01)]
+    assert held == [False, True, True, False]
+
+
+def test_the_table_marks_what_does_not_hold() -> None:
+    good, bad = (Case(name, "hard", 1.0, "reason", most=most) for name, most in (("good", 2), ("bad", 0.5)))
+    lines = table([good, bad]).splitlines()
+    assert "**" not in lines[-2]
+    assert "**missed**" in lines[-1]
+
+
+def test_no_measurement_is_listed_twice() -> None:
+    assert not set(FAST) & set(LONG)
