@@ -81,13 +81,27 @@ class Wave:
     )
 
 
+# Of each pair a scene holds one; `with_values` of one replaces the other.
+EXCLUSIVE = {"time.tolerance": "time.timestep", "time.timestep": "time.tolerance"}
+
+
 @dataclass(frozen=True)
 class Time:
-    """Duration, step and sampling of the run, in τ."""
+    """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
+
+    With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
+    """
 
     duration: float = _field(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
     timestep: float = _field(
         float, "tau, at most", "a number in (0, 2], in tau", lambda value: 0 < value <= 2, default=0.05
+    )
+    tolerance: float | None = _field(
+        float,
+        "relative L2 error of p, q and phi each, in place of a timestep",
+        "a number in [1e-9, 0.1], the relative error of p, q and phi each",
+        _between(1e-9, 0.1),
+        default=None,
     )
     sample: float = _field(
         float, "tau between records", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7, default=0.5
@@ -98,7 +112,15 @@ class Time:
 
     @property
     def steps_per_sample(self) -> int:
-        """Whole steps between two records; the step is rounded down so that they fit."""
+        """Whole steps between two records; the step is rounded down so that they fit.
+
+        Raises
+        ------
+        SceneError
+            With a tolerance: `granular_lmp.steplaw.with_step` gives the scene that has a step.
+        """
+        if self.tolerance is not None:
+            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
         return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
 
     @property
@@ -194,22 +216,29 @@ class Scene:
                 f"name = {name!r}: must be ASCII letters, digits, '-' and '_' (it names the files of the run)"
             )
         records = {key: _record(kind, tables.get(key), key) for key, kind in _TABLES.items()}
+        if {"timestep", "tolerance"} <= set(tables["time"]):
+            raise SceneError(
+                f"time.tolerance = {tables['time']['tolerance']!r}: excludes time.timestep = "
+                f"{tables['time']['timestep']!r}; give one of the two"
+            )
         return cls(name=name, **records)
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in."""
-        return asdict(self)
+        """Nested plain values, every default filled in; of the time step and the tolerance the one that is declared."""
+        tables = asdict(self)
+        del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
+        return tables
 
     def to_toml(self) -> str:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
         lines = [f'name = "{self.name}"']
-        for table in _TABLES:
-            record = getattr(self, table)
+        tables = self.to_dict()
+        for table, kind in _TABLES.items():
             lines += ["", f"[{table}]"]
-            for item in fields(record):
-                note = _rule(item)["note"]
-                line = f"{item.name} = {_toml(getattr(record, item.name))}"
-                lines.append(f"{line:30} # {note}" if note else line)
+            notes = {item.name: _rule(item)["note"] for item in fields(kind)}
+            for name, value in tables[table].items():
+                line = f"{name} = {_toml(value)}"
+                lines.append(f"{line:30} # {notes[name]}" if notes[name] else line)
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> "Scene":
@@ -219,6 +248,8 @@ class Scene:
             table, _, name = key.rpartition(".")
             if table and table not in _TABLES:
                 raise SceneError(f"{key}: unknown key; {_allowed(table, _TABLES)}")
+            if key in EXCLUSIVE and EXCLUSIVE[key] not in changes:
+                tables[table].pop(EXCLUSIVE[key].rpartition(".")[2], None)
             (tables[table] if table else tables)[name] = value
         return Scene.from_dict(tables)
 
@@ -240,7 +271,7 @@ class Scene:
                 f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
                 f"2 pi {cycles}/{self.packing.rows}, which fits the periodic cell"
             )
-        if self.time.step < self.time.timestep * (1 - 1e-9):
+        if self.time.tolerance is None and self.time.step < self.time.timestep * (1 - 1e-9):
             said.append(
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
                 f"{self.time.steps_per_sample} to a sample"
@@ -286,7 +317,7 @@ class Scene:
                 f"the smallest is 2 pi/{rows} = {lowest:.6g}, rad per row"
             )
         limit = 2 / sphere.highest_frequency
-        if time.step >= limit:
+        if time.tolerance is None and time.step >= limit:
             raise SceneError(
                 f"time.timestep = {time.timestep!r}: beyond the stability limit of velocity Verlet; "
                 f"must be below 2/Omega_max = {limit:.6g}, in tau"
