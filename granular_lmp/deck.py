@@ -19,6 +19,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Mode, mode_along_y
 from granular_lmp.packing import centre, hexagonal
 from granular_lmp.scene import Scene
+from granular_lmp.steplaw import step_for, with_step
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import plane_wave
 
@@ -99,8 +100,10 @@ def build(scene: Scene) -> Deck:
     """The deck of a scene; nothing is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude.
+    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.tolerance` makes.
     """
+    if scene.time.tolerance is not None:
+        scene = with_step(scene, step_for(scene) / 2)
     packing = hexagonal(scene.sphere, scene.packing)
     mode = mode_along_y(packing, scene.sphere, scene.wavenumber, scene.wave.mode)
     units = units_for(scene.sphere.radius)

@@ -48,6 +48,10 @@ class LammpsError(GranularError):
         self.log_tail = log_tail
 
 
+class ToleranceError(GranularError):
+    """The runs of a scene with a tolerance do not meet it; the text says what they reached."""
+
+
 class RunInterrupted(GranularError):
     """The user stopped a run; its folder says so and what was recorded until then is kept."""
 

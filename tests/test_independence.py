@@ -74,11 +74,12 @@ errors units sphere
 scene
 packing
 modes
-wave effects datafile
+wave effects datafile steplaw
 deck
 record
 status accuracy locate plots
 launch
+tolerance
 doctor
 cli
 """
