@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
+from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import LOG, Deck
 from granular_lmp.record import Record, read_log
 
@@ -33,6 +34,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "effects": {e.name: {"on": e.on, "number": _finite(e.number), "reason": e.reason} for e in deck.effects},
         # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
         "timestep_error_of_fundamental": phase_lag / 3**0.5,
+        "error_budget": as_json(error_budget(scene)),
         "remarks": scene.remarks(),
     }
 

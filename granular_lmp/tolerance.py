@@ -26,6 +26,7 @@ import numpy as np
 
 from granular_lmp import launch
 from granular_lmp.accuracy import richardson
+from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
@@ -189,6 +190,7 @@ def _pairs(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         | info
         | {
             "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
+            "error_budget": as_json(error_budget(scene, found)),
             "extrapolated_from": [run.scene.time.step for run in records[-2:]],
             "refinements": said,
             "steps": sum(run["steps"] for run in runs),

@@ -77,7 +77,8 @@ modes
 wave effects datafile steplaw
 deck
 record
-status accuracy locate plots
+budget accuracy locate plots
+status
 launch
 tolerance
 doctor
