@@ -3,7 +3,7 @@
 `granular_lmp.steplaw` chooses the first pair, Δτ and Δτ/2. What it says of the pair holds if it is right about what the
 pair itself shows, the difference d of the two runs, so the error of the extrapolated record is estimated as
 
-    E = E_law max(1, d/d_law)²            (E goes as the square of d: both waves' phase errors are of order Δτ²)
+    E = E_law max(1, d/d_law)²  up to d = 2 d_law (d goes as Δτ², E as Δτ⁴);        E = 4 d  beyond
 
 If that misses the tolerance, or contacts opened, the step is halved and one run added. Then there are two extrapolated
 records, of errors 16 : 1 where the step's error is of second order (the runs tell: their differences go as 4 : 1), and
@@ -31,10 +31,13 @@ from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import check_floor, step_errors, step_for, turning_error, with_step
+from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_error, with_step
 
 LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
 SUFFIX = "_per_sample"
+# Beyond twice what the law expects it is not the law's waves that two runs show. Then nothing is known of the error but
+# its size: 2 d if it is of first order, 2.9 d if it does not depend on the step.
+_MISJUDGED, _UNKNOWN = 2.0, 4.0
 _SECOND_ORDER = 3.0  # differences of three runs go as 4 : 1 for an error of second order, as 2 : 1 for one of first
 
 OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
@@ -62,7 +65,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
             return launch.resume(place, progress=told)
         return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
 
-    return _pairs(Scene.load(folder / "scene.toml"), folder, one, progress, info)
+    return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
 
 
 def run_to_tolerance(
@@ -111,7 +114,7 @@ def run_to_tolerance(
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
 
-    return _pairs(scene, folder, one, progress, info)
+    return refine(scene, folder, one, progress, info)
 
 
 def estimate(records: list[Record]) -> dict[str, float]:
@@ -134,7 +137,7 @@ def estimate(records: list[Record]) -> dict[str, float]:
     if len(records) == 2:
         if not newer.info["guards"]["open_contacts"]["quiet"]:
             return dict.fromkeys(law, inf)  # the law knows closed contacts only
-        return {name: error.extrapolated * max(1.0, found[name] / error.halved) ** 2 for name, error in law.items()}
+        return {name: _of_two(error, found[name]) for name, error in law.items()}
     older = richardson(records[-3], coarse)
     result = {}
     for name in law:
@@ -148,8 +151,28 @@ def estimate(records: list[Record]) -> dict[str, float]:
     return result
 
 
-def _pairs(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:
-    """Run pair after pair until one meets the tolerance; ``run.json`` says how that ended."""
+def _of_two(law: StepError, found: float) -> float:
+    """E from the difference that two runs show, `found`, and the one that the law expects."""
+    if found > _MISJUDGED * law.halved:
+        return _UNKNOWN * found
+    return law.extrapolated * max(1.0, found / law.halved) ** 2
+
+
+def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:
+    """Run pair after pair until one meets the tolerance; ``run.json`` says how that ended.
+
+    Parameters
+    ----------
+    scene : Scene
+        With ``time.tolerance``.
+    folder : Path
+        Is there, and gets ``trajectory.csv`` and ``run.json``.
+    one : callable
+        Makes one run: of a scene with a time step, in a folder, telling its progress.
+    progress : callable, optional
+    info : dict
+        What ``run.json`` is to hold of the whole.
+    """
     tolerance = scene.time.tolerance
     assert tolerance is not None
     per_sample = round(scene.time.sample / step_for(scene))
