@@ -35,9 +35,9 @@ from granular_lmp.scene import Scene
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-# Size of the p of fourth order, in units of G/(Q sin ξ) and a²s²: 0.010 and 0.012 at the antiresonance of ν = 0.17 for
+# Size of the p of fourth order, in units of G/sin ξ and a²s²: 0.008 and 0.010 at the antiresonance of ν = 0.17 for
 # a = 0.2 and 0.3, against the lattice. It matters only where the second order nearly vanishes.
-FOURTH_ORDER = 0.011
+FOURTH_ORDER = 0.009
 # What third order adds to the error of an extrapolated pair, over a²: at most 1.8 at a = 0.3 and 0.5 at a = 0.2, in
 # p, q, φ together, over 180 waves.
 THIRD_ORDER = 20.0
@@ -95,7 +95,7 @@ def waves(scene: Scene) -> Waves:
     mode = mode_along_y(unit_lattice(sphere), sphere, xi, scene.wave.mode)
     drive = second_harmonic_drive(scene, mode, sphere.overlap_ratio)
     kappa, q, sine = sphere.stiffness_ratio, -mode.ux, sin(xi)
-    unit = sphere.nonlinearity(a) / 2 * sine * q
+    unit = sphere.nonlinearity(a) / 2 * sine * _s2(xi)
     # Force of the slip error: κC h √3/4 η s²Q²Ω sin ξ a, C = 1/(2(κ+3))
     twist = sqrt(3) / 8 * kappa / (kappa + 3) * sphere.overlap_ratio * _s2(xi) * q * q * mode.frequency * sine * a
     every = ceil((scene.time.samples + 1) / _TIMES)
@@ -103,7 +103,7 @@ def waves(scene: Scene) -> Waves:
         mode=mode,
         free=max(abs(sine), _SILENT),
         drive=drive,
-        drive_size=hypot(drive, FOURTH_ORDER * a * a * _s2(xi) * unit),
+        drive_size=hypot(drive, FOURTH_ORDER * a * a * unit),
         twist=twist,
         phase=scene.wave.phase,
         tau=scene.time.sample * np.arange(0, scene.time.samples + 1, every, dtype=np.float64),

@@ -60,8 +60,8 @@ def test_the_time_step_s_part_is_the_error_of_the_stepped_lattice(scene: Scene) 
 
 @each_scene
 def test_the_part_of_geometry_is_the_distance_to_the_paper_s_lattice(scene: Scene) -> None:
-    # Of L the SH is what changes, and only a share of p; everything else is right to 40 %
-    factor = 4.0 if scene.wave.mode == "L" else 1.5
+    # Everything but L is right to 40 %. L changes by 1e-5, in third order, of which the budget has the SH alone
+    factor = 10.0 if scene.wave.mode == "L" else 1.5
     exact, paper = (
         limit(wave_of(scene), overlap_ratio=scene.sphere.overlap_ratio),
         limit(wave_of(scene), overlap_ratio=0.0),
