@@ -41,13 +41,14 @@ FOURTH_ORDER = 0.009
 # What third order adds to the error of an extrapolated pair, over a²: at most 1.8 at a = 0.3 and 0.5 at a = 0.2, in
 # p, q, φ together, over 180 waves.
 THIRD_ORDER = 20.0
+_LARGEST_AMPLITUDE = 0.5  # to which that is taken; beyond it contacts open, and the runs have to tell
 # The part of the tolerance that the chosen step may use. The error goes as the fourth power: 0.8 costs 6 %.
 SHARE = 0.8
 # Before the echo the walls are below this (`Scene.echo_time`).
 WALLS = 1e-6
 MOST_STEPS = 10**9
 _TIMES = 1000  # the errors are taken over this many of the scene's records at most
-_SILENT = 1e-9  # |sin ξ| below which the second harmonic vanishes by symmetry
+_SILENT = 1e-9  # below this an amplitude, or sin ξ, is zero by symmetry
 
 
 @dataclass(frozen=True)
@@ -173,10 +174,13 @@ def signals(w: Waves, step: float) -> dict[str, Floats]:
     harmonic = 1j * np.exp(2j * w.phase) * driven(w.mode.frequency, w.free, w.tau, step)
     if w.mode.name == "L":
         return {"p": (wave + w.drive * harmonic).real}
-    result = {"q": -w.mode.ux * wave.real, "phi": -w.mode.f * wave.imag}
-    if abs(sin(w.mode.wavenumber)) > _SILENT:
-        result = {"p": w.drive_size * harmonic.real} | result
-    return result
+    # At ξ = π nothing is driven, and TR and RT are either displacement or rotation
+    parts = {
+        "p": (sin(w.mode.wavenumber), w.drive_size * harmonic.real),
+        "q": (w.mode.ux, -w.mode.ux * wave.real),
+        "phi": (w.mode.f, -w.mode.f * wave.imag),
+    }
+    return {name: values for name, (share, values) in parts.items() if abs(share) > _SILENT}
 
 
 def sizes(scene: Scene) -> dict[str, float]:
@@ -189,7 +193,12 @@ def sizes(scene: Scene) -> dict[str, float]:
 
 def step_errors(scene: Scene, step: float) -> dict[str, StepError]:
     """Errors that a step (in τ) and its half leave in p, q, φ, without those that vanish by symmetry."""
-    return _errors(waves(scene), step, 1 + THIRD_ORDER * scene.wave.amplitude**2)
+    return _errors(waves(scene), step, _higher_orders(scene))
+
+
+def _higher_orders(scene: Scene) -> float:
+    """Factor by which the error of a pair exceeds that of second order."""
+    return 1 + THIRD_ORDER * min(scene.wave.amplitude, _LARGEST_AMPLITUDE) ** 2
 
 
 def turning_error(scene: Scene, step: float) -> float:
@@ -233,7 +242,7 @@ def step_for(scene: Scene) -> float:
     tolerance = scene.time.tolerance
     if tolerance is None:
         raise SceneError("time.tolerance: missing key; the scene has a time.timestep")
-    w, higher = waves(scene), 1 + THIRD_ORDER * scene.wave.amplitude**2
+    w, higher = waves(scene), _higher_orders(scene)
 
     def enough(per_sample: int) -> bool:
         found = _errors(w, scene.time.sample / per_sample, higher).values()

@@ -27,7 +27,7 @@ import numpy as np
 from granular_lmp import launch
 from granular_lmp.accuracy import richardson
 from granular_lmp.budget import as_json, error_budget
-from granular_lmp.deck import writable
+from granular_lmp.deck import CHECKPOINTS, writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
@@ -58,10 +58,9 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
-        status = read_status(place).get("status") if place.is_dir() else None
-        if status == "finished":
+        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
             return Record.load(place)
-        if status == "interrupted":
+        if any((place / name).is_file() for name in CHECKPOINTS):
             return launch.resume(place, progress=told)
         return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
 
