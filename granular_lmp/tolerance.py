@@ -132,7 +132,7 @@ def estimate(records: list[Record]) -> dict[str, float]:
     coarse = records[-2]
     newer = richardson(coarse, records[-1])
     law = step_errors(coarse.scene, coarse.scene.time.step)
-    found = newer.info["error_estimate"]
+    found = {name: newer.info["error_estimate"][name] or 0.0 for name in law}
     if len(records) == 2:
         if not newer.info["guards"]["open_contacts"]["quiet"]:
             return dict.fromkeys(law, inf)  # the law knows closed contacts only
@@ -143,7 +143,7 @@ def estimate(records: list[Record]) -> dict[str, float]:
         values = getattr(newer, name)
         size = np.linalg.norm(values)
         moved = float(np.linalg.norm(getattr(older, name) - values) / size)
-        coarser = older.info["error_estimate"][name] * np.linalg.norm(getattr(older, name)) / size
+        coarser = older.info["error_estimate"][name] or 0.0
         result[name] = moved / 15 if coarser > _SECOND_ORDER * found[name] else moved
     if "p" in result:
         result["p"] += turning_error(coarse.scene, coarse.scene.time.step) / 3

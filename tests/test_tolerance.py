@@ -17,7 +17,7 @@ from analysis import timestep
 from analysis.norms import relative_error
 from analysis.timestep import Wave, extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
-from granular_lmp.errors import GranularError, SceneError, ToleranceError
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.record import read_status
 from granular_lmp.steplaw import floor, rounding, sizes, step_errors, step_for, with_step
 from granular_lmp.tolerance import estimate, refine, resume
@@ -260,25 +260,39 @@ def test_a_pair_that_the_law_misjudged_is_refined_and_said_so(tmp_path: Path, ca
     assert max(errors_of(record, exact).values()) <= 1e-2
 
 
-def test_an_interrupted_scene_resumes_to_the_same_bytes(tmp_path: Path) -> None:
-    scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
+@pytest.mark.parametrize(("share", "begun"), [(0.01, 1), (0.5, 2)], ids=["in the first run", "in the second"])
+def test_an_interrupted_scene_resumes_to_the_same_bytes(share: float, begun: int, tmp_path: Path) -> None:
+    # Long enough for the display, which looks ten times a second, to come in between
+    scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-2, time_duration=1000.0)
     run(scene, tmp_path / "whole")
 
     def stop(step: int, steps: int) -> None:
-        if step > 0.6 * steps:
+        if step > share * steps:
             raise KeyboardInterrupt
 
-    with pytest.raises(BaseException, match="interrupted|"):
+    with pytest.raises(RunInterrupted):
         run(scene, tmp_path / "cut", progress=stop)
     assert read_status(tmp_path / "cut")["status"] == "interrupted"
+    runs = [read_status(folder)["status"] for folder in (tmp_path / "cut").glob("*_per_sample")]
+    assert sorted(runs) == ["finished"] * (begun - 1) + ["interrupted"]
     record = resume(tmp_path / "cut")
     assert record.info["status"] == "finished"
     assert (tmp_path / "cut/trajectory.csv").read_bytes() == (tmp_path / "whole/trajectory.csv").read_bytes()
-    with pytest.raises(GranularError, match="nothing to resume"):
+    with pytest.raises(RunFolderError, match="nothing to resume"):
         resume(tmp_path / "cut")
-    with pytest.raises(GranularError, match="is there already"):
-        run(scene, tmp_path / "cut")
-    assert run(scene, tmp_path / "cut", force=True).info["status"] == "finished"
+
+
+def test_a_folder_that_is_there_is_run_again_only_by_force(tmp_path: Path) -> None:
+    scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/mine").write_text("kept")
+    with pytest.raises(RunFolderError, match="is there already"):
+        run(scene, tmp_path / "run")
+    run(scene.with_values({"time.tolerance": 1e-2}), tmp_path / "run", force=True)
+    record = run(scene, tmp_path / "run", force=True)
+    steps = [Record.load(folder).scene.time.step for folder in (tmp_path / "run").glob("*_per_sample")]
+    assert sorted(steps, reverse=True) == record.info["extrapolated_from"]  # none of the first run is left
+    assert (tmp_path / "run/mine").read_text() == "kept"
 
 
 # --- what is refused -------------------------------------------------------------------------------------------------
