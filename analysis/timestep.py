@@ -117,13 +117,14 @@ def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
     return (lambda values: shifted(values, after)), (lambda values: shifted(values, before))
 
 
-def limit(wave: Wave, tau: ArrayLike = TAU, overlap_ratio: float = OVERLAP_RATIO) -> NDArray[np.float64]:
-    """p, q, φ in D0 of the row n = 0, (T, 3), for the step → 0: the exact lattice."""
+def limit(
+    wave: Wave, tau: ArrayLike = TAU, overlap_ratio: float = OVERLAP_RATIO, rtol: float = 1e-10
+) -> NDArray[np.float64]:
+    """p, q, φ in D0 of the row n = 0, (T, 3), for the step → 0: the exact lattice, to about 50 rtol."""
     name, wavenumber, amplitude, poisson_ratio = wave
     start = mode(name, wavenumber, ratios(poisson_ratio, overlap_ratio=overlap_ratio))
-    return np.stack(
-        torus(start, amplitude, tau, poisson_ratio, overlap_ratio=overlap_ratio, points=25, rtol=1e-10), axis=-1
-    )
+    record = torus(start, amplitude, tau, poisson_ratio, overlap_ratio=overlap_ratio, points=25, rtol=rtol)
+    return np.stack(record, axis=-1)
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:
