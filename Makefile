@@ -38,6 +38,7 @@ figures: .venv/ready $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.convergence -o figures/convergence.png
 	$(BIN)/python -m analysis.laws -o figures/laws.png
 	$(BIN)/python -m analysis.map -o figures/map.png
+	$(BIN)/python -m analysis.timestep -o figures/timestep.png
 
 test: .venv/ready
 	$(BIN)/ruff check .

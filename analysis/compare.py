@@ -14,6 +14,7 @@ import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -74,6 +75,7 @@ class Comparison:
     measured: float | None
     fit_error: float | None
     notes: list[str]
+    budget: list[dict[str, Any]]
 
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
@@ -97,6 +99,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         measured=measured,
         fit_error=fit_error,
         notes=notes(record),
+        budget=record.info.get("error_budget", []),
     )
 
 
@@ -177,7 +180,24 @@ def table(comparisons: list[Comparison]) -> str:
         lines.append(f"{head}  {c.theory or '-':15}{_cells(c.error)}   {measured}{predicted}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
     lines += [f"note on {c.name}: {note}" for c in comparisons for note in c.notes]
+    for c in comparisons:
+        lines += budget_lines(c)
     return "\n".join(lines)
+
+
+def budget_lines(comparison: Comparison) -> list[str]:
+    """The error budget that the run estimated for itself, * at the largest of p, q and phi; nothing if it has none."""
+    if not comparison.budget:
+        return []
+    lines = ["", f"error budget of {comparison.name:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
+    for source in comparison.budget:
+        cells = "".join(
+            f"{'0' if source[name] is None else format(source[name], '.1e'):>9}"
+            + ("*" if name in source["dominates"] else " ")
+            for name in COMPONENTS
+        )
+        lines.append(f"  of the {source['of']:8}{source['name']:27}{cells}   {source['to_halve']}")
+    return lines
 
 
 def _cells(values: dict[str, float | None]) -> str:

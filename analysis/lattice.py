@@ -177,7 +177,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     after, before = neighbours
     dashpot = 2 * (contact.kappa + 3) * contact.viscosity
     # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
-    moving = state[: 6 if contact.has_history or dashpot else 3]
+    moving = state[: 6 if contact.has_history or contact.viscosity else 3]
     here, ahead = moving, after(moving)
     dp, dq = ahead[:2] - here[:2]
     x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
@@ -197,7 +197,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
         if contact.law == "potential":
             normal -= np.divide(shear * tangential, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
     turning = contact.shear_stiffness * state[2]  # the slip −2φ of the contacts within the row, over −2
-    if dashpot:
+    if contact.viscosity:
         closed = np.sqrt(root) if contact.hertzian else np.sign(overlap)
         p_rate, q_rate = ahead[3:5] - here[3:5]
         normal = normal + dashpot * closed * (n_p * p_rate + n_q * q_rate)

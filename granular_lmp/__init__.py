@@ -8,7 +8,8 @@ of the centre sphere::
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
 The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave` and `effects`, `deck`, `record`,
-`launch`, `sweep`. A module imports only from its left (the whole order is in ``tests/test_independence.py``).
+`launch`, `tolerance`, `sweep`. A module imports only from its left (the whole order is in
+``tests/test_independence.py``).
 """
 
 from importlib import import_module
@@ -17,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from granular_lmp.deck import Deck as Deck
     from granular_lmp.deck import build as build
-    from granular_lmp.launch import run as run
     from granular_lmp.record import Record as Record
     from granular_lmp.scene import Scene as Scene
+    from granular_lmp.tolerance import run as run
 
 __version__ = "0.1.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
-_HOMES = {"Scene": "scene", "Deck": "deck", "build": "deck", "run": "launch", "Record": "record"}
+_HOMES = {"Scene": "scene", "Deck": "deck", "build": "deck", "run": "tolerance", "Record": "record"}
 __all__ = ["Deck", "Record", "Scene", "build", "run"]
 
 

@@ -173,7 +173,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from granular_lmp.launch import run
+    from granular_lmp.tolerance import run
 
     scene = _scene(options)
     folder = options.output or f"runs/{scene.name}"
@@ -184,7 +184,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _resume(options: argparse.Namespace) -> int:
-    from granular_lmp.launch import resume
+    from granular_lmp.tolerance import resume
 
     with _interruptible() as progress:
         record = resume(options.folder, progress=progress)
@@ -232,6 +232,11 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records "
         f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
     )
+    for sentence in info.get("refinements", []):
+        print(f"note: {sentence}", file=sys.stderr)
+    if "tolerance" in info:
+        found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
+        print(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
             print(f"warning: {name} = {guard['value']:.4g}: {guard['meaning']}", file=sys.stderr)

@@ -131,8 +131,9 @@ class Collision:
     def to_toml(self) -> str:
         """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
         lines = [f'name = "{self.name}"']
-        for key in _TABLES:
-            lines += ["", f"[{key}]", *toml_lines(getattr(self, key), _RULES.get(key))]
+        tables = self.to_dict()
+        for key, kind in _TABLES.items():
+            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:

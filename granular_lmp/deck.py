@@ -22,6 +22,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Mode, mode_along_y
 from granular_lmp.packing import hexagonal, unit_lattice
 from granular_lmp.scene import Scene
+from granular_lmp.steplaw import step_for, with_step
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import plane_wave
 
@@ -106,7 +107,7 @@ def build(scene: Scene) -> Deck:
     """The deck of a scene; nothing is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude.
+    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.tolerance` makes.
 
     Raises
     ------
@@ -115,8 +116,11 @@ def build(scene: Scene) -> Deck:
     """
     declared = scene
     scene, chosen = effects.resolve(declared)
-    physics = effects.physics({effect.name: effect.on for effect in chosen})
-    mode = mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, physics)
+    if scene.time.tolerance is not None:
+        scene = with_step(scene, step_for(scene) / 2)
+    mode = mode_along_y(
+        unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, effects.physics(scene)
+    )
     packing = hexagonal(scene.sphere, scene.shape)
     units = units_for(scene.sphere.radius)
     return Deck(
@@ -144,7 +148,7 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, chosen: list[Effect], un
     size = packing.cell.lengths() * to_deck
     fields = plane_wave(packing, mode, scene.wave.phase)
     on = {effect.name: effect.on for effect in chosen}
-    moving = effects.physics(on).coordinates
+    moving = effects.physics(scene).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
         kind=np.where(packing.arrays["fixed"], 2, 1),

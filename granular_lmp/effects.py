@@ -447,17 +447,21 @@ def resolve(scene: Scene) -> tuple[Scene, list[Effect]]:
         these effects.
     """
     chosen = select(scene)
-    on = {effect.name: effect.on for effect in chosen}
-    limit = 2 / highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics(on))
-    if scene.time.step >= limit:
-        raise SceneError(
-            f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
-            f"must be below 2/Omega_max = {limit:.6g}, in tau"
-        )
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
-    return scene.with_values(values), chosen
+    resolved = scene.with_values(values)
+    if scene.time.tolerance is None and scene.time.step >= largest_step(resolved):
+        raise SceneError(
+            f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
+            f"must be below 2/Omega_max = {largest_step(resolved):.6g}, in tau"
+        )
+    return resolved, chosen
+
+
+def largest_step(scene: Scene) -> float:
+    """2/Ω_max, τ: the stability limit of velocity Verlet in the scene's lattice."""
+    return 2 / highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics(scene))
 
 
 def with_all(scene: Scene) -> Scene:
@@ -481,9 +485,9 @@ def warnings(chosen: list[Effect]) -> list[str]:
     ]
 
 
-def physics(on: Mapping[str, bool]) -> Physics:
-    """The degrees of freedom that are left."""
-    return Physics(on["shear"], on["rotation"])
+def physics(scene: Scene) -> Physics:
+    """The degrees of freedom of a scene's lattice; those that are not decided yet are there."""
+    return Physics(scene.effects.shear is not False, scene.effects.rotation is not False)
 
 
 def values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:

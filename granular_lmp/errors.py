@@ -52,6 +52,10 @@ class WorkerError(GranularError):
     """The process that a run was in has died: killed for want of memory, or by a fault inside LAMMPS."""
 
 
+class ToleranceError(GranularError):
+    """The runs of a scene with a tolerance do not meet it; the text says what they reached."""
+
+
 class RunInterrupted(GranularError):
     """The user stopped a run; its folder says so and what was recorded until then is kept."""
 

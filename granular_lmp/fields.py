@@ -99,13 +99,11 @@ def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
     return {item.name: getattr(record, item.name) for item, _ in _declared_fields(type(record), rules)}
 
 
-def toml_lines(record: Any, rules: Rules | None = None) -> list[str]:
-    """``key = value  # note`` for each field."""
-    lines = []
-    for item, rule in _declared_fields(type(record), rules):
-        line = f"{item.name} = {toml(getattr(record, item.name))}"
-        lines.append(f"{line:30} # {rule.note}" if rule.note else line)
-    return lines
+def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
+    """``key = value  # note`` for each of the values, which are some of a record's of type `kind`."""
+    notes = {item.name: rule.note for item, rule in _declared_fields(kind, rules)}
+    lines = ((f"{name} = {toml(value)}", notes[name]) for name, value in values.items())
+    return [f"{line:30} # {note}" if note else line for line, note in lines]
 
 
 def toml(value: str | bool | int | float) -> str:

@@ -117,7 +117,7 @@ def run(
         for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
             (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
-        return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, scene)), route, info)
+        return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:

@@ -193,19 +193,25 @@ def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     inside = False
-    for line in lines:
+    for line in [*lines, "Step"]:
         words = line.split()
         if words[:1] == ["Step"]:
-            names, inside = tuple(words), True
-            tables.setdefault(names, [])
+            if inside and tables[names]:
+                tables[names].pop()  # the run was stopped here, and its last line may be cut off
+            if len(words) > 1:
+                names, inside = tuple(words), True
+                tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
             seconds[names] = seconds.get(names, 0.0) + float(words[3])
             inside = False
         elif inside and len(words) == len(names):
             try:
-                tables[names].append([float(word) for word in words])
+                row = [float(word) for word in words]
             except ValueError:
                 continue  # a warning between two thermo lines
+            while tables[names] and tables[names][-1][0] >= row[0]:
+                tables[names].pop()  # a continuation writes again what came after its checkpoint
+            tables[names].append(row)
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return dict(zip(names, table.T, strict=True)), seconds.get(names, float("nan"))

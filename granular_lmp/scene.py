@@ -87,13 +87,27 @@ class Wave:
     )
 
 
+# Of each pair a scene holds one; `with_values` of one replaces the other.
+EXCLUSIVE = {"time.tolerance": "time.timestep", "time.timestep": "time.tolerance"}
+
+
 @dataclass(frozen=True)
 class Time:
-    """Duration, step and sampling of the run, in τ."""
+    """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
+
+    With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
+    """
 
     duration: float = declared(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
     timestep: float = declared(
         float, "tau, at most", "a number in (0, 2], in tau", lambda value: 0 < value <= 2, default=0.05
+    )
+    tolerance: float | None = declared(
+        float,
+        "relative L2 error of p, q and phi each, in place of a timestep",
+        "a number in [1e-9, 0.1], the relative error of p, q and phi each",
+        between(1e-9, 0.1),
+        default=None,
     )
     sample: float = declared(
         float, "tau between records", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7, default=0.5
@@ -104,7 +118,15 @@ class Time:
 
     @property
     def steps_per_sample(self) -> int:
-        """Whole steps between two records; the step is rounded down so that they fit."""
+        """Whole steps between two records; the step is rounded down so that they fit.
+
+        Raises
+        ------
+        SceneError
+            With a tolerance: `granular_lmp.steplaw.with_step` gives the scene that has a step.
+        """
+        if self.tolerance is not None:
+            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
         return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
 
     @property
@@ -246,21 +268,26 @@ class Scene:
             _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))
             for key, kind in _TABLES.items()
         }
+        if {"timestep", "tolerance"} <= set(tables["time"]):
+            raise SceneError(
+                f"time.tolerance = {tables['time']['tolerance']!r}: excludes time.timestep = "
+                f"{tables['time']['timestep']!r}; give one of the two"
+            )
         return cls(name=name, **records)
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in."""
-        return {"name": self.name} | {key: plain(self._table(key), _RULES.get(key)) for key in _TABLES}
+        """Nested plain values, every default filled in; of the time step and the tolerance the one that is declared."""
+        tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), _RULES.get(key)) for key in _TABLES}
+        del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
+        return {"name": self.name} | tables
 
     def to_toml(self) -> str:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
         lines = [f'name = "{self.name}"']
-        for key in _TABLES:
-            lines += ["", f"[{key}]", *toml_lines(self._table(key), _RULES.get(key))]
+        tables = self.to_dict()
+        for key, kind in _TABLES.items():
+            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
         return "\n".join(lines) + "\n"
-
-    def _table(self, key: str) -> Any:
-        return getattr(self, _ATTRIBUTES.get(key, key))
 
     def with_values(self, changes: Mapping[str, Any]) -> "Scene":
         """Copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``."""
@@ -269,6 +296,8 @@ class Scene:
             table, _, name = key.rpartition(".")
             if table and table not in _TABLES:
                 raise SceneError(f"{key}: unknown key; {allowed_names(table, _TABLES)}")
+            if key in EXCLUSIVE and EXCLUSIVE[key] not in changes:
+                tables[table].pop(EXCLUSIVE[key].rpartition(".")[2], None)
             (tables[table] if table else tables)[name] = value
         return Scene.from_dict(tables)
 
@@ -304,7 +333,7 @@ class Scene:
                 f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
                 f"2 pi {cycles}/{self.shape.rows}, which fits the periodic cell"
             )
-        if self.time.step < self.time.timestep * (1 - 1e-9):
+        if self.time.tolerance is None and self.time.step < self.time.timestep * (1 - 1e-9):
             said.append(
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
                 f"{self.time.steps_per_sample} to a sample"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
+from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import LOG, Deck
 from granular_lmp.effects import warnings
 from granular_lmp.guards import GUARDS
@@ -46,6 +47,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         },
         # Velocity Verlet runs a mode (Ω Δτ)²/24 too fast; the lag at the end over √3 is its L2 error over the run
         "timestep_error_of_fundamental": phase_lag / 3**0.5,
+        "error_budget": as_json(error_budget(scene)),
         "remarks": [*deck.declared.remarks(), *warnings(deck.effects)],
     }
 

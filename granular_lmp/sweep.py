@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.grid import points, scene_hash
-from granular_lmp.launch import locked, resume, run
+from granular_lmp.launch import locked
 from granular_lmp.record import Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
+from granular_lmp.tolerance import resume, run
 from granular_lmp.workers import stop_requested
 
 Progress = Callable[[int, int, float], None]

@@ -77,11 +77,13 @@ scene
 packing collision
 modes guards
 wave effects datafile
-grid
+grid steplaw
 deck
 record
-status accuracy locate plots
+budget accuracy locate plots
+status
 launch workers
+tolerance
 sweep doctor collide
 cli
 """

@@ -334,6 +334,16 @@ def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path)
         Record.load(tmp_path / "run")
 
 
+def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_path: Path) -> None:
+    head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
+    for start in ([], ["100 0 3e-12"]):  # the checkpoint came after the cut, or before it
+        lines = [head, "0 0 1e-12", "50 0 2e-12", "100 0 3", head, *start, "150 0 4e-12", end, ""]
+        (tmp_path / "log").write_text("\n".join(lines))
+        table, _ = read_log(tmp_path / "log")
+        assert table["Step"].tolist() == [0, 50, *(100 for _ in start), 150]
+        assert table["v_spread"].max() == 4e-12
+
+
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     table, seconds = read_log(tmp_path / "run" / "log.lammps")
