@@ -3,7 +3,8 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make figures (the others of the docs), make decks (rewrites the committed decks of lammps_inputs), make clean.
+# Also: make figures (the others of the docs), make decks (rewrites the committed decks of lammps_inputs), make clean;
+# make bench (our run beside other codes, with the error of each).
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -12,7 +13,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test decks clean
+.PHONY: paper figures test bench decks clean
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -30,6 +31,9 @@ test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/pytest
+
+bench: .venv/ready
+	$(BIN)/python -m benchmarks
 
 decks: .venv/ready
 	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
