@@ -4,7 +4,7 @@ The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. What
 is an index variable, to be overridden with ``-var``. Each block of the deck is a function here that returns its lines.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil
@@ -40,8 +40,10 @@ class Deck:
     mode : Mode
         The Bloch mode that starts the wave.
     effects : list of Effect
-    input_text, data_text : str
-        Contents of ``in.NAME`` and ``data.NAME``.
+    input_text : str
+        Contents of ``in.NAME``.
+    data : DataFile
+        What ``data.NAME`` holds.
     """
 
     scene: Scene
@@ -49,7 +51,7 @@ class Deck:
     mode: Mode
     effects: list[Effect]
     input_text: str
-    data_text: str
+    data: DataFile
 
     @property
     def input_name(self) -> str:
@@ -61,12 +63,13 @@ class Deck:
         """``data.NAME``"""
         return f"data.{self.scene.name}"
 
-    def files(self) -> dict[str, str]:
-        """Name → text of the three files that make a deck folder."""
+    def files(self) -> dict[str, Iterable[str]]:
+        """Name → text, in pieces, of the three files that make a deck folder."""
+        title = f"{_title(self.scene)}; units {units_for(self.scene.sphere.radius).style}"
         return {
-            "scene.toml": self.scene.to_toml(),
-            self.input_name: self.input_text,
-            self.data_name: self.data_text,
+            "scene.toml": [self.scene.to_toml()],
+            self.input_name: [self.input_text],
+            self.data_name: self.data.pieces(title),
         }
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
@@ -80,8 +83,9 @@ class Deck:
         folder = Path(folder)
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
-            for name, text in self.files().items():
-                (folder / name).write_text(text, encoding="utf-8")
+            for name, pieces in self.files().items():
+                with (folder / name).open("w", encoding="utf-8") as stream:
+                    stream.writelines(pieces)
 
 
 @contextmanager
@@ -110,7 +114,7 @@ def build(scene: Scene) -> Deck:
         mode=mode,
         effects=effects(scene, packing, mode),
         input_text=_input_text(scene, units, centre(packing) + 1),
-        data_text=_data(scene, packing, mode, units).text(_title(scene) + f"; units {units.style}"),
+        data=_data(scene, packing, mode, units),
     )
 
 
