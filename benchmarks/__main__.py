@@ -2,7 +2,8 @@
 
     python -m benchmarks [--repeats N] [--only NAME ...]
 
-One that is not installed is skipped and said so. The first in the table is what the others are measured by.
+One that is not installed is skipped and said so. Times are medians (smallest–largest); a ratio is to the first line,
+the median of the ratios within a round, then the ratio of the smallest times.
 """
 
 import argparse
@@ -12,10 +13,13 @@ from collections.abc import Sequence
 from benchmarks import naive, ours, rows
 from benchmarks.peers import liggghts, yade
 from benchmarks.problem import Contestant, Solution, base_scene, errors, exact
-from benchmarks.timing import interleave, machine, ratio, spread, table
+from benchmarks.timing import both_ratios, interleave, machine, rates, spread, table
 
 CONTESTANTS = {module.CONTESTANT.name: module.CONTESTANT for module in (ours, naive, rows, yade, liggghts)}
-HEAD = ["", "spheres", "steps", "whole, s", "ratio", "loop, s", "ratio", "error of p", "of q"]
+HEAD = [
+    *("", "spheres", "steps", "whole, s", "ratio", "loop, s", "ratio", "error of p", "of q"),
+    *("M particle-steps/s", "ns per contact and step"),
+]
 
 
 def report(present: Sequence[Contestant], repeats: int) -> str:
@@ -40,10 +44,11 @@ def _line(title: str, rounds: list[tuple[float, Solution]], first: list[tuple[fl
         str(last.spheres),
         "own" if last.steps is None else str(last.steps),
         spread(whole),
-        f"{ratio(whole, first_whole):.2g}",
+        both_ratios(whole, first_whole),
         spread(loop),
-        f"{ratio(loop, first_loop):.2g}",
+        both_ratios(loop, first_loop),
         *(f"{error:.2g}" for error in errors(base_scene(), last.p, last.q)),
+        *(("–", "–") if last.steps is None else rates(last.spheres * last.steps, loop)),
     ]
 
 

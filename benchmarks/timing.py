@@ -43,6 +43,17 @@ def ratio(seconds: Sequence[float], first: Sequence[float]) -> float:
     return median(a / b for a, b in zip(seconds, first, strict=True))
 
 
+def both_ratios(seconds: Sequence[float], first: Sequence[float]) -> str:
+    """`ratio`, and that of the smallest times: what else a machine does makes a time too long, never too short."""
+    return f"{ratio(seconds, first):.2g}, {min(seconds) / min(first):.2g}"
+
+
+def rates(particle_steps: float, seconds: Sequence[float]) -> tuple[str, str]:
+    """Million particle-steps a second, and ns per contact and step (three contacts a sphere), at the smallest time."""
+    best = min(seconds)
+    return f"{particle_steps / best / 1e6:.2f}", f"{best / particle_steps / 3 * 1e9:.0f}"
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Markdown, the first column to the left and all others to the right."""
     lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
