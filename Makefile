@@ -4,7 +4,7 @@
 #   make test    all tests, with the linter and the type checker
 #
 # Also: make figures (the others of the docs), make decks (rewrites the committed decks of lammps_inputs), make clean;
-# make bench (our run beside other codes, with the error of each).
+# make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres).
 
 PYTHON ?= python3
 BIN = .venv/bin
@@ -13,7 +13,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test bench decks clean
+.PHONY: paper figures test bench scale decks clean
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -34,6 +34,9 @@ test: .venv/ready
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks
+
+scale: .venv/ready
+	$(BIN)/python -m benchmarks.scale
 
 decks: .venv/ready
 	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
