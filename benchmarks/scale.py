@@ -7,7 +7,6 @@ cost is linear in the spheres.
 """
 
 import argparse
-import os
 import subprocess
 import sys
 import time
@@ -30,8 +29,9 @@ from granular_lmp.units import units_for
 
 COLUMNS = 100
 WORK = 5e6  # particle-steps a run: a second or two on one core
+_GLANCE = 0.02  # s between two looks at a program
 HEAD = [
-    *("spheres", "ranks", "build, s", "set-up, s", "peak MB", "loop, s", "÷ 1 rank", "M particle-steps/s"),
+    *("spheres", "ranks", "build, s", "set-up, s", "peak MB a rank", "loop, s", "÷ 1 rank", "M particle-steps/s"),
     *("ns per contact and step", "error of p", "of q"),
 ]
 
@@ -64,15 +64,14 @@ def sized(spheres: int) -> Scene:
 
 
 def solve(scene: Scene, ranks: int, folder: Path) -> Run:
-    """Build, write and run a scene with ``lmp``; the peak is that of the program on one rank, nan on more."""
+    """Build, write and run a scene with ``lmp``; the peak is that of one rank."""
     started = time.perf_counter()
     deck = build(scene)
     deck.write(folder / "run")
     built = time.perf_counter()
     command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none"]
     process = subprocess.Popen(command, cwd=folder / "run", stdin=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
+    peak = _wait(process)
     ended = time.perf_counter()
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
@@ -86,9 +85,40 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
         loop=loop,
         steps=scene.time.steps,
         spheres=len(deck.packing),
-        peak=usage.ru_maxrss / 1024 if ranks == 1 else float("nan"),
+        peak=peak,
         error=errors(scene, p, q),
     )
+
+
+def _wait(process: "subprocess.Popen[bytes]") -> float:
+    """Wait for a program; the most memory that it or a program started by it held, MB (0 where there is no /proc).
+
+    ``lmp`` of the wheel is a script that starts the real one, and what wait4 reports is no less than what this Python
+    held when it started the script.
+    """
+    peak = 0.0
+    while process.poll() is None:
+        peak = max(peak, *map(_held, _family(process.pid)))
+        time.sleep(_GLANCE)
+    return peak
+
+
+def _family(process: int) -> list[int]:
+    """A process and all that descend from it."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text(encoding="utf-8").split()
+    except OSError:
+        children = []
+    return [process, *(member for child in children for member in _family(int(child)))]
+
+
+def _held(process: int) -> float:
+    """The most memory that a process held so far, MB."""
+    try:
+        lines = Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), 0.0)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -123,7 +153,7 @@ def _line(ranks: int, done: list[Run], single: list[Run]) -> list[str]:
         str(ranks),
         spread([run.build for run in done]),
         spread([run.setup for run in done]),
-        "" if np.isnan(last.peak) else f"{last.peak:.0f}",
+        f"{last.peak:.0f}",
         spread(loops),
         f"{ratio(loops, [run.loop for run in single]):.2f}",
         *rates(last.spheres * last.steps, loops),
