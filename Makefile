@@ -4,6 +4,7 @@
 #   make test    all tests, with the linter and the type checker
 #
 # Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
@@ -13,7 +14,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test stability decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -47,6 +48,12 @@ test: .venv/ready
 
 stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.md
+
+bench: .venv/ready
+	$(BIN)/python -m benchmarks
+
+scale: .venv/ready
+	$(BIN)/python -m benchmarks.scale
 
 decks: .venv/ready
 	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done

@@ -1,0 +1,1 @@
+"""How fast and how right: our run beside other ways to the same trajectory. ``make bench``, ``make scale``."""

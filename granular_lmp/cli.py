@@ -251,15 +251,15 @@ def _progress(done: int, total: int, what: str = "step", more: str = "") -> None
 
 
 def _effects(options: argparse.Namespace) -> int:
-    from granular_lmp.effects import resolve
+    from granular_lmp.deck import build
 
-    scene, chosen = resolve(_scene(options))
-    shape = scene.shape
+    deck = build(_scene(options))
+    scene, shape = deck.scene, deck.scene.shape
     print(
         f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
     )
     print(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
-    for effect in chosen:
+    for effect in deck.effects:
         state = "on" if effect.on else "off"
         head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
         print(f"{head}{effect.number:.4g} {effect.reason}")

@@ -5,8 +5,10 @@ reader also takes what LAMMPS's ``write_data`` writes. An extra section ``wave``
 property/atom``).
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid": "id type x y z diameter density q mux muy muz",
 }
+_PIECE = 1 << 15  # lines that are text at one time
 
 
 @dataclass(frozen=True)
@@ -46,27 +49,47 @@ class DataFile:
     wave: NDArray[np.float64]
     directed: bool = True
 
-    def text(self, title: str) -> str:
-        """The file, one line a sphere; every sphere points along +x (the dipole is the hand of its clock)."""
-        count = len(self.kind)
+    def pieces(self, title: str) -> Iterator[str]:
+        """The file, one line a sphere, in pieces of a few MB: what memory holds of a million spheres at a time.
+
+        Every sphere points along +x (the dipole is the hand of its clock).
+        """
         faces = "\n".join(
             f"{low!r} {high!r} {axis}lo {axis}hi" for axis, (low, high) in zip("xyz", self.box.tolist(), strict=True)
         )
-        columns = (self.kind, self.position, self.diameter, self.density)
-        spheres = zip(*(column.tolist() for column in columns), strict=True)
         style = "hybrid" if self.directed else "sphere"
-        atoms = "\n".join(
-            f"{i} {kind} {x!r} {y!r} {z!r} {diameter!r} {density!r} 0 1 0 0"
-            if self.directed
-            else f"{i} {kind} {diameter!r} {density!r} {x!r} {y!r} {z!r}"
-            for i, (kind, (x, y, z), diameter, density) in enumerate(spheres, start=1)
-        )
-        wave = "\n".join(f"{i} " + " ".join(map(repr, row)) for i, row in enumerate(self.wave.tolist(), start=1))
-        return (
-            f"{title}\n\n{count} atoms\n2 atom types\n\n{faces}\n\n"
-            f"Atoms # {style} ({COLUMNS[style]})\n\n{atoms}\n\n"
-            f"wave\n\n{wave}\n"
-        )
+        columns = {"type": self.kind, "diameter": self.diameter, "density": self.density}
+        columns |= dict(zip("xyz", self.position.T, strict=True))
+        own = [columns[name] for name in COLUMNS[style].split() if name in columns]
+        yield f"{title}\n\n{len(self.kind)} atoms\n2 atom types\n\n{faces}\n\n"
+        yield f"Atoms # {style} ({COLUMNS[style]})\n\n"
+        yield from _lines(own, tail=" 0 1 0 0\n" if self.directed else "\n")
+        yield "\nwave\n\n"
+        yield from _lines([*self.wave.T], tail="\n")
+
+    def text(self, title: str) -> str:
+        """The file in one piece."""
+        return "".join(self.pieces(title))
+
+
+def _lines(columns: Sequence[NDArray[Any]], tail: str) -> Iterator[str]:
+    """Lines "number column column … tail", `_PIECE` at a time, numbered from 1."""
+    count = len(columns[0])
+    for start in range(0, count, _PIECE):
+        stop = min(start + _PIECE, count)
+        words = [map(str, range(start + 1, stop + 1)), *(_shortest(column[start:stop]) for column in columns)]
+        yield tail.join(map(" ".join, zip(*words, strict=True))) + tail
+
+
+def _shortest(values: NDArray[Any]) -> list[str]:
+    """Each number in the shortest form that reads back to the same bits.
+
+    Spheres of a row share most of their numbers, and writing a double costs more than finding its equals: each is
+    written once. They are compared as integers, so that −0.0 stays apart from 0.0.
+    """
+    different, place = np.unique(np.ascontiguousarray(values).view(np.int64), return_inverse=True)
+    words = np.array([repr(value) for value in different.view(values.dtype).tolist()], dtype=object)
+    return words[place].tolist()
 
 
 def read(path: str | Path) -> DataFile:

@@ -6,7 +6,7 @@ is an index variable, to be overridden with ``-var``. The blocks of the deck sta
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil
@@ -47,8 +47,10 @@ class Deck:
     mode : Mode
         The Bloch mode that starts the wave.
     effects : list of Effect
-    input_text, data_text : str
-        Contents of ``in.NAME`` and ``data.NAME``.
+    input_text : str
+        Contents of ``in.NAME``.
+    data : DataFile
+        What ``data.NAME`` holds.
     """
 
     declared: Scene
@@ -57,7 +59,7 @@ class Deck:
     mode: Mode
     effects: list[Effect]
     input_text: str
-    data_text: str
+    data: DataFile
 
     @property
     def input_name(self) -> str:
@@ -69,12 +71,13 @@ class Deck:
         """``data.NAME``"""
         return f"data.{self.scene.name}"
 
-    def files(self) -> dict[str, str]:
-        """Name → text of the three files that make a deck folder."""
+    def files(self) -> dict[str, Iterable[str]]:
+        """Name → text, in pieces, of the three files that make a deck folder."""
+        title = f"{_title(self.scene)}; units {units_for(self.scene.sphere.radius).style}"
         return {
-            SCENE: self.declared.to_toml(),
-            self.input_name: self.input_text,
-            self.data_name: self.data_text,
+            SCENE: [self.declared.to_toml()],
+            self.input_name: [self.input_text],
+            self.data_name: self.data.pieces(title),
         }
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
@@ -88,8 +91,9 @@ class Deck:
         folder = Path(folder)
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
-            for name, text in self.files().items():
-                (folder / name).write_text(text, encoding="utf-8")
+            for name, pieces in self.files().items():
+                with (folder / name).open("w", encoding="utf-8") as stream:
+                    stream.writelines(pieces)
 
 
 @contextmanager
@@ -130,7 +134,7 @@ def build(scene: Scene) -> Deck:
         mode=mode,
         effects=chosen,
         input_text=_text(_BLOCKS, _values(scene, chosen, units)),
-        data_text=_data(scene, packing, mode, chosen, units).text(_title(scene) + f"; units {units.style}"),
+        data=_data(scene, packing, mode, chosen, units),
     )
 
 

@@ -87,6 +87,11 @@ def centre(packing: ase.Atoms) -> int:
 def contacts(packing: ase.Atoms, index: int) -> NDArray[np.float64]:
     """Vectors (contacts, 2), in radii, from the centre of sphere `index` to those of the spheres that it overlaps."""
     radius = packing.arrays["radius"]
-    others = np.delete(np.arange(len(packing)), index)
+    height = packing.cell.lengths()[1]
+    along_y = packing.positions[:, 1] - packing.positions[index, 1]
+    along_y -= height * np.round(along_y / height) * packing.pbc[1]
+    # Nearest images of a million spheres would take ten times the memory of the packing
+    others = np.flatnonzero(np.abs(along_y) < radius[index] + radius.max())
+    others = others[others != index]
     vectors = packing.get_distances(index, others, mic=True, vector=True)[:, :2]
     return vectors[np.linalg.norm(vectors, axis=1) < radius[index] + radius[others]]

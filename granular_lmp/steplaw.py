@@ -261,6 +261,13 @@ def step_for(scene: Scene) -> float:
     return scene.time.sample / high
 
 
+def planned_steps(scene: Scene) -> int:
+    """Time steps that running a scene takes: those of its one run, or of the two that a tolerance begins with."""
+    if scene.time.tolerance is None:
+        return scene.time.steps
+    return 3 * with_step(scene, step_for(scene)).time.steps
+
+
 def with_step(scene: Scene, step: float) -> Scene:
     """The scene with a time step in place of its tolerance."""
     return scene.with_values({"time.timestep": step})

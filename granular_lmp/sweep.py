@@ -25,6 +25,7 @@ from granular_lmp.grid import points, scene_hash
 from granular_lmp.launch import locked
 from granular_lmp.record import Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
+from granular_lmp.steplaw import planned_steps
 from granular_lmp.tolerance import resume, run
 from granular_lmp.workers import stop_requested
 
@@ -357,4 +358,4 @@ def _largest(record: Record | None, name: str) -> float | None:
 
 def _cost(scene: Scene) -> float:
     """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
-    return scene.shape.spheres * scene.time.steps + _OVERHEAD
+    return scene.shape.spheres * planned_steps(scene) + _OVERHEAD

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, build
-from granular_lmp.datafile import DataFile, read
+from granular_lmp.datafile import _PIECE, DataFile, read
 from granular_lmp.errors import RunFolderError
 from granular_lmp.locate import lammps_module
 
@@ -39,6 +39,23 @@ def test_a_lost_digit_is_seen(tmp_path: Path) -> None:
     (tmp_path / "data").write_text(spheres.text("title").replace("0 1 0 0", "0 1 0 0", 1))
     other = DataFile(**{**vars(spheres), "diameter": spheres.diameter * (1 + 3e-16)})
     assert not same(read(tmp_path / "data"), other)
+
+
+def test_pieces_join_to_lines_of_consecutive_numbers() -> None:
+    count = 2 * _PIECE + 3
+    spheres = awkward_spheres(count)
+    pieces = list(spheres.pieces("title"))
+    assert max(piece.count("\n") for piece in pieces) == _PIECE  # memory holds no more lines than that
+    lines = "".join(pieces).split("\n")
+    sections = [lines.index(title) + 2 for title in lines if title.startswith(("Atoms", "wave"))]
+    for start in sections:
+        assert [int(line.split()[0]) for line in lines[start : start + count]] == list(range(1, count + 1))
+
+
+def test_minus_zero_stays_apart_from_zero() -> None:
+    spheres = awkward_spheres(4)
+    spheres.wave[:, 0] = [0.0, -0.0, 0.0, -0.0]
+    assert [line.split()[1] for line in spheres.text("title").split("\n")[-5:-1]] == ["0.0", "-0.0", "0.0", "-0.0"]
 
 
 def test_the_way_through_lammps_changes_no_bit(tmp_path: Path) -> None:

@@ -288,18 +288,17 @@ def test_a_wave_that_turns_spheres_is_heard_when_rotation_is_left_out(
     scene = CELL.with_values({"wave.mode": "L"})
     real = build(scene)
     other = build(CELL.with_values({"effects.rotation": False}))
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(real, data_text=other.data_text))
+    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(real, data=other.data))
     with pytest.raises(EffectError, match="rotation woke at tau = 0: largest_torque"):
         run(scene, tmp_path / "run")
 
 
 def test_a_row_that_is_torn_apart_is_heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     deck = build(CELL)
-    (line,) = (line for line in deck.data_text.split("wave\n\n")[1].splitlines() if line.startswith("23 "))
-    words = line.split()
-    words[1] = repr(float(words[1]) + 1e-4)
-    torn = deck.data_text.replace(line, " ".join(words))
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(deck, data_text=torn))
+    wave = deck.data.wave.copy()
+    wave[22, 0] += 1e-4  # one sphere of the centre row
+    torn = replace(deck.data, wave=wave)
+    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(deck, data=torn))
     with pytest.raises(EffectError, match="width woke at tau = 0: row_spread = "):
         run(CELL, tmp_path / "run")
 

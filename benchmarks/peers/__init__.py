@@ -1,0 +1,1 @@
+"""Other particle codes on the same problem. Each is skipped, and said so, where it is not installed."""

@@ -1,0 +1,29 @@
+"""No particle code at all: the paper's equations of 201 rows, integrated by scipy (a sphere a row, point contacts)."""
+
+import time
+from pathlib import Path
+
+from analysis.lattice import rows
+from analysis.second_harmonic import mode, ratios
+from benchmarks.problem import Contestant, Solution, base_scene, times
+
+TOLERANCE = 1e-3  # the loosest with which p is within 1 %
+
+
+def solve(folder: Path) -> Solution:
+    """DOP853 in numpy; what is left of its error at tighter tolerances is Δ0/2R, which these equations leave out."""
+    scene = base_scene()
+    nu = scene.sphere.poisson_ratio
+    started = time.perf_counter()
+    p, q, _ = rows(
+        mode("TR", scene.wavenumber, ratios(nu)),
+        scene.wave.amplitude,
+        times(scene),
+        nu,
+        rows=scene.shape.rows,
+        rtol=TOLERANCE,
+    )
+    return Solution(p, q, time.perf_counter() - started, scene.shape.rows, None)
+
+
+CONTESTANT = Contestant("rows", f"scipy DOP853 on the row equations, rtol {TOLERANCE:g}", solve)

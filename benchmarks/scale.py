@@ -1,0 +1,165 @@
+"""How cost grows with the lattice: set-up, memory, speed, a second rank; and the error of the sphere at the centre.
+
+    python -m benchmarks.scale [--spheres N ...] [--ranks N ...] [--repeats N]
+
+The base case's wave on rows × 100 spheres. The exponent below the table is that of the seconds a step takes: 1 where
+cost is linear in the spheres.
+"""
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from analysis.norms import slope
+from benchmarks.problem import base_scene, centre_signals, errors, exact
+from benchmarks.timing import interleave, machine, rates, ratio, spread, table
+from granular_lmp import Scene, build
+from granular_lmp.deck import DUMP, LOG
+from granular_lmp.errors import LammpsError
+from granular_lmp.locate import lmp_command
+from granular_lmp.record import read_dump, read_log
+from granular_lmp.units import units_for
+
+COLUMNS = 100
+WORK = 5e6  # particle-steps a run: a second or two on one core
+_GLANCE = 0.02  # s between two looks at a program
+HEAD = [
+    *("spheres", "ranks", "build, s", "set-up, s", "peak MB a rank", "loop, s", "÷ 1 rank", "M particle-steps/s"),
+    *("ns per contact and step", "error of p", "of q"),
+]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run: seconds to build and write the deck, in LAMMPS before and after the loop, in the loop; MB; errors."""
+
+    build: float
+    setup: float
+    loop: float
+    steps: int
+    spheres: int
+    peak: float
+    error: tuple[float, float]
+
+
+def sized(spheres: int) -> Scene:
+    """The base case with about so many spheres, and so many samples that the work is about `WORK`; at least three."""
+    rows = round(spheres / COLUMNS) | 1
+    samples = max(3, round(WORK / (rows * COLUMNS) / base_scene().time.steps_per_sample))
+    return base_scene().with_values(
+        {
+            "packing.rows": rows,
+            "packing.columns": COLUMNS,
+            "time.duration": samples * base_scene().time.sample,
+            "time.allow_echo": True,
+        }
+    )
+
+
+def solve(scene: Scene, ranks: int, folder: Path) -> Run:
+    """Build, write and run a scene with ``lmp``; the peak is that of one rank."""
+    started = time.perf_counter()
+    deck = build(scene)
+    deck.write(folder / "run")
+    built = time.perf_counter()
+    command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none"]
+    process = subprocess.Popen(command, cwd=folder / "run", stdin=subprocess.DEVNULL)
+    peak = _wait(process)
+    ended = time.perf_counter()
+    if process.returncode:
+        raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
+    _, loop = read_log(folder / "run" / LOG)
+    dump = read_dump(folder / "run" / DUMP)
+    metre = units_for(scene.sphere.radius).number(1.0, length=1)
+    p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)
+    return Run(
+        build=built - started,
+        setup=ended - built - loop,
+        loop=loop,
+        steps=scene.time.steps,
+        spheres=len(deck.packing),
+        peak=peak,
+        error=errors(scene, p, q),
+    )
+
+
+def _wait(process: "subprocess.Popen[bytes]") -> float:
+    """Wait for a program; the most memory that it or a program started by it held, MB (0 where there is no /proc).
+
+    ``lmp`` of the wheel is a script that starts the real one, and what wait4 reports is no less than what this Python
+    held when it started the script.
+    """
+    peak = 0.0
+    while process.poll() is None:
+        peak = max(peak, *map(_held, _family(process.pid)))
+        time.sleep(_GLANCE)
+    return peak
+
+
+def _family(process: int) -> list[int]:
+    """A process and all that descend from it."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text(encoding="utf-8").split()
+    except OSError:
+        children = []
+    return [process, *(member for child in children for member in _family(int(child)))]
+
+
+def _held(process: int) -> float:
+    """The most memory that a process held so far, MB."""
+    try:
+        lines = Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), 0.0)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--spheres", type=int, nargs="+", default=[10_000, 100_000, 1_000_000], metavar="N")
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2], metavar="N")
+    parser.add_argument("--repeats", type=int, default=3, metavar="N", help="rounds (default 3)")
+    options = parser.parse_args(argv)
+    scenes = {spheres: sized(spheres) for spheres in options.spheres}
+    for scene in scenes.values():
+        exact(scene)
+    jobs = {
+        (spheres, ranks): partial(solve, scene, ranks) for spheres, scene in scenes.items() for ranks in options.ranks
+    }
+    named = {f"{spheres} spheres, {ranks} ranks": job for (spheres, ranks), job in jobs.items()}
+    rounds = [[run for _, run in done] for done in interleave(named, max(options.repeats, 1)).values()]
+    runs = dict(zip(jobs, rounds, strict=True))
+    print(machine() + "\n")
+    print(table(HEAD, [_line(ranks, done, runs.get((spheres, 1), done)) for (spheres, ranks), done in runs.items()]))
+    first = [runs[spheres, options.ranks[0]] for spheres in scenes]
+    if len(first) > 1:
+        per_step = [min(run.loop / run.steps for run in done) for done in first]
+        print(f"\nSeconds a step ∝ spheres^{slope([done[0].spheres for done in first], per_step):.3f}")
+    return 0
+
+
+def _line(ranks: int, done: list[Run], single: list[Run]) -> list[str]:
+    last, loops = done[-1], [run.loop for run in done]
+    return [
+        str(last.spheres),
+        str(ranks),
+        spread([run.build for run in done]),
+        spread([run.setup for run in done]),
+        f"{last.peak:.0f}",
+        spread(loops),
+        f"{ratio(loops, [run.loop for run in single]):.2f}",
+        *rates(last.spheres * last.steps, loops),
+        *(f"{error:.1g}" for error in last.error),
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
