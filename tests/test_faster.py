@@ -11,7 +11,8 @@ from benchmarks.faster import Outcome, Variant, single_column, solve, swap, vari
 from benchmarks.problem import base_scene
 
 SHORT = {"time.duration": 20.0}
-VARIANTS = variants()
+VARIANTS = variants()from granular_lmp.shape import quiet_rows
+
 
 
 def short(name: str, folder: Path) -> Outcome:
@@ -46,6 +47,6 @@ def test_half_a_period_in_a_tilted_cell_is_the_periodic_cell(tmp_path: Path) -> 
 
 
 def test_fewer_rows_than_the_echo_rule_are_heard() -> None:
-    rows = faster.rows_auto()
+    rows = quiet_rows(120.0)
     fewer = base_scene().with_values({"packing.rows": rows - 2, "time.allow_echo": True})
     assert fewer.echo_time < base_scene().time.duration <= base_scene().with_values({"packing.rows": rows}).echo_time
