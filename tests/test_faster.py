@@ -9,10 +9,10 @@ import pytest
 from benchmarks import faster
 from benchmarks.faster import Outcome, Variant, single_column, solve, swap, variants, with_command, without
 from benchmarks.problem import base_scene
+from granular_lmp.shape import quiet_rows
 
 SHORT = {"time.duration": 20.0}
-VARIANTS = variants()from granular_lmp.shape import quiet_rows
-
+VARIANTS = variants()
 
 
 def short(name: str, folder: Path) -> Outcome:

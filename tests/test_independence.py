@@ -76,7 +76,8 @@ shape
 scene
 packing collision
 modes guards
-wave effects datafile
+wave rules datafile
+effects
 grid steplaw
 deck
 record
