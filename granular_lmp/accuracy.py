@@ -3,7 +3,7 @@
 Velocity Verlet's error is C Δτ² + O(Δτ⁴). Of two runs with steps Δτ and Δτ/2 the combination (4·fine − coarse)/3 is
 free of the first term, and |fine − coarse|/3 is what is left in the finer run (Richardson extrapolation).
 
-Below all that lies the rounding of positions, which no time step cures: `noise_floor`.
+Below all that lies the rounding of positions, which no time step cures: `granular_lmp.rounding`.
 """
 
 from dataclasses import replace
@@ -11,11 +11,8 @@ from math import isclose
 
 import numpy as np
 
-from granular_lmp.deck import build
 from granular_lmp.record import Record
 from granular_lmp.scene import Scene
-from granular_lmp.shape import FASTEST_ROWS_PER_TAU
-from granular_lmp.units import units_for
 
 
 def halved_step(scene: Scene) -> Scene:
@@ -54,47 +51,3 @@ def richardson(coarse: Record, fine: Record) -> Record:
         norm = np.linalg.norm(signals[name])
         estimates[name] = float(np.linalg.norm(b - a) / 3 / norm) if norm > 0 else None
     return replace(fine, **signals, info=fine.info | {"error_estimate": estimates}, folder=None)
-
-
-def noise_floor(scene: Scene) -> float:
-    """Rounding noise of p at the end of a run, standard deviation in units of D0.
-
-        noise = √(steps/2) · ulp/√12 / D0,    ulp² = mean of the squared spacing of doubles at the y of the spheres
-
-    Each step rounds each position to that spacing, 2^{−52}|y| or down to half of it: a kick of variance ulp²/12, of
-    which the lattice, as it carries it away, keeps half in the displacements. So the floor rises as the root of the
-    number of steps and in proportion to the length of the cell or its distance from the origin, and as 1/D0.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Notes
-    -----
-    A law of magnitudes, good to a factor of 3: with smaller steps at one duration the noise rises more slowly than the
-    root (measured: 1.8-fold for sixteen times the steps, where the root says 4). q and φ are a few times quieter.
-    Breaks for signals below `grain`, where roundings are not random: the noise is then smaller, and the signal lost.
-    """
-    return float(np.sqrt(scene.time.steps / 2) * _spacing(scene) / np.sqrt(12))
-
-
-def grain(scene: Scene) -> float:
-    """Smallest p, in units of D0, that moves positions at all: ulp/(4ΩΔτ D0), ulp as in `noise_floor`.
-
-    A second harmonic p cos 2Ωτ moves a sphere by at most 2ΩΔτ p in a step. Where that is less than half the spacing of
-    doubles at its position, the sum rounds back to where it was and p is not simulated: its error is p itself. Small
-    steps make it worse.
-    """
-    return _spacing(scene) / (4 * build(scene).mode.frequency * scene.time.step)
-
-
-def _spacing(scene: Scene) -> float:
-    """Root mean square of the spacing of doubles at the y of the spheres that the centre hears, in D0."""
-    packing, units = build(scene).packing, units_for(scene.sphere.radius)
-    # What arrives at the centre left, on average, half-way through the run
-    reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
-    near = np.abs(packing.arrays["row"] - scene.shape.centre_row) <= reach
-    # The spacing jumps in twos, so the numbers of the deck count, not metres
-    y = units.number(scene.sphere.radius, length=1) * packing.positions[near, 1]
-    size = scene.wave.amplitude * units.number(scene.sphere.static_overlap, length=1)
-    return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)

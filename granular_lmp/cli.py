@@ -145,6 +145,7 @@ def _workers(text: str) -> int | str:
 def _scene(options: argparse.Namespace) -> "Scene":
     from granular_lmp.effects import select, warnings, with_all
     from granular_lmp.scene import Scene, assignment
+    from granular_lmp.steplaw import drowned
 
     scene = Scene.load(options.scene)
     if options.changes:
@@ -153,7 +154,7 @@ def _scene(options: argparse.Namespace) -> "Scene":
         scene = with_all(scene)
     for remark in scene.remarks():
         print(f"note: {remark}", file=sys.stderr)
-    for warning in warnings(select(scene)):
+    for warning in [*warnings(select(scene)), *drowned(scene)]:
         print(f"warning: {warning}", file=sys.stderr)
     return scene
 

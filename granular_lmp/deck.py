@@ -19,7 +19,7 @@ from granular_lmp import effects, guards
 from granular_lmp.datafile import DataFile
 from granular_lmp.effects import Effect
 from granular_lmp.errors import RunFolderError
-from granular_lmp.modes import Mode, mode_along_y
+from granular_lmp.modes import Mode, Physics, mode_along_y
 from granular_lmp.packing import hexagonal, unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import step_for, with_step
@@ -122,9 +122,7 @@ def build(scene: Scene) -> Deck:
     scene, chosen = effects.resolve(declared)
     if scene.time.tolerance is not None:
         scene = with_step(scene, step_for(scene) / 2)
-    mode = mode_along_y(
-        unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, effects.physics(scene)
-    )
+    mode = mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, Physics.of(scene))
     packing = hexagonal(scene.sphere, scene.shape)
     units = units_for(scene.sphere.radius)
     return Deck(
@@ -152,7 +150,7 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, chosen: list[Effect], un
     size = packing.cell.lengths() * to_deck
     fields = plane_wave(packing, mode, scene.wave.phase)
     on = {effect.name: effect.on for effect in chosen}
-    moving = effects.physics(scene).coordinates
+    moving = Physics.of(scene).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
         kind=np.where(packing.arrays["fixed"], 2, 1),

@@ -255,7 +255,7 @@ def resolve(scene: Scene) -> tuple[Scene, list[Effect]]:
 
 def largest_step(scene: Scene) -> float:
     """2/Ω_max, τ: the stability limit of velocity Verlet in the scene's lattice."""
-    return 2 / highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics(scene))
+    return 2 / highest_frequency(unit_lattice(scene.sphere), scene.sphere, Physics.of(scene))
 
 
 def with_all(scene: Scene) -> Scene:
@@ -277,11 +277,6 @@ def warnings(chosen: list[Effect]) -> list[str]:
         for effect in chosen
         if effect.called_for and not effect.on
     ]
-
-
-def physics(scene: Scene) -> Physics:
-    """The degrees of freedom of a scene's lattice; those that are not decided yet are there."""
-    return Physics(scene.effects.shear is not False, scene.effects.rotation is not False)
 
 
 def values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:

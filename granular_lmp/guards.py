@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.packing import ROW_SPACING
+from granular_lmp.rounding import farthest_rounding
 from granular_lmp.scene import Scene
 
 INTERVAL = 50  # steps between two looks
@@ -35,7 +35,7 @@ class Guard:
     columns : names of the thermo columns; the first is the one that is judged.
     lines : of the deck; ``<name>`` stands for a number of the scene.
     limit : the largest value of silence.
-    roundings : how many times the rounding of positions (`rounding`) counts as silence besides.
+    roundings : how many times the rounding of positions (`farthest_rounding`) counts as silence besides.
     meaning : what a larger value says.
     """
 
@@ -47,18 +47,12 @@ class Guard:
 
     def largest_silent(self, scene: Scene) -> float:
         """The largest value that counts as silence in a scene."""
-        return self.limit + self.roundings * rounding(scene)
+        return self.limit + self.roundings * farthest_rounding(scene)
 
     def woken(self, table: dict[str, NDArray[np.float64]], scene: Scene) -> int | None:
         """Index of the first thermo line that is not silent; None if all are. What is not finite is not silent."""
         (loud,) = np.nonzero(~(np.abs(table.get(self.columns[0], np.empty(0))) <= self.largest_silent(scene)))
         return int(loud[0]) if len(loud) else None
-
-
-def rounding(scene: Scene) -> float:
-    """Rounding of the position of the farthest row, in D0."""
-    farthest = scene.shape.rows / 2 * ROW_SPACING * scene.sphere.lattice_constant
-    return float(np.finfo(float).eps / 2 * farthest / (scene.wave.amplitude * scene.sphere.static_overlap))
 
 
 GUARDS = {

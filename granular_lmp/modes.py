@@ -19,6 +19,7 @@ This is a numerical derivation from the geometry, kept apart from the closed for
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import ase
 import numpy as np
@@ -26,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.packing import ROW_SPACING, centre, contacts, lattice_constant
+from granular_lmp.scene import Scene
 from granular_lmp.sphere import INERTIA_RATIO, Sphere
 
 _UX, _UY, _F = range(3)
@@ -58,6 +60,11 @@ class Physics:
 
     shear: bool = True
     rotation: bool = True
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Those of a scene's lattice; what is not decided yet is there."""
+        return cls(scene.effects.shear is not False, scene.effects.rotation is not False)
 
     @property
     def coordinates(self) -> list[int]:

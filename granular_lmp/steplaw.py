@@ -27,10 +27,11 @@ from math import ceil, cos, hypot, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.effects import largest_step, physics
+from granular_lmp.effects import largest_step
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import Mode, mode_along_y
-from granular_lmp.packing import ROW_SPACING, unit_lattice
+from granular_lmp.modes import Mode, Physics, mode_along_y
+from granular_lmp.packing import unit_lattice
+from granular_lmp.rounding import farthest_rounding, grain, noise_floor, position_rounding
 from granular_lmp.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -94,7 +95,7 @@ class Waves:
 def waves(scene: Scene) -> Waves:
     """The waves of a scene, in LAMMPS's contact geometry."""
     sphere, a, xi = scene.sphere, scene.wave.amplitude, scene.wavenumber
-    mode = mode_along_y(unit_lattice(sphere), sphere, xi, scene.wave.mode, physics(scene))
+    mode = mode_along_y(unit_lattice(sphere), sphere, xi, scene.wave.mode, Physics.of(scene))
     drive = second_harmonic_drive(scene, mode, sphere.overlap_ratio)
     kappa, q, sine = sphere.stiffness_ratio, -mode.ux, sin(xi)
     unit = sphere.nonlinearity(a) / 2 * sine * _s2(xi)
@@ -280,10 +281,25 @@ def rounding(scene: Scene) -> dict[str, float]:
     without LAMMPS: 0.4 to 1.3 times that for 201 rows, 500 to 5000 steps. It grows with their number, which is not
     in the law.
     """
-    sphere, packing = scene.sphere, scene.shape
-    unit = np.finfo(float).eps / 2 / (scene.wave.amplitude * sphere.static_overlap)
-    height, width = packing.rows / 2 * ROW_SPACING * sphere.lattice_constant, packing.columns * sphere.lattice_constant
-    return {name: float(unit * (height if name == "p" else width) / size) for name, size in sizes(scene).items()}
+    far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
+    return {name: (far if name == "p" else near) / size for name, size in sizes(scene).items()}
+
+
+def drowned(scene: Scene) -> list[str]:
+    """A sentence for each signal that second order predicts to be below what rounding leaves of it.
+
+    For p of TR and RT that is `granular_lmp.rounding.noise_floor` or `grain`, whichever is larger.
+    """
+    predicted = sizes(scene)
+    if scene.wave.mode == "L" or "p" not in predicted or scene.time.tolerance is not None:
+        return []  # p of L is the wave itself; a tolerance has its own refusal
+    floor = max(noise_floor(scene), grain(scene))
+    if predicted["p"] >= floor:
+        return []
+    return [
+        f"wave.amplitude = {scene.wave.amplitude!r}: p is {predicted['p']:.2g} D0 by theory, below the {floor:.2g} D0 "
+        "that the rounding of positions leaves; a larger amplitude or fewer packing.rows would lift it"
+    ]
 
 
 def walls(scene: Scene) -> float:

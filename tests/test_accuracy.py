@@ -14,7 +14,8 @@ from analysis.lattice import torus
 from analysis.norms import relative_error, slope
 from analysis.second_harmonic import mode, ratios, second_order
 from granular_lmp import Record, Scene, build, launch, run
-from granular_lmp.accuracy import grain, halved_step, noise_floor, richardson
+from granular_lmp.accuracy import halved_step, richardson
+from granular_lmp.rounding import grain, noise_floor
 from tests.conftest import PAPER
 
 Errors = dict[str, float]

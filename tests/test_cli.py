@@ -134,6 +134,12 @@ def test_an_effect_forced_off_is_a_warning_with_a_number(capsys: pytest.CaptureF
     assert cli(capsys, "effects", "l_wave", "--set", "effects.rotation=false")[2] == ""
 
 
+def test_a_second_harmonic_below_rounding_is_a_warning_before_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    _, _, err = cli(capsys, "effects", "tr_nonresonant", "--set", "wave.amplitude=1e-4")
+    assert "p is 8.5e-07 D0 by theory, below the 1.8e-06 D0 that the rounding of positions leaves" in err
+    assert "rounding" not in cli(capsys, "effects", "tr_nonresonant", "--set", "wave.amplitude=1e-2")[2]
+
+
 def test_all_effects_can_be_switched_on(capsys: pytest.CaptureFixture[str]) -> None:
     _, out, _ = cli(capsys, "effects", "l_wave", "--all-effects")
     assert [line.split()[1] for line in out.splitlines() if line.startswith(("rotation", "tracking"))] == ["on", "on"]

@@ -75,7 +75,9 @@ fields contact
 shape
 scene
 packing collision
-modes guards
+modes
+rounding
+guards
 wave rules datafile
 effects
 grid steplaw

@@ -4,7 +4,7 @@ import numpy as np
 
 from analysis import lattice
 from granular_lmp import Scene
-from granular_lmp.accuracy import grain, noise_floor
+from granular_lmp.rounding import grain, noise_floor
 from granular_lmp.units import units_for
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
