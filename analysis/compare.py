@@ -32,7 +32,6 @@ from analysis.theories import (
     best,
     drive_cancels,
     holding,
-    physics_of,
     trajectory,
 )
 from granular_lmp.record import Record
@@ -99,7 +98,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         measured=measured,
         fit_error=fit_error,
         notes=notes(record),
-        budget=record.info.get("error_budget", []),
+        budget=record.info.get("error_budget", []) if covered else [],
     )
 
 
@@ -107,7 +106,7 @@ def notes(record: Record) -> list[str]:
     """What in a run no theory here covers."""
     guards = record.info.get("guards", {})
     loud = [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
-    physics = physics_of(record)
+    physics = Wave.of(record).physics
     if not holding(physics):
         present = " and ".join(sorted(physics.beyond_the_paper & BEYOND_ALL))
         loud.append(f"{present} of contacts is in no theory here: the run is compared with nothing")

@@ -109,6 +109,11 @@ def _add(
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
     _changes_argument(parser, "wave.wavenumber=1.2")
+    parser.add_argument(
+        "--all-effects",
+        action="store_true",
+        help="switch every effect on that the scene has the numbers for, to compare with",
+    )
 
 
 def _changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
@@ -119,11 +124,6 @@ def _changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
         metavar="KEY=VALUE",
         dest="changes",
         help=f"change one value of the scene, for instance {example}; may be given more than once",
-    )
-    parser.add_argument(
-        "--all-effects",
-        action="store_true",
-        help="switch every effect on that the scene has the numbers for, to compare with",
     )
 
 
@@ -148,10 +148,10 @@ def _scene(options: argparse.Namespace) -> "Scene":
     from granular_lmp.steplaw import drowned
 
     scene = Scene.load(options.scene)
-    if options.changes:
-        scene = scene.with_values(dict(assignment(change) for change in options.changes))
     if options.all_effects:
         scene = with_all(scene)
+    if options.changes:  # after that: what is said of one effect counts
+        scene = scene.with_values(dict(assignment(change) for change in options.changes))
     for remark in scene.remarks():
         print(f"note: {remark}", file=sys.stderr)
     for warning in [*warnings(select(scene)), *drowned(scene)]:
@@ -240,7 +240,7 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         print(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
-            print(f"warning: {name} = {guard['value']:.4g}: {guard['meaning']}", file=sys.stderr)
+            print(f"warning: {name} = {guard['value']}: {guard['meaning']}", file=sys.stderr)
     return 0
 
 
@@ -271,16 +271,15 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import mode_along_y
+    from granular_lmp.modes import Physics, mode_along_y
     from granular_lmp.packing import unit_lattice
-    from granular_lmp.scene import MODES
 
     scene = _scene(options)
-    packing = unit_lattice(scene.sphere)
+    packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
     print(f"xi = {scene.wavenumber!r} rad per row; t0 = {scene.sphere.time_scale:.6g} s; shapes with p2 + q2 + f2 = 1")
     print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
-    for name in MODES:
-        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name)
+    for name in physics.modes:
+        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name, physics)
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.uy:12.8f}{-mode.ux + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:

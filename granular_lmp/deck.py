@@ -279,7 +279,7 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
 def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
     """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
-    watched = guards.lines([effect.guard for effect in chosen if effect.guard])
+    watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
     plain = {
         "title": _title(scene),
         "name": scene.name,

@@ -123,7 +123,8 @@ def run(
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
 
-    The dump ends up with the same bytes as if the run had not been stopped.
+    The dump ends up with the same bytes as if the run had not been stopped; with damping or sliding it differs by up to
+    1e-6 D0, as LAMMPS sets a run up with other velocities than those between its steps.
 
     Raises
     ------

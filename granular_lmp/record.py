@@ -31,6 +31,7 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "vx", "vy"],
 )
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
+_FIRST_LINE = "ITEM: TIMESTEP\n"
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,17 +167,19 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
 def mend_dump(path: str | Path) -> None:
     """Make a one-particle dump that a stopped run wrote, or two runs one after the other, into that of one run.
 
-    A snapshot cut off in the middle goes; of those that the continuation wrote again, the first.
+    A snapshot cut off in the middle goes, and one without its sphere, which LAMMPS has lost; of those that the
+    continuation wrote again, the first.
     """
     size = _LINES_BEFORE_ATOMS + 1
-    lines = Path(path).read_text(encoding="utf-8").splitlines(keepends=True)
+    text = Path(path).read_text(encoding="utf-8")
     kept: list[list[str]] = []
-    for start in range(0, len(lines) // size * size, size):
-        snapshot = lines[start : start + size]
+    for part in text.split(_FIRST_LINE)[1:]:
+        snapshot = [_FIRST_LINE, *part.splitlines(keepends=True)]
+        if len(snapshot) != size or not snapshot[-1].endswith("\n"):
+            continue  # cut off, or the sphere is lost
         while kept and int(kept[-1][1]) >= int(snapshot[1]):
             kept.pop()
-        if snapshot[-1].endswith("\n"):
-            kept.append(snapshot)
+        kept.append(snapshot)
     replace_text(Path(path), "".join(line for snapshot in kept for line in snapshot))
 
 

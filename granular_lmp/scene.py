@@ -31,7 +31,7 @@ from granular_lmp.fields import (
     toml_lines,
 )
 from granular_lmp.fields import assignment as assignment
-from granular_lmp.shape import FEWEST_COLUMNS, Auto, Shape, decide, echo_time, snapped
+from granular_lmp.shape import FEWEST_COLUMNS, LARGEST_CELL, SNAP, Auto, Shape, decide, echo_time, snapped
 from granular_lmp.sphere import Sphere
 
 SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
@@ -384,6 +384,11 @@ class Scene:
 
     def _check_packing(self) -> None:
         rows, columns, ends = self.shape.rows, self.shape.columns, self.shape.ends
+        if self.packing.rows == AUTO and abs(self.wavenumber - self.wave.wavenumber) > SNAP:
+            raise SceneError(
+                f'packing.rows = "auto": no periodic cell of at most {LARGEST_CELL} rows carries wave.wavenumber = '
+                f'{self.wave.wavenumber!r} to {SNAP:g}; must be a number, or packing.ends = "fixed"'
+            )
         if ends == "fixed" and rows % 2 == 0:
             raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
         if ends == "periodic" and rows % 2:

@@ -143,8 +143,10 @@ def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dic
 
 
 def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tmp_path: Path) -> None:
-    opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"), "second-order")
-    assert any("contacts opened" in note for note in opened.notes)
+    opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"))
+    assert any("opening of contacts is in no theory here" in note for note in opened.notes)
+    still = compare.compare(run(small.with_values({"effects.rotation": False}), tmp_path / "still"))
+    assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
     heard = compare.compare(run(echo, tmp_path / "echo"), "second-order")
     assert any("the walls are heard from tau = 4.9" in note for note in heard.notes)
