@@ -85,7 +85,7 @@ ROWS = (
         rules.adhesion,
         law=lambda scene, on: {"normal": "dmt" if on else "hertz"},
         in_all=False,
-        cost="1.04",
+        cost="1.00",
         loss=rules.without_adhesion,
     ),
     Row(
@@ -94,7 +94,7 @@ ROWS = (
         on={"friction": "<friction_variable>"},
         law=lambda scene, on: {"shear": scene.effects.shear_law if on else "none"},
         first_order=lambda scene: scene.effects.shear_law == "incremental",
-        cost="0.97",
+        cost="1.20",
         loss=rules.without_shear,
     ),
     Row(
@@ -113,7 +113,7 @@ ROWS = (
         },
         off={"motion": "nve"},
         guard="largest_torque",
-        cost="1.01",
+        cost="1.03",
         loss=rules.without_rotation,
     ),
     Row(
@@ -133,7 +133,7 @@ ROWS = (
             "angle_name": " colname v_theta theta",
         },
         off={"atom_style": "sphere"},
-        cost="1.03",
+        cost="1.02",
         loss="the angle is not in the record",
     ),
     Row(
@@ -143,7 +143,7 @@ ROWS = (
         refuse=rules.no_dashpot,
         first_order=lambda scene: True,
         in_all=False,
-        cost="1.00",
+        cost="1.03",
         loss=rules.without_damping,
     ),
     Row(
