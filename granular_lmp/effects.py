@@ -250,10 +250,12 @@ def resolve(scene: Scene) -> tuple[Scene, list[Effect]]:
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
     resolved = scene.with_values(values)
-    if scene.time.tolerance is None and scene.time.step >= largest_step(resolved):
+    limit = largest_step(resolved)
+    if scene.time.tolerance is None and scene.time.step >= limit:
+        name = "2/Omega_max, less with dashpots," if resolved.effects.damping is True else "2/Omega_max"
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
-            f"must be below 2/Omega_max = {largest_step(resolved):.6g}, in tau"
+            f"must be below {name} = {limit:.6g}, in tau"
         )
     return resolved, chosen
 
@@ -270,7 +272,7 @@ def largest_step(scene: Scene) -> float:
     drag = 0.0
     if scene.effects.damping is not False:
         drag = Case(scene).viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
-    return 2 / top * (hypot(drag * top / 2, 1) - drag * top / 2)
+    return 2 / top / (hypot(drag * top / 2, 1) + drag * top / 2)
 
 
 def order(scene: Scene) -> int:

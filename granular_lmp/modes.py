@@ -64,7 +64,8 @@ class Physics:
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """Those of a scene's lattice; what is not decided yet is there."""
-        return cls(scene.effects.shear is not False, scene.effects.rotation is not False)
+        shear = scene.effects.shear is not False
+        return cls(shear, shear and scene.effects.rotation is not False)  # nothing else turns a sphere
 
     @property
     def modes(self) -> tuple[str, ...]:

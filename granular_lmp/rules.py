@@ -45,7 +45,8 @@ class Case:
     @cached_property
     def mode(self) -> Mode:
         """The mode of the lattice with these effects; those that are not decided yet are on."""
-        return self.mode_with(Physics(self.on.get("shear", True), self.on.get("rotation", True)))
+        shear = self.on.get("shear", True)
+        return self.mode_with(Physics(shear, self.on.get("rotation", shear)))
 
     def mode_with(self, physics: Physics) -> Mode:
         """The mode of the scene's wave in a lattice with other physics."""

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.norms import relative_error, slope
 from analysis.theories import Wave, trajectory
-from granular_lmp import Record, Scene, build, run
+from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.effects import ROWS, Effect, largest_step, resolve, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.guards import GUARDS
@@ -132,6 +132,17 @@ def test_what_does_not_go_together_is_refused_with_its_reason(changes: dict[str,
     with pytest.raises(SceneError, match=message) as caught:
         build(PAPER.with_values(changes))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("changes", [{"effects.shear": False}, {"effects.tracking": False}], ids=str)
+def test_the_command_line_takes_every_choice(
+    changes: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [f"{key}={str(value).lower()}" for key, value in changes.items()] + ["time.tolerance=1e-2"]
+    sets = [part for word in words for part in ("--set", word)]
+    assert cli.main(["effects", "tr_periodic", *sets]) == 0
+    assert cli.main(["run", "tr_periodic", *sets, "-o", str(tmp_path / "run")]) == 0
+    assert "warning" in capsys.readouterr().err
 
 
 def test_without_rotation_a_larger_step_is_stable() -> None:
