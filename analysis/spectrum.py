@@ -26,23 +26,16 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
+from analysis import second_harmonic as closed
 from analysis.effects import sweep
 from analysis.plotting import COLOURS, parser, save
-from analysis.second_harmonic import (
-    antiresonance,
-    doubled_frequency,
-    generated_amplitude,
-    mode,
-    nonlinearity,
-    resonance,
-)
 from analysis.theories import Wave, holding
 from granular_lmp.record import Record
 
 Floats = NDArray[np.float64]
 
-# Runs on which a location rests, and degree of the polynomial through them. A degree less moves the locations of
-# `make spectrum` by no more than 2e-5.
+# Runs on which a location rests, and degree of the polynomial through them. A degree or two runs more or less move the
+# locations of `make spectrum` by less than 3e-6.
 AROUND, DEGREE = 8, 4
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
@@ -84,9 +77,6 @@ class Point:
         return self.value / self.predicted - 1
 
 
-# --- one run ---------------------------------------------------------------------------------------------------------
-
-
 def least_squares_fit(columns: Sequence[Floats], signal: Floats) -> tuple[Floats, Floats, Floats]:
     """Factors of the columns in a signal, their standard errors, and what is left of the signal.
 
@@ -119,17 +109,14 @@ def pair(frequency: float, tau: Floats) -> list[Floats]:
 
 def columns(record: Record, frequencies: Frequencies) -> list[Floats]:
     """The time functions of p: S first, then the free waves; for L the fundamental and its slow drift, of order a²τ."""
-    tau = record.tau
-    result = [response(tau, frequencies), *pair(frequencies.free, tau)]
-    if record.scene.wave.mode == "L":
-        fundamental = pair(frequencies.fundamental, tau)
-        result += [*fundamental, *(tau * each for each in fundamental)]
-    return result
+    fundamental = pair(frequencies.fundamental, record.tau) if record.scene.wave.mode == "L" else []
+    drift = [record.tau * each for each in fundamental]
+    return [response(record.tau, frequencies), *pair(frequencies.free, record.tau), *fundamental, *drift]
 
 
 def linear(wave: Wave) -> Frequencies:
     """Both frequencies from the linear dispersion relation."""
-    return Frequencies(wave.mode.frequency, doubled_frequency(wave.mode, wave.ratios))
+    return Frequencies(wave.mode.frequency, closed.doubled_frequency(wave.mode, wave.ratios))
 
 
 def tuned(made: Callable[[float], list[Floats]], signal: Floats, start: float) -> tuple[float, float]:
@@ -164,7 +151,7 @@ def measured(record: Record, start: Frequencies) -> Frequencies:
 def point(record: Record) -> Point:
     """The generated amplitude of a run, by the frequencies of the linear lattice."""
     wave = Wave.of(record)
-    epsilon = nonlinearity(wave.ratios, wave.amplitude)
+    epsilon = closed.nonlinearity(wave.ratios, wave.amplitude)
     frequencies = linear(wave)
     factors, errors, _ = least_squares_fit(columns(record, frequencies), record.p)
     scale = epsilon * frequencies.detuning
@@ -173,17 +160,15 @@ def point(record: Record) -> Point:
         wave.mode.wavenumber,
         float(factors[0] / scale),
         float(abs(errors[0] / scale)),
-        generated_amplitude(wave.mode, wave.ratios) / 2,
+        closed.generated_amplitude(wave.mode, wave.ratios) / 2,
     )
 
 
-# --- locations -------------------------------------------------------------------------------------------------------
-
-
 def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, float]:
-    """Where y(x) changes sign, and the standard error: root of a polynomial through the points around, weighted.
+    """Where y(x) changes sign, and the standard error: root of a polynomial fitted to the points around, weighted.
 
-    Of several changes of sign the one between the smallest |y|: a pole is one between the largest.
+    Of several changes of sign the one between the smallest |y|: a pole is one between the largest. Where the points
+    scatter about the polynomial by more than their errors say, the errors are taken to be that much larger.
 
     Raises ValueError where y does not change sign, or there are too few points.
     """
@@ -199,46 +184,39 @@ def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, floa
     near = slice(first, first + AROUND)
     centre = (x[left] + x[left + 1]) / 2
     factors, covariance = np.polyfit(x[near] - centre, y[near], DEGREE, w=1 / errors[near], cov="unscaled")
+    scatter = np.sum(((np.polyval(factors, x[near] - centre) - y[near]) / errors[near]) ** 2) / (AROUND - DEGREE - 1)
     roots = np.roots(factors)
     root = float(roots[np.argmin(np.abs(roots))].real)
     powers = root ** np.arange(DEGREE, -1, -1)
-    error = np.sqrt(powers @ covariance @ powers) / abs(np.polyval(np.polyder(factors), root))
+    error = np.sqrt(powers @ covariance @ powers * max(scatter, 1.0)) / abs(np.polyval(np.polyder(factors), root))
     return float(centre + root), float(error)
 
 
 def locate_antiresonance(points: Iterable[Point]) -> tuple[float, float]:
-    """Wave number where the measured amplitude of TR changes sign through zero, and its standard error."""
-    tr = [each for each in points if each.mode == "TR"]
-    return crossing([each.wavenumber for each in tr], [each.value for each in tr], [each.error for each in tr])
+    """Wave number where the amplitude of TR changes sign through zero, and its standard error."""
+    tr = [(each.wavenumber, each.value, each.error) for each in points if each.mode == "TR"]
+    return crossing(*np.reshape(tr, (-1, 3)).T)
 
 
 def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
     """Wave number where one over the measured amplitude of TR changes sign through zero, and its standard error.
 
     Of the runs around the one with the largest p; Ω and w̃ too are those of the runs, because the dispersion relation
-    would bring its own resonance with it.
+    would bring its own resonance with it. Raises ValueError as `crossing`, and without TR runs.
     """
     tr = sorted((r for r in records if r.scene.wave.mode == "TR"), key=lambda record: record.scene.wavenumber)
-    if not tr:
-        raise ValueError("no TR runs")
     loudest = int(np.argmax([np.mean(record.p**2) for record in tr]))
     inverses = [_inverse(record) for record in tr[max(loudest - AROUND, 0) : loudest + AROUND + 1]]
-    return crossing(*zip(*inverses, strict=True))
+    return crossing(*np.reshape(inverses, (-1, 3)).T)
 
 
 def _inverse(record: Record) -> tuple[float, float, float]:
     """Wave number, (w̃² − 4Ω²)/B = 1/A in 1/D0, and the standard error of it."""
     frequencies = measured(record, linear(Wave.of(record)))
-    factors, errors, _ = least_squares_fit(columns(record, frequencies), record.p)
-    inverse = frequencies.detuning / factors[0]
-    return (
-        record.scene.wavenumber,
-        inverse,
-        float(np.hypot(frequencies.detuning_error / factors[0], inverse * errors[0] / factors[0])),
-    )
-
-
-# --- sweeps ----------------------------------------------------------------------------------------------------------
+    (drive, *_), (its_error, *_), _ = least_squares_fit(columns(record, frequencies), record.p)
+    inverse = frequencies.detuning / drive
+    error = np.hypot(frequencies.detuning_error / drive, inverse * its_error / drive)
+    return record.scene.wavenumber, float(inverse), float(error)
 
 
 def extrapolated(records: Iterable[Record]) -> list[Record]:
@@ -273,9 +251,6 @@ def refusal(record: Record) -> str | None:
     return None
 
 
-# --- output ----------------------------------------------------------------------------------------------------------
-
-
 def table(points: Sequence[Point], records: Sequence[Record]) -> str:
     """Deviation from theory by mode, and both locations, of runs and theory."""
     lines = [f"{'':4}{'runs':>5}{'deviation, median':>20}{'largest':>10}{'standard error, median':>25}"]
@@ -286,18 +261,20 @@ def table(points: Sequence[Point], records: Sequence[Record]) -> str:
     if "TR" in _names(points):
         constants = _wave(records, "TR").ratios
         lines.append(f"\n{'':15}{'from the runs':>21}{'theory':>12}{'difference':>12}")
-        lines.append(_located("resonance", lambda: locate_resonance(records), resonance(constants)))
-        lines.append(_located("antiresonance", lambda: locate_antiresonance(points), antiresonance(constants)))
+        lines.append(_located("resonance", lambda: (*locate_resonance(records), closed.resonance(constants))))
+        lines.append(
+            _located("antiresonance", lambda: (*locate_antiresonance(points), closed.antiresonance(constants)))
+        )
     return "\n".join(lines)
 
 
-def _located(name: str, locate: Callable[[], tuple[float, float]], theory: float | None) -> str:
-    shown = f"{'-':>12}" if theory is None else f"{theory:12.6f}"
+def _located(name: str, locate: Callable[[], tuple[float, float, float | None]]) -> str:
     try:
-        place, error = locate()
+        place, error, theory = locate()
     except ValueError as reason:
-        return f"{name:15}{'-':>21}{shown}   {reason}"
-    return f"{name:15}{place:11.6f} ±{error:8.1e}{shown}" + ("" if theory is None else f"{place - theory:12.1e}")
+        return f"{name:15}not located: {reason}"
+    shown = f"{'none':>12}" if theory is None else f"{theory:12.6f}{place - theory:12.1e}"
+    return f"{name:15}{place:11.6f} ±{error:8.1e}{shown}"
 
 
 def _names(points: Sequence[Point]) -> list[str]:
@@ -319,7 +296,7 @@ def draw(points: Sequence[Point], records: Sequence[Record]) -> Figure:
         _amplitudes(above, these, _wave(records, name))
         _deviations(below, these)
         below.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
-    panels[0, 0].set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", ylim=(3e-6, 30))
+    panels[0, 0].set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", ylim=(3e-6, 300))
     panels[1, 0].set(ylabel="relative deviation", ylim=(1e-7, 1))
     panels[0, 0].legend(frameon=False, fontsize="small", loc="upper left")
     panels[1, 0].legend(frameon=False, fontsize="small", loc="upper left", ncols=3, columnspacing=1, handlelength=1.5)
@@ -331,7 +308,7 @@ def draw(points: Sequence[Point], records: Sequence[Record]) -> Figure:
 def _amplitudes(axes: Axes, points: Sequence[Point], wave: Wave) -> None:
     name, constants = wave.mode.name, wave.ratios
     xis = np.linspace(0.02, np.pi - 0.02, 4000)
-    theory = [abs(generated_amplitude(mode(name, float(xi), constants), constants)) / 2 for xi in xis]
+    theory = [abs(closed.generated_amplitude(closed.mode(name, float(xi), constants), constants)) / 2 for xi in xis]
     axes.semilogy(xis, theory, color=COLOURS[name], linewidth=1, label="theory")
     for positive, face, label in ((True, COLOURS[name], "LAMMPS, > 0"), (False, "white", "LAMMPS, < 0")):
         these = [(each.wavenumber, abs(each.value)) for each in points if (each.value > 0) == positive]
@@ -341,10 +318,10 @@ def _amplitudes(axes: Axes, points: Sequence[Point], wave: Wave) -> None:
 
 
 def _deviations(axes: Axes, points: Sequence[Point]) -> None:
-    at, name = [each.wavenumber for each in points], points[0].mode
-    errors = [abs(each.error / each.predicted) for each in points]
-    axes.semilogy(at, [abs(each.deviation) for each in points], "o", markersize=3, color=COLOURS[name], label="LAMMPS")
-    axes.semilogy(at, errors, color="tab:grey", linewidth=1, label="standard error")
+    rows = [(each.wavenumber, abs(each.deviation), abs(each.error / each.predicted)) for each in points]
+    xis, off, errors = np.transpose(rows)
+    axes.semilogy(xis, off, "o", markersize=3, color=COLOURS[points[0].mode], label="LAMMPS")
+    axes.semilogy(xis, errors, color="tab:grey", linewidth=1, label="standard error")
     axes.axhline(BOUND, color="black", linewidth=0.8, linestyle=":", label=f"{BOUND:.1%}")
 
 
