@@ -41,6 +41,17 @@ figures: .venv/ready $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.map -o figures/map.png
 	$(BIN)/python -m analysis.timestep -o figures/timestep.png
 
+# The paper's figure 2 (b, c) by simulation, which the paper does not have; pairs of runs for Richardson. The cell of
+# 128 rows carries every second point of the curve exactly, that of 400 what lies close to resonance and antiresonance.
+SPECTRUM = --workers 2 --set wave.amplitude=0.02 --set time.duration=120 --over time.timestep=0.05,0.025
+
+spectrum: .venv/ready
+	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=128 -o runs/spectrum/zone \
+	    --over wave.mode=TR,RT,L --over wave.wavenumber=0.1963495408:3.0925052684:60
+	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
+	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
+	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+
 test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
