@@ -16,6 +16,9 @@ from typing import Any
 from granular_lmp.errors import SceneError
 
 AUTO = "auto"
+# What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits, and it follows brackets in brackets
+# as deep as Python's stack
+NOT_TOML = (ValueError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,10 @@ def assignment(text: str) -> tuple[str, Any]:
     """``("wave.wavenumber", 1.2)`` from ``"wave.wavenumber=1.2"``; a value that is not TOML is taken as a bare word."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
-        raise SceneError(f"{text!r}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
+        raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
     try:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except NOT_TOML:
         return key.strip(), value.strip()
 
 
@@ -128,7 +131,7 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
     """SceneError for the first key that is none of `names`."""
     for key in table:
         if key not in names:
-            raise SceneError(f"{prefix}{key}: unknown key; {allowed_names(key, names)}")
+            raise SceneError(f"{prefix}{cut(key)}: unknown key; {allowed_names(key, names)}")
 
 
 def allowed_names(key: str, names: Iterable[str]) -> str:
@@ -139,7 +142,14 @@ def allowed_names(key: str, names: Iterable[str]) -> str:
 
 def shown(value: Any) -> str:
     """A value for an error message, cut to one line of 60 characters."""
-    text = repr(value)
+    try:
+        return cut(repr(value))
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return "(a number of thousands of digits)"
+
+
+def cut(text: str) -> str:
+    """The first 60 characters of a text."""
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -17,10 +17,12 @@ from typing import Any, Self
 from granular_lmp.errors import SceneError
 from granular_lmp.fields import (
     AUTO,
+    NOT_TOML,
     Rule,
     allowed_names,
     between,
     choice,
+    cut,
     declared,
     one_line,
     plain,
@@ -77,7 +79,7 @@ class Wave:
 
     mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
     wavenumber: float = declared(
-        float, "xi, rad per row", "a number in (0, pi], rad per row", lambda value: 0 < value <= pi
+        float, "xi, rad per row", "a number in [1e-9, pi], rad per row", between(1e-9, pi)
     )
     amplitude: float = declared(
         float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
@@ -87,6 +89,7 @@ class Wave:
     )
 
 
+FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18
 # Of each pair a scene holds one; `with_values` of one replaces the other.
 EXCLUSIVE = {"time.tolerance": "time.timestep", "time.timestep": "time.tolerance"}
 
@@ -100,7 +103,7 @@ class Time:
 
     duration: float = declared(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
     timestep: float = declared(
-        float, "tau, at most", "a number in (0, 2], in tau", lambda value: 0 < value <= 2, default=0.05
+        float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
     )
     tolerance: float | None = declared(
         float,
@@ -110,7 +113,7 @@ class Time:
         default=None,
     )
     sample: float = declared(
-        float, "tau between records", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7, default=0.5
+        float, "tau between records", f"a number in [{FINEST:g}, 1e7], in tau", between(FINEST, 1e7), default=0.5
     )
     allow_echo: bool = declared(
         bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
@@ -251,9 +254,10 @@ class Scene:
     def loads(cls, text: str) -> Self:
         """Scene from TOML text."""
         try:
-            return cls.from_dict(tomllib.loads(text))
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
             raise SceneError(f"not valid TOML: {one_line(error)}") from error
+        return cls.from_dict(tables)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Self:
@@ -295,10 +299,13 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in _TABLES:
-                raise SceneError(f"{key}: unknown key; {allowed_names(table, _TABLES)}")
+                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, _TABLES)}")
+            inner = tables[table] if table else tables
+            if not isinstance(inner, dict):
+                break  # an earlier change put a value in the table's place, which is what is wrong
             if key in EXCLUSIVE and EXCLUSIVE[key] not in changes:
-                tables[table].pop(EXCLUSIVE[key].rpartition(".")[2], None)
-            (tables[table] if table else tables)[name] = value
+                inner.pop(EXCLUSIVE[key].rpartition(".")[2], None)
+            inner[name] = value
         return Scene.from_dict(tables)
 
     # --- what follows from the values ---
