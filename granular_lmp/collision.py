@@ -19,6 +19,8 @@ from granular_lmp.fields import (
     between,
     choice,
     declared,
+    file_text,
+    first_file,
     one_line,
     plain,
     record,
@@ -111,15 +113,15 @@ class Collision:
     @classmethod
     def load(cls, source: str | Path) -> Self:
         """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
-        candidates = (Path(source), _SHIPPED / f"{source}.toml")
-        found = next((path for path in candidates if path.is_file()), None)
+        found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
+        text = file_text(found)
         try:
-            tables = tomllib.loads(found.read_text(encoding="utf-8"))
-        except (OSError, *NOT_TOML) as error:
-            raise SceneError(f"{found}: cannot be read as TOML: {one_line(error)}") from error
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
+            raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
         try:
             return cls.from_dict(tables)
         except SceneError as error:

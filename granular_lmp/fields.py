@@ -11,6 +11,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from decimal import Decimal
 from difflib import get_close_matches
 from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import SceneError
@@ -19,6 +20,7 @@ AUTO = "auto"
 # What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits, and it follows brackets in brackets
 # as deep as Python's stack
 NOT_TOML = (ValueError, RecursionError)
+LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,27 @@ def assignment(text: str) -> tuple[str, Any]:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
     except NOT_TOML:
         return key.strip(), value.strip()
+
+
+def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
+    """The first of the candidates that is a file; SceneError where no file can be of that name."""
+    try:
+        return next((path for path in candidates if path.is_file()), None)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
+
+
+def file_text(path: Path) -> str:
+    """The text of a scene file; SceneError when it cannot be read, is not UTF-8, or is far too large for one."""
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST_FILE + 1)
+        text = raw.decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
+    if len(raw) > LARGEST_FILE:
+        raise SceneError(f"{path}: is no scene file: larger than {LARGEST_FILE} bytes")
+    return text
 
 
 def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:

@@ -115,4 +115,5 @@ def lines(names: list[str]) -> list[str]:
     """The lines of some guards, each once, and the thermo output of all."""
     texts = list(dict.fromkeys(line for name in names for line in GUARDS[name].lines))
     columns = list(dict.fromkeys(column for name in names for column in GUARDS[name].columns))
-    return [*texts, " ".join(["thermo_style custom step v_tau", *columns]), f"thermo       {INTERVAL}"]
+    style = " ".join(["thermo_style custom step v_tau", *columns])
+    return [*texts, style, "thermo_modify flush yes  # a killed run has heard them too", f"thermo       {INTERVAL}"]

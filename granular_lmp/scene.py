@@ -6,6 +6,7 @@ amplitudes in units of the static overlap Δ0. What is declared "auto" is decide
 (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,6 +25,8 @@ from granular_lmp.fields import (
     choice,
     cut,
     declared,
+    file_text,
+    first_file,
     one_line,
     plain,
     record,
@@ -101,7 +104,7 @@ class Time:
     With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
     """
 
-    duration: float = declared(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
+    duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
     timestep: float = declared(
         float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
     )
@@ -203,6 +206,8 @@ _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under a
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
+EPSILON = sys.float_info.epsilon
+FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or nothing at all, without a sign of it
 
 
 @dataclass(frozen=True)
@@ -233,18 +238,11 @@ class Scene:
     def load(cls, source: str | Path) -> Self:
         """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``."""
         path = Path(source)
-        candidates = [path, path / "scene.toml", SHIPPED / path / "scene.toml"]
-        try:
-            found = next((candidate for candidate in candidates if candidate.is_file()), None)
-        except (OSError, ValueError) as error:
-            raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
+        found = first_file(source, (path, path / "scene.toml", SHIPPED / path / "scene.toml"))
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
-        try:
-            text = found.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise SceneError(f"{found}: cannot be read as UTF-8 text: {one_line(error)}") from error
+        text = file_text(found)
         try:
             return cls.loads(text)
         except SceneError as error:
@@ -399,6 +397,13 @@ class Scene:
             raise SceneError(
                 f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
                 "spheres (LAMMPS takes 690 MB for each million)"
+            )
+        # Half the packing is farther from the origin than a quarter of its length; there the wave has to be seen
+        smallest = FEWEST_ROUNDINGS * EPSILON * rows / 4 * self.sphere.lattice_constant / self.sphere.static_overlap
+        if self.wave.amplitude < smallest:
+            raise SceneError(
+                f"wave.amplitude = {self.wave.amplitude!r}: must be at least {smallest:.3g} with this sphere in {rows} "
+                f"rows, or D0 is less than {FEWEST_ROUNDINGS:g} roundings of a position"
             )
         if self.wavenumber == 0:
             raise SceneError(

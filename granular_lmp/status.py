@@ -80,7 +80,7 @@ def _heard(
         "value": _finite(np.max(measured, initial=0.0)),
         "limit": GUARDS[guard].largest_silent(scene),
         "quiet": woken is None,
-        "woke_at": None if woken is None else float(table["v_tau"][woken]),
+        "woke_at": None if woken is None else float(table["Step"][woken] * scene.time.step),
         "forced": forced,
         "meaning": GUARDS[guard].meaning,
     }

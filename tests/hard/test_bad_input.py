@@ -3,8 +3,8 @@
 `make stability` tries thousands, drawn anew; `make test` hundreds, always the same (`tests/hard/conftest.py`).
 """
 
+import json
 import re
-import tomllib
 from collections.abc import Callable, Mapping
 from datetime import date
 from math import inf, nan, pi
@@ -82,7 +82,7 @@ def survives(make: Callable[[], Scene], words: set[str]) -> None:
         resolved, _ = resolve(scene)
         if resolved.shape.spheres <= MOST_BUILT:
             deck = build(scene)
-            description(deck, "module", 1)
+            json.dumps(description(deck, "module", 1), allow_nan=False)
             assert is_finite(deck.input_text)
     except SceneError as error:
         is_one_line(error, words)
