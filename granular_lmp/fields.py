@@ -17,8 +17,8 @@ from typing import Any
 from granular_lmp.errors import SceneError
 
 AUTO = "auto"
-# What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits, and it follows brackets in brackets
-# as deep as Python's stack
+# What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits; and it follows brackets in
+# brackets as deep as Python's stack
 NOT_TOML = (ValueError, RecursionError)
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 

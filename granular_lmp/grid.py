@@ -29,7 +29,9 @@ def axis(text: str) -> tuple[str, list[Any]]:
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not all(value.strip() for value in values.split(",")):
-        raise SceneError(f"{shown(text)}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT")
+        raise SceneError(
+            f"{shown(text)}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT"
+        )
     return key.strip(), [value for item in values.split(",") for value in _item(item, text)]
 
 

@@ -32,7 +32,16 @@ from granular_lmp.errors import (
 )
 from granular_lmp.guards import GUARDS, INTERVAL
 from granular_lmp.locate import lammps_module, lmp_command
-from granular_lmp.record import TRAJECTORY, Record, mend_dump, mend_log, read_log, read_status, replace_text, write_status
+from granular_lmp.record import (
+    TRAJECTORY,
+    Record,
+    mend_dump,
+    mend_log,
+    read_log,
+    read_status,
+    replace_text,
+    write_status,
+)
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome, woken
 
@@ -264,9 +273,10 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     table, _ = read_log(job.folder / LOG)
     steps = record.scene.time.steps
     missed = np.setdiff1d(np.append(np.arange(0, steps, INTERVAL), steps), table.get("Step", []))
-    lacks = [f"step {step}" for step in missed] + [f"the guard {name}" for name in guards if GUARDS[name].columns[0] not in table]
-    if lacks:
-        return LammpsError(f"the log lacks {lacks[0]}", job.input_name, _log_tail(job.folder))
+    unheard = [name for name in guards if GUARDS[name].columns[0] not in table]
+    if len(missed) or unheard:
+        lack = f"step {missed[0]}" if len(missed) else f"the guard {unheard[0]}"
+        return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
     return None
 
 

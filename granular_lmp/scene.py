@@ -81,9 +81,7 @@ class Wave:
     """Plane wave cos(ξn − Ωτ + phase) along +y in one Bloch mode, n = 0 at the centre row, amplitude D0/Δ0."""
 
     mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
-    wavenumber: float = declared(
-        float, "xi, rad per row", "a number in [1e-9, pi], rad per row", between(1e-9, pi)
-    )
+    wavenumber: float = declared(float, "xi, rad per row", "a number in [1e-9, pi], rad per row", between(1e-9, pi))
     amplitude: float = declared(
         float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
     )

@@ -2,6 +2,7 @@
 
 import re
 import resource
+import signal
 import tempfile
 from dataclasses import replace
 from functools import cache
@@ -13,6 +14,7 @@ from granular_lmp.errors import GranularError
 from granular_lmp.record import read_status
 
 MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it
+LIMIT = 60  # s for a run of 10 ms: it hangs
 FINISHED, OTHER = "finished", "finished with another record"
 
 

@@ -11,12 +11,10 @@ from math import inf, nan, pi
 from pathlib import Path
 from typing import Any
 
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from granular_lmp import Scene, build
-from granular_lmp.cli import main
 from granular_lmp.collision import Collision, deck_text
 from granular_lmp.effects import resolve
 from granular_lmp.errors import GranularError, SceneError
@@ -146,7 +144,8 @@ def test_a_garbled_file_is_one_line(tmp_path: Path, raw: bytes) -> None:
 def changes(draw: Callable[..., Any]) -> list[str]:
     """Arguments of ``--set``: right and wrong keys and values."""
     keys = st.one_of(st.sampled_from([*KEYS, *PAPER.to_dict()]), st.text(max_size=8))
-    worded = st.one_of(values.map(str), st.text(max_size=10), st.sampled_from(["[" * 10_000, "1\nname = 'x'", "9" * 5000]))
+    long = st.sampled_from(["[" * 10_000, "1\nname = 'x'", "9" * 5000])
+    worded = st.one_of(values.map(str), st.text(max_size=10), long)
     return [f"{draw(keys)}={draw(worded)}" for _ in range(draw(st.integers(1, 3)))]
 
 
@@ -171,7 +170,8 @@ def test_a_bad_set_of_a_collision_is_one_line(texts: list[str]) -> None:
 @st.composite
 def swept(draw: Callable[..., Any]) -> list[str]:
     """Arguments of ``--over``."""
-    word = st.one_of(values.map(str), st.text(max_size=6), st.sampled_from(["1e400", "nan", "2", "1e-300", "-1", "1_0"]))
+    numbers = st.sampled_from(["1e400", "nan", "2", "1e-300", "-1", "1_0"])
+    word = st.one_of(values.map(str), st.text(max_size=6), numbers)
     ranges = st.lists(word, min_size=2, max_size=4).map(":".join)
     lists = st.lists(st.one_of(word, ranges), min_size=1, max_size=3).map(",".join)
     keys = st.one_of(st.sampled_from(KEYS), st.text(max_size=4))

@@ -1,4 +1,4 @@
-"""A deck with one word broken is a `LammpsError`, or the same run; LAMMPS never hangs and never ends the interpreter."""
+"""A deck with one word broken is a `LammpsError` or the same run: no hang, and the interpreter lives."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -12,8 +12,7 @@ from tests.hard.broken import FINISHED, OTHER, deck, outcome, tokens
 
 Break = Callable[[str], str]
 
-DROPPED: Break = lambda word: ""  # noqa: E731
-GARBLED: Break = lambda word: "xyzzy"  # noqa: E731
+BROKEN: dict[str, Break] = {"dropped": lambda word: "", "garbled": lambda word: "xyzzy"}
 # Still a word of LAMMPS's, perhaps: the run may be another one
 SHIFTED: dict[str, Break] = {
     "without its first character": lambda word: word[1:],
@@ -48,7 +47,7 @@ def wrong(ended: dict[tuple[str, str, int], str], allowed: tuple[str, ...]) -> l
     return [f"{what}: {how}" for what, how in ended.items() if not how.startswith(allowed)]
 
 
-@pytest.mark.parametrize("broken", [DROPPED, GARBLED], ids=["dropped", "garbled"])
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN.keys())
 def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: Break) -> None:
     ended = outcomes("tr_nonresonant", [broken])
     assert not wrong(ended, ("LammpsError", FINISHED))
