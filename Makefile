@@ -59,6 +59,7 @@ test: .venv/ready
 
 stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.md
+	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks

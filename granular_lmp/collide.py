@@ -134,8 +134,9 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         for old in (LOG, DUMP, COURSE, RESULT):
             (folder / old).unlink(missing_ok=True)
     run_input(folder, name)
-    result = _course(collision, folder)
-    _write_csv(result, folder / COURSE)
+    with writable(folder):
+        result = _course(collision, folder)
+        _write_csv(result, folder / COURSE)
     if result.overlap[-1] >= 0:
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
@@ -145,7 +146,8 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
 def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
     """Write `Result.numbers` and their errors into ``collision.json`` of the run folder."""
     table = {name: {"value": value, "error": errors[name]} for name, value in result.numbers().items()}
-    (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    with writable(result.folder):
+        (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
 
 
 def _course(collision: Collision, folder: Path) -> Result:

@@ -29,6 +29,7 @@ from granular_lmp.wave import plane_wave
 SCENE = "scene.toml"
 DUMP = "dump.centre"
 LOG = "log.lammps"
+STATUS = "run.json"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
 
@@ -91,6 +92,7 @@ class Deck:
         folder = Path(folder)
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
+            (folder / STATUS).unlink(missing_ok=True)  # of the run of another deck
             for name, pieces in self.files().items():
                 with (folder / name).open("w", encoding="utf-8") as stream:
                     stream.writelines(pieces)

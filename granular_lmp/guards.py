@@ -106,9 +106,14 @@ GUARDS = {
 }
 
 
+def interval(step: float) -> int:
+    """Steps between two looks for a step in τ."""
+    return max(1, min(INTERVAL, round(LONGEST / step)))
+
+
 def lines(names: list[str], step: float) -> list[str]:
     """The lines of some guards, each once, and the thermo output of all; step in τ."""
     texts = list(dict.fromkeys(line for name in names for line in GUARDS[name].lines))
     columns = list(dict.fromkeys(column for name in names for column in GUARDS[name].columns))
-    interval = max(1, min(INTERVAL, round(LONGEST / step)))
-    return [*texts, " ".join(["thermo_style custom step v_tau", *columns]), f"thermo       {interval}"]
+    style = " ".join(["thermo_style custom step v_tau", *columns])
+    return [*texts, style, "thermo_modify flush yes  # a killed run has heard them too", f"thermo       {interval(step)}"]

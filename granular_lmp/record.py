@@ -6,6 +6,7 @@ what post-processing scripts may import.
 """
 
 import csv
+import io
 import json
 import os
 from dataclasses import dataclass, field
@@ -16,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import DUMP
+from granular_lmp.deck import STATUS as STATUS
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
 
 TRAJECTORY = "trajectory.csv"
-STATUS = "run.json"
 HEADER = ["tau", "p", "q", "phi"]
 # Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
 DUMP_COLUMNS = (
@@ -30,8 +31,8 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy"],
 )
-_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
-_FIRST_LINE = "ITEM: TIMESTEP\n"
+_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
+_SNAPSHOT = "ITEM: TIMESTEP\n"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +78,8 @@ class Record:
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
+            if len(tau) != info.get("samples", len(tau)):
+                raise ValueError(f"{len(tau)} records, and {STATUS} says {info['samples']}")
         except (OSError, ValueError, IndexError) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
         return cls(tau, p, q, phi, scene, info, folder)
@@ -99,10 +102,11 @@ class Record:
 
     def write_csv(self, path: str | Path) -> None:
         """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
-        with Path(path).open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(HEADER)
-            writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+        replace_text(Path(path), stream.getvalue())
 
     def __repr__(self) -> str:
         wave = self.scene.wave
@@ -167,43 +171,45 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
 def mend_dump(path: str | Path) -> None:
     """Make a one-particle dump that a stopped run wrote, or two runs one after the other, into that of one run.
 
-    A snapshot cut off in the middle goes, and one without its sphere, which LAMMPS has lost; of those that the
-    continuation wrote again, the first.
+    A snapshot cut off in the middle goes, and one without the particle, which was lost; of those that the continuation
+    wrote again, the first.
     """
-    size = _LINES_BEFORE_ATOMS + 1
-    text = Path(path).read_text(encoding="utf-8")
     kept: list[list[str]] = []
-    for part in text.split(_FIRST_LINE)[1:]:
-        snapshot = [_FIRST_LINE, *part.splitlines(keepends=True)]
-        if len(snapshot) != size or not snapshot[-1].endswith("\n"):
-            continue  # cut off, or the sphere is lost
-        while kept and int(kept[-1][1]) >= int(snapshot[1]):
+    for snapshot in Path(path).read_text(encoding="utf-8", errors="replace").split(_SNAPSHOT)[1:]:
+        lines = snapshot.splitlines(keepends=True)
+        if len(lines) != _LINES_BEFORE_ATOMS or not lines[-1].endswith("\n") or not lines[0].strip().isdecimal():
+            continue
+        while kept and int(kept[-1][0]) >= int(lines[0]):
             kept.pop()
-        kept.append(snapshot)
-    replace_text(Path(path), "".join(line for snapshot in kept for line in snapshot))
+        kept.append(lines)
+    replace_text(Path(path), "".join(_SNAPSHOT + "".join(lines) for lines in kept))
+
+
+def mend_log(path: str | Path) -> None:
+    """Take the last line off a log that a killed run wrote if it was cut off, so that the continuation starts a new."""
+    text = Path(path).read_bytes()
+    os.truncate(path, text.rfind(b"\n") + 1)
 
 
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
     """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
 
-    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended.
+    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended. A
+    last line without its end is left out.
     """
     tables: dict[tuple[str, ...], list[list[float]]] = {}
     seconds: dict[tuple[str, ...], float] = {}
     names: tuple[str, ...] = ()
     try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")
+        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     inside = False
-    for line in [*lines, "Step"]:
+    for line in lines:
         words = line.split()
         if words[:1] == ["Step"]:
-            if inside and tables[names]:
-                tables[names].pop()  # the run was stopped here, and its last line may be cut off
-            if len(words) > 1:
-                names, inside = tuple(words), True
-                tables.setdefault(names, [])
+            names, inside = tuple(words), True
+            tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
             seconds[names] = seconds.get(names, 0.0) + float(words[3])
             inside = False

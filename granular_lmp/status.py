@@ -83,7 +83,7 @@ def _heard(
         "value": _finite(np.max(measured, initial=0.0)),
         "limit": GUARDS[guard].largest_silent(scene),
         "quiet": loud is None or effect["on"],
-        "woke_at": None if loud is None else float(table["v_tau"][loud]),
+        "woke_at": None if loud is None else float(table["Step"][loud] * scene.time.step),
         "woke_with": None if loud is None else _finite(measured[loud]),
         "judges": not effect["on"] and not effect["called_for"],
         "meaning": GUARDS[guard].meaning,

@@ -67,7 +67,8 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
             return launch.resume(place, progress=told)
         return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
 
-    return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
+    with launch.locked(folder):
+        return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
 
 
 def run_to_tolerance(
@@ -105,19 +106,20 @@ def run_to_tolerance(
     scene, _ = resolve(scene)
     check_floor(scene)
     folder = Path(folder).absolute()
-    with writable(folder):
-        folder.mkdir(parents=True, exist_ok=force)
-        for stale in folder.glob(f"*{SUFFIX}"):  # of an earlier run: they must not pass for this one's
-            if (stale / STATUS).is_file():
-                shutil.rmtree(stale)
-        (folder / TRAJECTORY).unlink(missing_ok=True)
-        replace_text(folder / "scene.toml", scene.to_toml())
     info = {"name": scene.name, "tolerance": scene.time.tolerance, "launcher": launcher, "ranks": ranks}
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
 
-    return refine(scene, folder, one, progress, info)
+    with launch.locked(folder, make=True, force=force):
+        with writable(folder):
+            (folder / STATUS).unlink(missing_ok=True)  # of an earlier run, as the rest: it must not pass for this one's
+            for stale in folder.glob(f"*{SUFFIX}"):
+                if (stale / "scene.toml").is_file():
+                    shutil.rmtree(stale)
+            (folder / TRAJECTORY).unlink(missing_ok=True)
+            replace_text(folder / "scene.toml", scene.to_toml())
+        return refine(scene, folder, one, progress, info)
 
 
 def estimate(records: list[Record]) -> dict[str, float]:
@@ -186,7 +188,8 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
     records: list[Record] = []
     said: list[str] = []
     found: dict[str, float] = {}
-    write_status(folder, info | {"status": "running", "message": "started"})
+    with writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
     try:
         for level in range(LEVELS + 1):
             count = per_sample << level
@@ -198,7 +201,7 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
             if level == 0:
                 continue
             found = estimate(records)
-            if max(found.values()) <= tolerance:
+            if all(error <= tolerance for error in found.values()):  # a nan is not
                 break
             said.append(f"steps of {2 * stepped.time.step!r} and {stepped.time.step!r} tau: {_worst(found)}; halved")
         else:
@@ -212,25 +215,22 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         write_status(folder, info | {"status": "interrupted" if stopped else "failed", "message": message})
         raise
     record = richardson(records[-2], records[-1], order(records[-1].scene))
-    record.write_csv(folder / TRAJECTORY)
     runs = [run.info for run in records]
-    write_status(
-        folder,
-        record.info
-        | info
-        | {
-            "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
-            "error_budget": as_json(error_budget(scene, found)),
-            "extrapolated_from": [run.scene.time.step for run in records[-2:]],
-            "refinements": said,
-            "steps": sum(run["steps"] for run in runs),
-            "wall_seconds": {
-                key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
-            },
-            "status": "finished",
-            "message": "",
+    outcome = {
+        "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
+        "error_budget": as_json(error_budget(scene, found)),
+        "extrapolated_from": [run.scene.time.step for run in records[-2:]],
+        "refinements": said,
+        "steps": sum(run["steps"] for run in runs),
+        "wall_seconds": {
+            key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
         },
-    )
+        "status": "finished",
+        "message": "",
+    }
+    with writable(folder):
+        record.write_csv(folder / TRAJECTORY)
+        write_status(folder, record.info | info | outcome)
     return Record.load(folder)
 
 

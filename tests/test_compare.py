@@ -132,9 +132,7 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
         assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
 
 
-@pytest.mark.parametrize(
-    "changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-300}]
-)
+@pytest.mark.parametrize("changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-9}])
 def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dict[str, float]) -> None:
     result = compare.compare(from_theory(PAPER.with_values(changes), "second-order", TAU), "second-order")
     assert result.measured is None
