@@ -103,9 +103,11 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 
 
 def notes(record: Record) -> list[str]:
-    """What in a run no theory here covers."""
+    """What in a run no theory here covers, and that it did not finish."""
     guards = record.info.get("guards", {})
-    loud = [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
+    status = record.info.get("status", "finished")
+    loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
+    loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     physics = Wave.of(record).physics
     if not holding(physics):
         present = " and ".join(sorted(physics.beyond_the_paper & BEYOND_ALL))

@@ -116,4 +116,9 @@ def lines(names: list[str], step: float) -> list[str]:
     texts = list(dict.fromkeys(line for name in names for line in GUARDS[name].lines))
     columns = list(dict.fromkeys(column for name in names for column in GUARDS[name].columns))
     style = " ".join(["thermo_style custom step v_tau", *columns])
-    return [*texts, style, "thermo_modify flush yes  # a killed run has heard them too", f"thermo       {interval(step)}"]
+    return [
+        *texts,
+        style,
+        "thermo_modify flush yes  # a killed run has heard them too",
+        f"thermo       {interval(step)}",
+    ]

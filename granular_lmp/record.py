@@ -73,8 +73,10 @@ class Record:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         scene = Scene.load(folder / "scene.toml")
         try:
-            with (folder / TRAJECTORY).open(newline="", encoding="utf-8") as stream:
-                lines = list(csv.reader(stream))
+            text = (folder / TRAJECTORY).read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                raise ValueError("its last line is cut off")
+            lines = list(csv.reader(text.splitlines()))
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T

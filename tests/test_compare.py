@@ -189,9 +189,9 @@ def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -
 
 
 def test_a_run_that_was_stopped_before_its_second_record_is_refused_in_one_line(folder: Path) -> None:
-    write_status(folder, read_status(folder) | {"status": "interrupted"})
     whole = (folder / "trajectory.csv").read_text().splitlines(keepends=True)
     for records in (0, 1):
+        write_status(folder, read_status(folder) | {"status": "interrupted", "samples": records})
         (folder / "trajectory.csv").write_text("".join(whole[: records + 1]))
         with pytest.raises(SystemExit, match=f"{records} records; there is nothing to compare"):
             compare.main([str(folder), "--force"])
