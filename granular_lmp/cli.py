@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     cost = _add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
     _scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
-    cost.add_argument("--repeats", type=_positive, default=3, metavar="N", help="rounds (default: 3)")
+    cost.add_argument("--repeats", type=_positive, default=5, metavar="N", help="rounds (default: 5)")
     cost.add_argument(
         "--budget", type=_seconds, default=inf, metavar="SECONDS", help="leave out what takes longest until this is met"
     )

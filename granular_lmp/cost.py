@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import ceil
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -79,7 +80,7 @@ class Plan:
         return sum(self.price(run) for run, _ in self.todo())
 
 
-def plan(scene: Scene, folder: str | Path, *, repeats: int = 3, budget: float = float("inf")) -> Plan:
+def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
     """Find out what a study takes, from a short run of the scene; nothing is written into the folder.
 
     Parameters
@@ -219,11 +220,12 @@ def _warm_up(scene: Scene) -> tuple[float, float]:
 
 
 def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:
-    """Runs that are not done and their folders, round by round."""
+    """Runs that are not done and their folders, round by round; those of about one length stand side by side."""
     once = {run.name: run for point in points if point.knob == REFERENCE for run in point.runs}
     often = {run.name: run for point in points if point.knob != REFERENCE for run in point.runs}
+    by_work = attrgetter("work")
     wanted = [(run, 1) for name, run in once.items() if name not in often]
-    wanted += [(run, turn) for turn in range(1, repeats + 1) for run in often.values()]
+    wanted += [(run, turn) for turn in range(1, repeats + 1) for run in sorted(often.values(), key=by_work)]
     places = [(run, place(folder, run, turn)) for run, turn in wanted]
     return [(run, there) for run, there in places if not is_done(run, there)]
 

@@ -5,7 +5,7 @@ two whose records are extrapolated. All else is as the scene says, so that many 
 """
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -55,9 +55,6 @@ class Point:
 
     def __str__(self) -> str:
         return f"{self.knob}: {self.setting}"
-
-
-Settings = Iterable[tuple[str, tuple[Run, ...]]]
 
 
 def base(scene: Scene) -> Scene:
@@ -198,3 +195,5 @@ KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "ranks": _ranks,
     "strip or sheet": _sheet,
 }
+# Those whose settings go from little work to much, so that it means something how the error falls
+ORDERED = frozenset({"time step", "Richardson pair", "tolerance, strip", "columns"})

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy import richardson
-from granular_lmp.knobs import REFERENCE, Point, Run
+from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
 from granular_lmp.output import OUTPUTS
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import sizes, step_errors
+from granular_lmp.steplaw import rounding, sizes, step_errors
 
 RUNS = "runs"
 COMPONENTS = ("p", "q", "phi")
@@ -63,15 +63,15 @@ def collect(folder: Path, scene: Scene, points: list[Point], repeats: int) -> di
     if not rounds:
         return {"reference": None, "points": []}
     best = _record(rounds[0])
-    # The law of docs/accuracy.md, which knows what a pair leaves; of a component that is not there it says nothing
-    law = step_errors(scene, first.runs[0].scene.time.step)
-    left = {name: law[name].extrapolated if name in law else None for name in COMPONENTS}
+    # The laws of docs/accuracy.md, of what a pair and rounding leave; they are silent on what is zero by symmetry
+    law, grain = step_errors(scene, first.runs[0].scene.time.step), rounding(scene)
+    left = {name: max(law[name].extrapolated, grain[name]) if name in law else None for name in COMPONENTS}
     _write_reference(folder / REFERENCE, best, left)
     rows: list[Row] = []
     for point in others:
         row = _row(folder, point, _rounds(folder, point, repeats), best)
         before = next((other for other in reversed(rows) if other["repeats"]), None)
-        if row["repeats"] and before is not None and before["knob"] == row["knob"]:
+        if row["repeats"] and point.knob in ORDERED and before is not None and before["knob"] == point.knob:
             row["slope"] = _slope(before, row, left)
         rows.append(row)
     of_best = _row(folder, first, rounds, best) | {f"error_{name}": error for name, error in left.items()}
