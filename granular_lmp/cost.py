@@ -2,7 +2,7 @@
 
 Every setting of `granular_lmp.knobs` is run several times, in rounds, so that whatever else the machine does falls on
 all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against LAMMPS itself,
-extrapolated from two fine steps.
+extrapolated from fine steps.
 
 A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
 the extrapolated one), and made from those ``cost.json`` and ``cost.csv``. A study that was stopped, or is asked for
@@ -186,7 +186,7 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
 def _save(plan: Plan) -> dict[str, Any]:
     """Make the tables from what is there."""
     result: dict[str, Any] = {"scene": plan.scene.to_dict(), "cores": core_count(), "left_out": plan.left_out}
-    result |= collect(plan.folder, plan.scene, plan.points, plan.repeats)
+    result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
         replace_text(plan.folder / RESULT, json.dumps(result, indent=1, allow_nan=False) + "\n")
         replace_text(plan.folder / TABLE, to_csv(result["points"]))

@@ -47,7 +47,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting of a knob: one run, or two that differ by a factor of 2 in the step, the coarse one first."""
+    """A setting of a knob: one run, or several, each with half the step of the one before; the last two count."""
 
     knob: str
     setting: str
@@ -66,13 +66,14 @@ def base(scene: Scene) -> Scene:
 
 
 def reference(scene: Scene) -> Point:
-    """The pair that all others are measured against: half the steps that the smallest tolerance calls for.
+    """What all others are measured against: the pair that the smallest tolerance calls for, and a run finer still.
 
-    That tolerance is 1e-6, or what rounding and walls leave in the scene where that is more.
+    That tolerance is 1e-6, or what rounding and walls leave in the scene where that is more. The two finer runs are
+    extrapolated; with the two coarser ones they tell how good that is.
     """
     tolerance = max(TOLERANCES[-1], *floor(scene).values())
-    step = step_for(scene.with_values({"time.tolerance": tolerance})) / 2
-    return Point(REFERENCE, *_pair(scene, step))
+    step = step_for(scene.with_values({"time.tolerance": tolerance}))
+    return Point(REFERENCE, f"{step:.3g} + half + quarter", tuple(_stepped(scene, step / 2**k) for k in range(3)))
 
 
 def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
@@ -177,10 +178,11 @@ def _ranks(scene: Scene) -> dict[str, Make]:
 
 
 def _sheet(scene: Scene) -> dict[str, Make]:
+    """The fewest spheres, against a sheet with every effect whose positions LAMMPS dumps unless told otherwise."""
     sheet = {"packing.columns": SHEET}
     return {
         "strip": _changed(scene, _strip(scene)),
-        f"sheet of {SHEET} columns": lambda: (Run(with_all(scene.with_values(sheet)), "all, text, 6 digits"),),
+        "sheet": lambda: (Run(with_all(scene.with_values(sheet)), "all, text, 6 digits"),),
     }
 
 

@@ -16,8 +16,7 @@ from granular_lmp.accuracy import richardson
 from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
 from granular_lmp.output import OUTPUTS
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
-from granular_lmp.scene import Scene
-from granular_lmp.steplaw import rounding, sizes, step_errors
+from granular_lmp.steplaw import sizes
 
 RUNS = "runs"
 COMPONENTS = ("p", "q", "phi")
@@ -43,7 +42,7 @@ def is_done(run: Run, folder: Path) -> bool:
     return there and not (folder / OUTPUTS[run.output].file).exists()
 
 
-def collect(folder: Path, scene: Scene, points: list[Point], repeats: int) -> dict[str, Any]:
+def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
     """The lines of the reference and of all other points, from the run folders of a study.
 
     The record of the reference is written beside them. Before it is there, there is nothing to compare with.
@@ -51,8 +50,6 @@ def collect(folder: Path, scene: Scene, points: list[Point], repeats: int) -> di
     Parameters
     ----------
     folder : Path
-    scene : Scene
-        That of the study.
     points : list of Point
         The reference first.
     repeats : int
@@ -62,10 +59,7 @@ def collect(folder: Path, scene: Scene, points: list[Point], repeats: int) -> di
     rounds = _rounds(folder, first, 1)
     if not rounds:
         return {"reference": None, "points": []}
-    best = _record(rounds[0])
-    # The laws of docs/accuracy.md, of what a pair and rounding leave; they are silent on what is zero by symmetry
-    law, grain = step_errors(scene, first.runs[0].scene.time.step), rounding(scene)
-    left = {name: max(law[name].extrapolated, grain[name]) if name in law else None for name in COMPONENTS}
+    best, left = _record(rounds[0]), _left(rounds[0])
     _write_reference(folder / REFERENCE, best, left)
     rows: list[Row] = []
     for point in others:
@@ -92,9 +86,18 @@ def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
 
 
 def _record(places: list[Path]) -> Record:
-    """The record of the runs of a point."""
-    records = [Record.load(there) for there in places]
+    """The record of the runs of a point, extrapolated from the last two if there are as many."""
+    records = [Record.load(there) for there in places[-2:]]
     return records[0] if len(records) == 1 else richardson(*records)
+
+
+def _left(places: list[Path]) -> dict[str, float | None]:
+    """Estimated error of p, q, φ of the reference: its distance to the extrapolation of the two coarser of its runs.
+
+    That is the error itself where it is of first order in the step, as it is down here, and more than it otherwise.
+    """
+    apart = errors(_record(places[:-1]), _record(places))
+    return {name: apart[f"error_{name}"] for name in COMPONENTS}
 
 
 def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
