@@ -225,7 +225,7 @@ JOINED = ("time step", "Richardson pair", TOLERANCE, "columns", LATTICE)  # thei
 BEYOND = 1.5  # times the error of most settings of its family, a setting is named in the figure
 # Where the name stands, in points from the marker, and which of its ends is there
 NAMES: dict[str, tuple[tuple[float, float], str]] = {
-    "ends": ((4, 9), "left"),
+    "ends": ((8, 2), "left"),
     "output": ((4, 9), "left"),
     "effects": ((6, -9), "left"),
     "strip or sheet": ((0, 10), "center"),

@@ -1,17 +1,22 @@
 """The figure and the table of what accuracy costs: fronts, recommendations, and theories that can be wrong."""
 
 import json
+import re
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from analysis import accuracy
+from analysis import accuracy, compare
 from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
+from analysis.theories import Wave, trajectory
 from granular_lmp import Record
 from granular_lmp.record import write_status
+from granular_lmp.steplaw import planned_steps, step_for
+from granular_lmp.tolerance import run
 from tests.conftest import PAPER
 from tests.test_compare import from_theory
 
@@ -146,3 +151,44 @@ def test_an_accuracy_is_between_0_and_1(word: str, tmp_path: Path, capsys: pytes
     with pytest.raises(SystemExit):
         accuracy.main([str(tmp_path), "--wanted", word])
     assert "must be a number between 0 and 1" in capsys.readouterr().err
+
+
+# --- the README ---
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+STRIP = PAPER.with_values({"packing.rows": "auto"})
+
+
+def cost_rows() -> dict[float, list[str]]:
+    """Accuracy wanted → the other cells of its row in README's table of costs."""
+    lines = [line.strip("| ").split(" | ") for line in README.splitlines() if re.match(r"\| 1e-\d \|", line)]
+    return {float(line[0]): line[1:] for line in lines}
+
+
+@pytest.mark.parametrize("wanted", accuracy.WANTED)
+def test_the_costs_in_the_readme_are_of_these_runs(wanted: float, tmp_path: Path) -> None:
+    setting, steps, work, shown, *_ = cost_rows()[wanted]
+    scene = STRIP.with_values({"time.tolerance": wanted})
+    assert float(setting.strip("`").removeprefix("time.tolerance = ")) == wanted
+    assert [Fraction(step) for step in steps.split(" + ")] == [
+        Fraction(step).limit_denominator(1000) for step in (step_for(scene), step_for(scene) / 2)
+    ]
+    assert work == f"{scene.shape.spheres} × {planned_steps(scene)}"
+    assert all(float(error) <= wanted for error in shown.split(", "))
+    if (
+        wanted >= 1e-5
+    ):  # 28080 steps are too many for a test, and p is rounding there, which is no machine's but its own
+        record = run(scene, tmp_path / "run")
+        found = compare.errors(record, trajectory("exact-lattice", Wave.of(record), record.tau))
+        # Two digits are printed, half a unit of the second is at most 5 %
+        assert [float(error) for error in shown.split(", ")] == pytest.approx([found["p"], found["q"]], rel=0.05)
+
+
+def test_the_formulas_in_the_readme_are_as_good_as_it_says() -> None:
+    record = from_theory(PAPER, "exact-lattice", np.arange(0.0, 120.5, 0.5))
+    wave = Wave.of(record)
+    for module, theory in (("second_harmonic", "second-order"), ("resonance", "three-mode")):
+        (line,) = [line for line in README.splitlines() if f"`analysis.{module}` |" in line]
+        shown = [float(word) for word in re.findall(r"\d\.\de-\d\d", line)]
+        found = compare.errors(record, trajectory(theory, wave, record.tau))
+        assert shown == pytest.approx(list(found.values()), rel=0.05), module  # two digits
