@@ -4,6 +4,7 @@
 #   make test    all tests, with the linter and the type checker
 #
 # Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
@@ -14,7 +15,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -61,6 +62,10 @@ stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.md
 	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
 
+cost: .venv/ready
+	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost
+	$(BIN)/python -m analysis.accuracy runs/cost -o figures/accuracy.png
+
 bench: .venv/ready
 	$(BIN)/python -m benchmarks
 
@@ -78,4 +83,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost build dist .venv .pytest_cache .mypy_cache .ruff_cache

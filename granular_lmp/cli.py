@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import pi
+from math import inf, pi
 from typing import TYPE_CHECKING
 
 from granular_lmp import __version__
@@ -77,6 +77,14 @@ def _parser() -> argparse.ArgumentParser:
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
 
+    cost = _add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
+    _scene_arguments(cost)
+    cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
+    cost.add_argument("--repeats", type=_positive, default=5, metavar="N", help="rounds (default: 5)")
+    cost.add_argument(
+        "--budget", type=_seconds, default=inf, metavar="SECONDS", help="leave out what takes longest until this is met"
+    )
+
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     _scene_arguments(effects)
 
@@ -136,6 +144,16 @@ def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 1")
     return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not seconds > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds above 0")
+    return seconds
 
 
 def _workers(text: str) -> int | str:
@@ -211,6 +229,28 @@ def _sweep(options: argparse.Namespace) -> int:
     finished = len(done.having("finished"))
     print(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
+
+
+def _cost(options: argparse.Namespace) -> int:
+    from granular_lmp.cost import measure, plan
+    from granular_lmp.tally import text
+
+    scene = _scene(options)
+    folder = options.output or f"costs/{scene.name}"
+    planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
+    print(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    for setting, reason in planned.left_out.items():
+        print(f"left out: {setting}: {reason}", file=sys.stderr)
+    sys.stdout.flush()
+
+    def progress(done: int, runs: int, left: float) -> None:
+        _progress(done, runs, "run", f", {left:.0f} s left")
+
+    with _interruptible() as bar:
+        result = measure(planned, progress=bar and progress)
+    print(text(result))
+    print(f"{folder}: cost.json, cost.csv")
+    return 0
 
 
 @contextmanager

@@ -112,12 +112,24 @@ def run(
     RunInterrupted
         On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
     """
+    return run_deck(build(scene), folder, launcher=launcher, ranks=ranks, force=force, progress=progress)
+
+
+def run_deck(
+    deck: Deck,
+    folder: str | Path,
+    *,
+    launcher: str = "module",
+    ranks: int = 1,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Record:
+    """`run` for a deck that is built already, and whose text may have been edited since; `resume` knows no edits."""
     if launcher not in LAUNCHERS:
         raise LaunchError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
     if not 1 <= ranks <= core_count():
         # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
         raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
-    deck = build(scene)
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder).absolute()

@@ -83,11 +83,13 @@ effects
 grid steplaw
 deck
 record
-budget accuracy locate plots
+budget accuracy locate plots output
 status
 launch workers
 tolerance
-sweep doctor collide
+sweep doctor collide knobs
+tally
+cost
 cli
 """
 
