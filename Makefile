@@ -3,7 +3,8 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md),
+# make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
@@ -15,7 +16,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -42,8 +43,8 @@ figures: .venv/ready $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.map -o figures/map.png
 	$(BIN)/python -m analysis.timestep -o figures/timestep.png
 
-# The paper's figure 2 (b, c) by simulation, which the paper does not have; pairs of runs for Richardson. The cell of
-# 128 rows carries every second point of the curve exactly, that of 400 what lies close to resonance and antiresonance.
+# The paper's figure 2 (b, c) by simulation, from pairs of runs. The cell of 128 rows carries 2π·4/128 to 2π·63/128; that
+# of 400 the wave numbers around resonance, 2π·91/400 to 2π·97/400, and antiresonance, 2π·133/400 to 2π·138/400.
 SPECTRUM = --workers 2 --set wave.amplitude=0.02 --set time.duration=120 --over time.timestep=0.05,0.025
 
 spectrum: .venv/ready
@@ -83,4 +84,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum build dist .venv .pytest_cache .mypy_cache .ruff_cache

@@ -124,12 +124,8 @@ def tuned(made: Callable[[float], list[Floats]], signal: Floats, start: float) -
 
     Breaks where the start is off by more than a phase of about π over the record.
     """
-    size = np.sqrt(np.mean(signal**2))
-
-    def left(frequency: Floats) -> Floats:
-        return least_squares_fit(made(float(frequency[0])), signal / size)[2]
-
-    found = least_squares(left, [start], method="lm", xtol=1e-12)
+    scaled = signal / np.sqrt(np.mean(signal**2))
+    found = least_squares(lambda x: least_squares_fit(made(x[0]), scaled)[2], [start], method="lm", xtol=1e-12)
     noise = 2 * found.cost / (len(signal) - len(made(start)) - 1)
     return float(found.x[0]), float(np.sqrt(noise) / np.linalg.norm(found.jac))
 
@@ -167,22 +163,24 @@ def point(record: Record) -> Point:
 def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, float]:
     """Where y(x) changes sign, and the standard error: root of a polynomial fitted to the points around, weighted.
 
-    Of several changes of sign the one between the smallest |y|: a pole is one between the largest. Where the points
-    scatter about the polynomial by more than their errors say, the errors are taken to be that much larger.
+    Changes of sign away from which |y| falls are poles, and left out; of several others the one of smallest |y| is
+    taken. Where the points scatter about the polynomial by more than their errors, these are taken to be as large.
 
     Raises ValueError where y does not change sign, or there are too few points.
     """
-    order = np.argsort(np.asarray(x, dtype=float))
-    x, y, errors = (np.asarray(values, dtype=float)[order] for values in (x, y, errors))
+    x, y, errors = np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(errors, dtype=float)
     if len(x) < AROUND:
         raise ValueError(f"{len(x)} points; a crossing needs {AROUND}")
-    changes = np.flatnonzero(np.signbit(y[1:]) != np.signbit(y[:-1]))
-    if not len(changes):
-        raise ValueError(f"no change of sign from {x[0]:.4g} to {x[-1]:.4g}")
-    left = changes[np.argmin(np.abs(y[changes]) + np.abs(y[changes + 1]))]
+    order = np.argsort(x)
+    size, negative = np.abs(y[order]), np.signbit(y[order])
+    changes = 1 + np.flatnonzero(negative[2:-1] != negative[1:-2])
+    zeros = [i for i in changes if size[i - 1] > size[i] and size[i + 1] < size[i + 2]]
+    if not zeros:
+        raise ValueError(f"no change of sign through zero from {min(x):.4g} to {max(x):.4g}")
+    left = min(zeros, key=lambda i: size[i] + size[i + 1])
     first = int(np.clip(left + 1 - AROUND // 2, 0, len(x) - AROUND))
-    near = slice(first, first + AROUND)
-    centre = (x[left] + x[left + 1]) / 2
+    near = order[first : first + AROUND]
+    centre = x[order[left : left + 2]].mean()
     factors, covariance = np.polyfit(x[near] - centre, y[near], DEGREE, w=1 / errors[near], cov="unscaled")
     scatter = np.sum(((np.polyval(factors, x[near] - centre) - y[near]) / errors[near]) ** 2) / (AROUND - DEGREE - 1)
     roots = np.roots(factors)
@@ -206,6 +204,8 @@ def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
     """
     tr = sorted((r for r in records if r.scene.wave.mode == "TR"), key=lambda record: record.scene.wavenumber)
     loudest = int(np.argmax([np.mean(record.p**2) for record in tr]))
+    if loudest in (0, len(tr) - 1):
+        raise ValueError(f"p is largest at the end of the TR runs, xi = {tr[loudest].scene.wavenumber:.5g}")
     inverses = [_inverse(record) for record in tr[max(loudest - AROUND, 0) : loudest + AROUND + 1]]
     return crossing(*np.reshape(inverses, (-1, 3)).T)
 

@@ -78,6 +78,14 @@ def test_free_waves_of_any_size_are_not_the_generated_wave() -> None:
     assert abs(spectrum.point(replace(record, p=record.p + free)).deviation) < 1e-8
 
 
+def test_a_fundamental_that_drifts_is_no_second_harmonic() -> None:
+    record = of_theory("L", 43)
+    frequency, shift = Wave.of(record).mode.frequency, 8e-6  # σa², 0.02 · 4e-4
+    drifting = record.p + np.cos((frequency + shift) * TAU) - np.cos(frequency * TAU)
+    # Half the square of the phase is 5e-7, 3e-4 of the second harmonic, and 1e-7 at 2Ω; without a drift it is 9e-4
+    assert abs(spectrum.point(replace(record, p=drifting)).deviation) < 1e-5
+
+
 def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     record, random = of_theory("TR", 17), np.random.default_rng(1)
     points = [spectrum.point(noisy(record, 1e-5, random)) for _ in range(1000)]
@@ -131,10 +139,22 @@ def test_a_pole_is_no_crossing() -> None:
     assert place == pytest.approx(1.73, abs=1e-4)
 
 
-@pytest.mark.parametrize(("y", "said"), [(np.ones(9), "no change of sign"), (np.ones(7), "a crossing needs 8")])
+@pytest.mark.parametrize(
+    ("y", "said"),
+    [
+        (np.ones(9), "no change of sign"),
+        (1 / (np.arange(9) - 3.3), "no change of sign through zero"),  # a pole and nothing else
+        (np.ones(7), "a crossing needs 8"),
+    ],
+)
 def test_nothing_to_locate_is_said(y: np.ndarray, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         spectrum.crossing(np.arange(len(y)), y, np.ones(len(y)))
+
+
+def test_runs_that_do_not_surround_the_resonance_do_not_locate_it() -> None:
+    with pytest.raises(ValueError, match=r"p is largest at the end of the TR runs, xi = 1\.9144"):
+        spectrum.locate_resonance([of_theory("TR", k) for k in ROWS["antiresonance"]])
 
 
 # ---------------------------------------------------------------- sweeps
