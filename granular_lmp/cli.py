@@ -233,7 +233,7 @@ def _sweep(options: argparse.Namespace) -> int:
 
 def _cost(options: argparse.Namespace) -> int:
     from granular_lmp.cost import measure, plan
-    from granular_lmp.tally import text
+    from granular_lmp.tally import NOT_RUN, text
 
     scene = _scene(options)
     folder = options.output or f"costs/{scene.name}"
@@ -250,7 +250,7 @@ def _cost(options: argparse.Namespace) -> int:
         result = measure(planned, progress=bar and progress)
     print(text(result))
     print(f"{folder}: cost.json, cost.csv")
-    return 0
+    return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
 
 
 @contextmanager

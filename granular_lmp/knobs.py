@@ -11,8 +11,9 @@ from functools import cached_property
 from typing import Any
 
 from granular_lmp.effects import largest_step, resolve, with_all
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.grid import scene_hash
+from granular_lmp.launch import core_count
 from granular_lmp.output import OUTPUTS
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import check_floor, floor, planned_steps, step_for, with_step
@@ -20,6 +21,7 @@ from granular_lmp.steplaw import check_floor, floor, planned_steps, step_for, wi
 REFERENCE = "reference"
 HALVINGS = 5  # of the longest stable step, of one run
 COLUMNS = (3, 4, 8, 20, 100)
+RANKS = (1, 2)
 SHEET = 100  # columns: half as wide as the paper's 201 rows are long
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
@@ -77,7 +79,7 @@ def reference(scene: Scene) -> Point:
 
 
 def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
-    """The settings of all knobs, and those that the scene cannot have, with the reason.
+    """The settings of all knobs, and those that the scene or the machine cannot have, with the reason.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
                 runs = changed()
                 _ = [run.name for run in runs]  # a scene shows all that is wrong with it when it is resolved
                 made.append(Point(knob, setting, runs))
-            except SceneError as error:
+            except GranularError as error:
                 refused[f"{knob}: {setting}"] = str(error)
     return made, refused
 
@@ -174,7 +176,15 @@ def _effects(scene: Scene) -> dict[str, Make]:
 
 
 def _ranks(scene: Scene) -> dict[str, Make]:
-    return {str(ranks): _changed(scene, {}, ranks=ranks) for ranks in (1, 2)}
+    def make(ranks: int) -> Make:
+        def run() -> tuple[Run, ...]:
+            if ranks > core_count():
+                raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
+            return (Run(scene, ranks=ranks),)
+
+        return run
+
+    return {str(ranks): make(ranks) for ranks in RANKS}
 
 
 def _sheet(scene: Scene) -> dict[str, Make]:

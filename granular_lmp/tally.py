@@ -20,6 +20,7 @@ from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace
 from granular_lmp.steplaw import sizes
 
 RUNS = "runs"
+NOT_RUN = "not run yet"
 COMPONENTS = ("p", "q", "phi")
 COLUMNS = (
     *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
@@ -132,7 +133,7 @@ def _why_not(folder: Path, point: Point) -> str:
         there = place(folder, run, 1)
         if (there / STATUS).is_file() and read_status(there).get("status") == "failed":
             return str(read_status(there)["message"])
-    return "not run yet"
+    return NOT_RUN
 
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:

@@ -166,6 +166,11 @@ def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> N
     assert "tolerance, strip: 1e-06" not in map(str, made)
 
 
+def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("granular_lmp.knobs.core_count", lambda: 1)
+    assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
+
+
 def test_the_reference_begins_where_the_finest_tolerance_ends(small: Scene) -> None:
     steps = [run.scene.time.step for run in reference(small).runs]
     finest = next(point.runs[0].scene for point in points(small)[0] if str(point) == "tolerance, strip: 1e-06")
@@ -238,7 +243,12 @@ def test_a_run_that_was_cut_off_is_done_from_its_start(few: None, small: Scene, 
 
 
 def test_a_run_that_fails_is_said_and_the_others_go_on(
-    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    few: None,
+    small: Scene,
+    small_toml: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     real = module.tolerance.run
 
@@ -256,7 +266,9 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
         "Richardson pair 0.25 + 0.125",
     }
     assert set(failed.values()) == {"LAMMPS failed at 'run 1': for the test"}
-    monkeypatch.undo()
+    status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
+    assert (status, out.count("LAMMPS failed at 'run 1'")) == (1, 3)
+    monkeypatch.setattr(module.tolerance, "run", real)
     again = measure(plan(small, tmp_path / "study", repeats=1))
     assert [row["message"] for row in again["points"] if row["message"]] == []
 
