@@ -262,7 +262,7 @@ def test_two_scenes_with_a_tolerance_do_not_share_a_folder(small: Scene, tmp_pat
 def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
     small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # A dashpot of 1 N s/m is a million times stiffer than a step of this size bears: all spheres are lost
+    # In one step a dashpot of 1 N s/m takes 2e4 times the momentum of a sphere: they are thrown out of the cell
     words = ["sweep", str(small_toml), "--over", "effects.viscosity=0.0,1.0", "-o", str(tmp_path / "sweep")]
     assert main(words) == 1
     assert "failed: effects.viscosity = 1.0: LAMMPS failed" in capsys.readouterr().err
