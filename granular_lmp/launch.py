@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, SCENE, Deck, build, resume_text, writable
+from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, Deck, build, resume_text, writable
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -80,7 +80,8 @@ def run(
     scene : Scene
     folder : path
         The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
-        ``dump.centre``, ``trajectory.csv``, ``run.json``, and of a run that was stopped or is long ``checkpoint.*``.
+        ``dump.centre``, ``trajectory.csv``, ``run.json``, with snapshots of all spheres ``dump.particles``, and of a
+        run that was stopped or is long ``checkpoint.*``.
     launcher : "module" or "lmp"
         In this process, or the program ``lmp``. More than one rank always means the program.
     ranks : int
@@ -114,7 +115,7 @@ def run(
     with locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
         (folder / SCENE).write_text(deck.scene.to_toml(), encoding="utf-8")  # of a run: with every choice written out
-        for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
+        for name in (LOG, DUMP, PARTICLES, TRAJECTORY, *CHECKPOINTS):
             (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
         return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
@@ -123,7 +124,7 @@ def run(
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
 
-    The dump ends up with the same bytes as if the run had not been stopped.
+    The dumps end up with the same bytes as if the run had not been stopped.
 
     Raises
     ------
@@ -145,7 +146,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     name = f"{deck.input_name}.resume"
     with locked(folder) as lock:
         (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-        mend_dump(folder / DUMP)
+        _mend(folder)
         # The input opens the log itself, to append to it
         return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
 
@@ -223,10 +224,15 @@ def _collect(folder: Path, scene: Scene) -> Record:
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
-    mend_dump(folder / DUMP)
+    _mend(folder)
     record = Record.from_dump(folder, scene)
     record.write_csv(folder / TRAJECTORY)
     return record
+
+
+def _mend(folder: Path) -> None:
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, PARTICLES))):
+        mend_dump(path)
 
 
 def _defect(record: Record, job: Job) -> LammpsError | None:

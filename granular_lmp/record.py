@@ -1,6 +1,6 @@
 """The run folder: what a run leaves behind, and how to read it.
 
-``dump.centre`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p = v/D0, q = −u/D0
+``dump.*`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p = v/D0, q = −u/D0
 and φ = Rθ/D0 of the centre sphere over τ; ``run.json`` says how the run went. This module and `granular_lmp.sphere` are
 what post-processing scripts may import.
 """
@@ -8,7 +8,9 @@ what post-processing scripts may import.
 import csv
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -136,9 +138,13 @@ def write_status(folder: str | Path, info: dict[str, Any]) -> None:
 
 def replace_text(path: Path, text: str) -> None:
     """Write a file in one piece: a reader, and a machine that stops, see the old or the new one, never half of it."""
-    draft = path.with_name(path.name + ".part")
+    draft = _draft(path)
     draft.write_text(text, encoding="utf-8")
     os.replace(draft, path)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
 
 
 def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
@@ -163,21 +169,51 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
     return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
 
 
-def mend_dump(path: str | Path) -> None:
-    """Make a one-particle dump that a stopped run wrote, or two runs one after the other, into that of one run.
+@dataclass(frozen=True)
+class Snapshot:
+    """A whole snapshot of a LAMMPS text dump: its step, its number of particles, and where in the file it stands."""
 
-    A snapshot cut off in the middle goes; of those that the continuation wrote again, the first.
+    step: int
+    particles: int
+    begin: int
+    end: int
+
+
+def snapshots(path: str | Path) -> Iterator[Snapshot]:
+    """The snapshots of a LAMMPS text dump, in the order of the file, up to the first that is cut off."""
+    with Path(path).open("rb") as stream:
+        begin = 0
+        while len(head := list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
+            particles, end, line, lines = int(head[3]), begin + sum(map(len, head)), b"", 0
+            for line in islice(stream, particles):
+                end += len(line)
+                lines += 1
+            if lines < particles or not (line or head[-1]).endswith(b"\n"):
+                return
+            yield Snapshot(int(head[1]), particles, begin, end)
+            begin = end
+
+
+def mend_dump(path: str | Path) -> None:
+    """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
+
+    A snapshot cut off at the end goes; of those that the continuation wrote again, the first. A file that is already
+    that of one run is left alone.
     """
-    size = _LINES_BEFORE_ATOMS + 1
-    lines = Path(path).read_text(encoding="utf-8").splitlines(keepends=True)
-    kept: list[list[str]] = []
-    for start in range(0, len(lines) // size * size, size):
-        snapshot = lines[start : start + size]
-        while kept and int(kept[-1][1]) >= int(snapshot[1]):
+    path = Path(path)
+    kept: list[Snapshot] = []
+    for snapshot in snapshots(path):
+        while kept and kept[-1].step >= snapshot.step:
             kept.pop()
-        if snapshot[-1].endswith("\n"):
-            kept.append(snapshot)
-    replace_text(Path(path), "".join(line for snapshot in kept for line in snapshot))
+        kept.append(snapshot)
+    if sum(each.end - each.begin for each in kept) == path.stat().st_size:
+        return
+    draft = _draft(path)
+    with path.open("rb") as source, draft.open("wb") as target:
+        for each in kept:
+            source.seek(each.begin)
+            target.write(source.read(each.end - each.begin))
+    os.replace(draft, path)
 
 
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:

@@ -1,8 +1,8 @@
 """What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]`` and ``[effects]``; each is a frozen record
-whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in rad per row,
-amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing
+A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]``, ``[effects]`` and ``[output]``; each is a
+frozen record whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in
+rad per row, amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing
 (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
@@ -177,6 +177,19 @@ class Effects:
     )
 
 
+@dataclass(frozen=True)
+class Output:
+    """What a run records beside the centre sphere."""
+
+    particles: float = declared(
+        float,
+        "tau between snapshots of all spheres; 0: none",
+        "a number in [0, 1e7], in tau",
+        between(0, 1e7),
+        default=0.0,
+    )
+
+
 # The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
 # those in which the numbers of the deck stay far from under- and overflow.
 SPHERE_RULES = {
@@ -194,7 +207,14 @@ SPHERE_RULES = {
         ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
     )
 }
-_TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time, "effects": Effects}
+_TABLES: dict[str, type] = {
+    "sphere": Sphere,
+    "packing": Packing,
+    "wave": Wave,
+    "time": Time,
+    "effects": Effects,
+    "output": Output,
+}
 _RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
@@ -204,7 +224,7 @@ MOST_SPHERES = 10_000_000
 
 @dataclass(frozen=True)
 class Scene:
-    """One simulation: spheres, packing, wave, time and effects.
+    """One simulation: spheres, packing, wave, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
     ``packing.contact_force``, and without work of adhesion where ``effects.adhesion`` is off.
@@ -214,7 +234,7 @@ class Scene:
     SceneError
         When the values do not go together: nothing holds the lattice, even rows between fixed ends, odd rows in a
         periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap that is no
-        longer small, D0 beyond R/10.
+        longer small, D0 beyond R/10, snapshots that fall between two records.
     """
 
     name: str
@@ -223,6 +243,7 @@ class Scene:
     wave: Wave
     time: Time
     effects: Effects = Effects()
+    output: Output = Output()
 
     # --- reading and writing ---
 
@@ -356,6 +377,13 @@ class Scene:
                 f"time.duration = {time.duration!r}: the walls are heard at the centre of {self.shape.rows} rows from "
                 f"tau = {self.echo_time:.4g} on; must be at most that, or set time.allow_echo = true, "
                 'or packing.rows = "auto"'
+            )
+        snapshot = self.output.particles / time.sample
+        # The slack is that of the deck, where the spacing of the snapshots is rounded up to whole samples
+        if abs(snapshot - round(snapshot)) > 1e-9 or self.output.particles > time.duration:
+            raise SceneError(
+                f"output.particles = {self.output.particles!r}: must be 0 or a whole multiple of time.sample = "
+                f"{time.sample!r}, at most time.duration = {time.duration!r}"
             )
 
     def _check_sphere(self) -> None:

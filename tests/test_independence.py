@@ -87,6 +87,7 @@ budget accuracy locate plots
 status
 launch workers
 tolerance
+particles
 sweep doctor collide
 cli
 """
