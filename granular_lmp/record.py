@@ -10,18 +10,22 @@ import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import DUMP
 from granular_lmp.errors import GranularError as GranularError
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
+
+if TYPE_CHECKING:
+    from granular_lmp.plots import Picture
 
 TRAJECTORY = "trajectory.csv"
 STATUS = "run.json"
@@ -105,10 +109,57 @@ class Record:
             writer.writerow(HEADER)
             writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
 
+    @property
+    def signals(self) -> dict[str, NDArray[np.float64]]:
+        """p, q, φ by name."""
+        return {"p": self.p, "q": self.q, "phi": self.phi}
+
+    def plot(self) -> "Picture":
+        """p, q, φ over τ, those that move; a notebook shows it."""
+        from granular_lmp.plots import trajectory_figure  # matplotlib takes longer to load than most runs
+
+        return trajectory_figure(self.tau, self.signals, repr(self)[1:-1])
+
+    def to_pandas(self) -> Any:
+        """Table (``pandas.DataFrame``) of p, q, phi over tau.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas.
+        """
+        pandas = optional_package("pandas")
+        return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
+
+    def to_xarray(self) -> Any:
+        """``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            Without xarray.
+        """
+        variables = {name: ("tau", values) for name, values in self.signals.items()}
+        return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
+
     def __repr__(self) -> str:
         wave = self.scene.wave
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
         return f"<Record {self.scene.name}: {wave.mode} xi={wave.wavenumber:g} a={wave.amplitude:g}, {end}>"
+
+
+def optional_package(name: str) -> Any:
+    """A package that the user may have installed.
+
+    Raises
+    ------
+    PackageMissingError
+        When it is not.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
 
 
 def read_status(folder: str | Path) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]``, ``[effects]`` and ``[output]``; each is a
 frozen record whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in
-rad per row, amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing
-(`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
+rad per row, amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns
+the packing (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import ceil, floor, inf, pi
 from pathlib import Path
@@ -217,12 +217,23 @@ _TABLES: dict[str, type] = {
 }
 _RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
+
+
+def note(key: str) -> str:
+    """What a value of a scene is, by its dotted key: the comment behind it in a scene file, mostly a unit."""
+    table, _, name = key.rpartition(".")
+    rule = _RULES.get(table, {}).get(name) or next(
+        item.metadata["rule"] for item in fields(_TABLES[table]) if item.name == name
+    )
+    return str(rule.note)
+
+
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """One simulation: spheres, packing, wave, time, effects and output.
 
@@ -321,6 +332,13 @@ class Scene:
                 tables[table].pop(EXCLUSIVE[key].rpartition(".")[2], None)
             (tables[table] if table else tables)[name] = value
         return Scene.from_dict(tables)
+
+    def __repr__(self) -> str:
+        wave, shape = self.wave, self.shape
+        return (
+            f"<Scene {self.name}: {wave.mode} xi={self.wavenumber:g} a={wave.amplitude:g}, "
+            f"{shape.rows} x {shape.columns} spheres, {shape.ends} ends, tau 0..{self.time.duration:g}>"
+        )
 
     # --- what follows from the values ---
 

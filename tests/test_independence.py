@@ -81,14 +81,15 @@ guards
 wave rules datafile
 effects
 grid steplaw
-deck
+deck plots
 record
-budget accuracy locate plots
+budget accuracy locate
 status
 launch workers
 tolerance
 particles
 sweep doctor collide
+view
 cli
 """
 
