@@ -4,6 +4,7 @@
 #   make test    all tests, with the linter and the type checker
 #
 # Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
@@ -14,7 +15,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures gallery test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -40,6 +41,9 @@ figures: .venv/ready $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.laws -o figures/laws.png
 	$(BIN)/python -m analysis.map -o figures/map.png
 	$(BIN)/python -m analysis.timestep -o figures/timestep.png
+
+gallery: .venv/ready
+	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
 
 test: .venv/ready
 	$(BIN)/ruff check .

@@ -96,6 +96,11 @@ class Particles:
         """Positions at rest in radii, (N, 2)."""
         return hexagonal(self.scene.sphere, self.scene.shape).positions[:, :2]
 
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Spheres that do not move, (N,)."""
+        return np.asarray(hexagonal(self.scene.sphere, self.scene.shape).arrays["fixed"])
+
     @property
     def tau(self) -> NDArray[np.float64]:
         """When the snapshots were taken, (T,)."""

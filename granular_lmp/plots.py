@@ -54,13 +54,21 @@ def draw_signals(
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
 
 
-def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], title: str) -> Picture:
+def title(scene: Scene) -> str:
+    """Name, mode, ξ that is used and amplitude."""
+    wave = scene.wave
+    return (
+        rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row, $D_0$ = {wave.amplitude:g} $\Delta_0$"
+    )
+
+
+def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
     """p, q, φ of the centre sphere over τ, those that move."""
     names = moving(signals)
     figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
     draw_signals(panels, tau, signals, names)
-    panels[0].set_title(title, fontsize="medium")
+    panels[0].set_title(title(scene), fontsize="medium")
     return figure
 
 

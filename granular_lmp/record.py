@@ -118,7 +118,7 @@ class Record:
         """p, q, φ over τ, those that move; a notebook shows it."""
         from granular_lmp.plots import trajectory_figure  # matplotlib takes longer to load than most runs
 
-        return trajectory_figure(self.tau, self.signals, repr(self)[1:-1])
+        return trajectory_figure(self.tau, self.signals, self.scene)
 
     def to_pandas(self) -> Any:
         """Table (``pandas.DataFrame``) of p, q, phi over tau.

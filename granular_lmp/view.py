@@ -24,7 +24,7 @@ from PIL import Image
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.packing import ROW_SPACING, lattice_constant
 from granular_lmp.particles import Particles, Spheres
-from granular_lmp.plots import Picture, draw_signals, moving, save
+from granular_lmp.plots import Picture, draw_signals, moving, save, title
 from granular_lmp.record import Record
 from granular_lmp.scene import note
 from granular_lmp.sweep import COLUMNS, REQUEST, Sweep
@@ -36,6 +36,7 @@ FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
 _MOVIE_DPI = 80
 _MARK = "tab:red"
+_DARK = 0.6  # of the largest value: from there on the colours of both maps are darker than a grey line can be seen on
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
     "frequency": r"frequency $\Omega$ (rad per $t_0$)",
@@ -262,12 +263,7 @@ class _Scenery:
         ]
         self.axes = self.figure.add_subplot(grid[:, 0])
         self.crystal = _Crystal(self.axes, particles, _colouring(particles, colour), moments, magnify, rows)
-        wave = record.scene.wave
-        self.figure.suptitle(
-            rf"{record.scene.name}: {wave.mode}, $\xi$ = {record.scene.wavenumber:.4g} rad per row, "
-            rf"$D_0$ = {wave.amplitude:g} $\Delta_0$",
-            fontsize="medium",
-        )
+        self.figure.suptitle(title(record.scene), fontsize="medium")
 
     def show(self, moment: Spheres) -> None:
         self.crystal.show(moment)
@@ -288,7 +284,10 @@ def _colouring(particles: Particles, colour: str | None) -> Colouring:
 
 
 class _Crystal:
-    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one number."""
+    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one number.
+
+    Spheres that are held have a thick edge.
+    """
 
     def __init__(
         self,
@@ -315,19 +314,24 @@ class _Crystal:
         self.rest = (particles.rest[self.drawn] + beside).reshape(-1, 2)
         self.turns = scene.effects.tracking is True
 
+        held = np.tile(particles.held[self.drawn], self.copies)
         diameters = np.full(len(self.rest), 2.0)
         self.discs = EllipseCollection(
             diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,
-            cmap=colouring.colours, edgecolors="0.3", linewidths=0.4,
+            cmap=colouring.colours, edgecolors=np.where(held, "black", "0.3"), linewidths=np.where(held, 1.5, 0.4),
         )  # fmt: skip
-        largest = max((float(np.max(np.abs(self._values(moment)))) for moment in moments), default=0.0) or 1.0
-        self.discs.set_clim(-largest if colouring.symmetric else 0.0, largest)
+        largest = reach = 0.0
+        for moment in moments:
+            largest = max(largest, float(np.max(np.abs(self._values(moment)))))
+            reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
+        self.largest = largest or 1.0  # where all are at rest
+        self.discs.set_clim(-self.largest if colouring.symmetric else 0.0, self.largest)
         axes.add_collection(self.discs, autolim=False)
-        self.hands = LineCollection([], colors="0.2", linewidths=0.6)
+        self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
 
         spacing = ROW_SPACING * lattice_constant(scene.sphere)
-        low, high = self.rest.min(axis=0) - 1.5, self.rest.max(axis=0) + 1.5
+        low, high = self.rest.min(axis=0) - 1.2 - reach, self.rest.max(axis=0) + 1.2 + reach
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], ylabel="row")
         ends = (first - shape.centre_row, first + count - 1 - shape.centre_row)
         ticks = [row for row in range(-5 * shape.rows, 5 * shape.rows, 5) if ends[0] <= row <= ends[1]]
@@ -345,10 +349,12 @@ class _Crystal:
     def show(self, moment: Spheres) -> None:
         centres = self.rest + self.stretch * np.tile(moment.displacement[self.drawn], (self.copies, 1))
         self.discs.set_offsets(centres)
-        self.discs.set_array(self._values(moment))
+        values = self._values(moment)
+        self.discs.set_array(values)
         if self.turns:
             angles = self.stretch * np.tile(moment.rotation[self.drawn], self.copies)
             hand = np.column_stack([np.cos(angles), np.sin(angles)])
+            self.hands.set_color(["white" if dark else "0.2" for dark in np.abs(values) > _DARK * self.largest])
             self.hands.set_segments(list(np.stack([centres - hand, centres + hand], axis=1)))
 
 

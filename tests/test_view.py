@@ -1,5 +1,7 @@
 """Pictures: spheres are where their snapshot says, what is missing is said, a notebook shows its objects."""
 
+import re
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,11 @@ import pytest
 from PIL import Image
 
 from granular_lmp import Record, Scene, run, view
-from granular_lmp.cli import main
+from granular_lmp.cli import _parser, main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.particles import Particles
 from granular_lmp.plots import moving
-from granular_lmp.scene import note
+from granular_lmp.scene import assignment, note
 from granular_lmp.sweep import Sweep, sweep
 
 
@@ -182,6 +184,32 @@ def test_the_command_draws_and_says_where(seen: Path, tmp_path: Path, capsys: py
     assert picture.is_file()
     assert main(["view", str(tmp_path), "-o", str(picture)]) == 2
     assert "not a run folder" in capsys.readouterr().err
+
+
+# --- the gallery -----------------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[1]
+GALLERY = (ROOT / "docs" / "gallery.md").read_text("utf-8")
+
+
+def test_every_picture_of_the_gallery_is_below_the_command_that_makes_it_and_small() -> None:
+    sections = [section for section in GALLERY.split("\n## ")[1:] if "![" in section]
+    assert 4 <= len(sections) <= 6
+    for section in sections:
+        (picture,) = re.findall(r"!\[[^\]]+\]\(\.\./([^)]+)\)", section)
+        assert f" -o {picture}" in section.partition("![")[0]
+        assert (ROOT / picture).stat().st_size < 400e3  # a page of six is then 2 MB at most
+
+
+def test_every_command_of_the_gallery_is_one_of_ours() -> None:
+    commands = re.findall(r"^\$ (.*)", GALLERY, re.MULTILINE)
+    assert len(commands) >= 8
+    for command in commands:
+        name, *arguments = shlex.split(command)
+        assert name == "granular-lmp"
+        options = _parser().parse_args(arguments)  # exits where one is wrong
+        if hasattr(options, "scene"):
+            Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
 
 
 # --- in a notebook ---------------------------------------------------------------------------------------------------
