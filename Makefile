@@ -6,6 +6,7 @@
 # Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md),
 # make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
+# make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
@@ -16,7 +17,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures spectrum test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -53,6 +54,8 @@ spectrum: .venv/ready
 	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
 	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
 	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+gallery: .venv/ready
+	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
 
 test: .venv/ready
 	$(BIN)/ruff check .

@@ -92,6 +92,19 @@ def _parser() -> argparse.ArgumentParser:
     _scene_arguments(modes)
     modes.add_argument("--plot", metavar="FILE", help="draw the dispersion along y into a PNG, PDF or SVG file")
 
+    view = _add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
+    view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder")
+    view.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
+    )
+    view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
+    view.add_argument("--colour", help="of a run: rotation or energy (default: rotation, where spheres turn)")
+    view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
+    view.add_argument(
+        "--rows", type=_positive, metavar="N", help="of a run: draw N rows around the centre (default: 25)"
+    )
+    view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
+
     collide = _add(
         commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
     )
@@ -327,6 +340,16 @@ def _modes(options: argparse.Namespace) -> int:
 
         save(dispersion_figure(packing, scene), options.plot)
         print(options.plot)
+    return 0
+
+
+def _view(options: argparse.Namespace) -> int:
+    from granular_lmp.view import view
+
+    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
+    for remark in view(options.folder, options.output, **wanted):
+        print(f"note: {remark}", file=sys.stderr)
+    print(options.output)
     return 0
 
 

@@ -21,11 +21,11 @@ from typing import Any
 
 from granular_lmp import tolerance
 from granular_lmp.deck import build, writable
+from granular_lmp.dumps import OUTPUTS, edited, keep_centre
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.grid import scene_hash
 from granular_lmp.knobs import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.launch import core_count, locked, run_deck
-from granular_lmp.output import OUTPUTS, edited, keep_centre
 from granular_lmp.record import STATUS, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.tally import collect, is_done, place, to_csv

@@ -28,6 +28,7 @@ from granular_lmp.wave import plane_wave
 
 SCENE = "scene.toml"
 DUMP = "dump.centre"
+PARTICLES = "dump.particles"
 LOG = "log.lammps"
 STATUS = "run.json"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
@@ -182,6 +183,7 @@ variable duration  index <duration>  # tau
 <friction>
 variable data      index data.<name>
 variable dump      index <dump>
+<particles_variables>
 
 # --- units <style>: <units>
 variable Delta0 equal <Delta0>  # static overlap
@@ -251,7 +253,19 @@ restart      <checkpoint_steps> <checkpoints>
 group        centre id <centre>
 <read_angle>
 dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
-dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>"""
+dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
+<particles_dump>"""
+
+# Of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
+_PARTICLES = {
+    "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
+    "variable snapshots index <snapshots>",
+    "particles_dump": "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)\n"
+    "dump         particles all custom ${apart} ${snapshots} id type x y z radius c_u[1] c_u[2] vx vy vz"
+    "<spin_column><angle_column>\n"
+    "dump_modify  particles sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
+    "particles_append": "dump_modify  particles append yes",
+}
 
 _BLOCKS = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, _PRELOAD, _WAVE, _MOTION, _GUARDS, _RECORD, "run ${steps}")
 
@@ -263,7 +277,7 @@ _RESUMED = (
     "timestep     $(v_step:%.17g)\ncompute      u all displace/atom\nfix          plane all enforce2d",
     _MOTION,
     _GUARDS,
-    _RECORD + "\ndump_modify  centre append yes",
+    _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
     "run ${steps} upto",
 )
 
@@ -282,6 +296,7 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
     """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
     watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
+    all_seen = scene.output.particles > 0
     plain = {
         "title": _title(scene),
         "name": scene.name,
@@ -289,6 +304,8 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "units": units.names,
         "guards": "\n".join(watched),
         "dump": DUMP,
+        "snapshots": PARTICLES,
+        "seen": "all" if all_seen else "centre",
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres)),
         "checkpoints": " ".join(CHECKPOINTS),
@@ -298,13 +315,16 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "amplitude": scene.wave.amplitude,
         "timestep": time.timestep,
         "sample": time.sample,
+        "particles": scene.output.particles,
         "duration": time.duration,
         "Delta0": units.number(sphere.static_overlap, length=1),
         "R": units.number(sphere.radius, length=1),
         "t0": units.number(sphere.time_scale, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
     }
-    return plain | {name: repr(value) for name, value in measured.items()} | effects.values(scene, chosen, units)
+    optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
+    numbers = {name: repr(value) for name, value in measured.items()}
+    return plain | optional | numbers | effects.values(scene, chosen, units)
 
 
 def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:

@@ -127,7 +127,7 @@ ROWS = (
             "start_angle": "variable     mx atom cos(v_D0*d_phi/v_R)\n"
             "variable     my atom sin(v_D0*d_phi/v_R)\n"
             "set          group all dipole v_mx v_my v_zero",
-            "read_angle": "compute      dipole centre property/atom mux muy\n"
+            "read_angle": "compute      dipole <seen> property/atom mux muy\n"
             "variable     theta atom atan2(c_dipole[2],c_dipole[1])",
             "angle_column": " v_theta",
             "angle_name": " colname v_theta theta",

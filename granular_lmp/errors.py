@@ -23,6 +23,18 @@ class RunFolderError(GranularError):
     exit_status = 2
 
 
+class ViewError(GranularError):
+    """A picture is asked for that the run or sweep does not hold, or that cannot be drawn on this machine."""
+
+    exit_status = 2
+
+
+class PackageMissingError(GranularError):
+    """A Python package that only a few functions need is not installed."""
+
+    exit_status = 2
+
+
 class LaunchError(GranularError):
     """A run is asked for by a way, or on a number of ranks, that this machine does not have."""
 

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import largest_step, resolve, with_all
 from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.grid import scene_hash
 from granular_lmp.launch import core_count
-from granular_lmp.output import OUTPUTS
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import check_floor, floor, planned_steps, step_for, with_step
 

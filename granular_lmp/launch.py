@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, SCENE, STATUS, Deck, build, resume_text, writable
+from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, Deck, build, resume_text, writable
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -90,7 +90,8 @@ def run(
     scene : Scene
     folder : path
         The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
-        ``dump.centre``, ``trajectory.csv``, ``run.json``, and of a run that was stopped or is long ``checkpoint.*``.
+        ``dump.centre``, ``trajectory.csv``, ``run.json``, with snapshots of all spheres ``dump.particles``, and of a
+        run that was stopped or is long ``checkpoint.*``.
     launcher : "module" or "lmp"
         In this process, or the program ``lmp``. More than one rank always means the program.
     ranks : int
@@ -137,7 +138,7 @@ def run_deck(
         deck.write(folder, force=True)
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
-            for name in (LOG, DUMP, TRAJECTORY, *CHECKPOINTS):
+            for name in (LOG, DUMP, PARTICLES, TRAJECTORY, *CHECKPOINTS):
                 (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
         return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
@@ -146,8 +147,8 @@ def run_deck(
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
 
-    The dump ends up with the same bytes as if the run had not been stopped; with damping or sliding it differs by up to
-    1e-6 D0, as LAMMPS sets a run up with other velocities than those between its steps.
+    The dumps end up with the same bytes as if the run had not been stopped; with damping or sliding they are up to
+    1e-6 D0 off, as LAMMPS sets a run up with other velocities than those between its steps.
 
     Raises
     ------
@@ -172,7 +173,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     with locked(folder) as lock:
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-            mend_dump(folder / DUMP)
+            _mend(folder)
             mend_log(folder / LOG)
         # The input opens the log itself, to append to it
         return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
@@ -265,13 +266,18 @@ def _collect(folder: Path, scene: Scene) -> Record:
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
-    mend_dump(folder / DUMP)
+    _mend(folder)
     try:
         record = Record.from_dump(folder, scene)
     except RunFolderError as error:
         raise LammpsError(str(error), f"in.{scene.name}", _log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)
     return record
+
+
+def _mend(folder: Path) -> None:
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, PARTICLES))):
+        mend_dump(path)
 
 
 def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:

@@ -1,10 +1,14 @@
 """Figures of the package, drawn without pyplot."""
 
+from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import ase
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Physics, mode_along_y
@@ -16,6 +20,56 @@ LINES = {
     "TR": {"color": "tab:blue", "linestyle": "--"},
     "RT": {"color": "tab:red", "linestyle": "-."},
 }
+
+SIGNALS = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$", "phi": r"$\varphi = R\theta/D_0$"}
+# Of the largest signal: what a symmetry makes zero is rounding, 1e-9, and would fill a panel of its own with noise
+_STILL = 1e-7
+
+
+class Picture(Figure):
+    """A figure that a notebook shows without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        self.savefig(stream, format="png", dpi=100)
+        return stream.getvalue()
+
+
+def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Names of the signals that are worth a panel: not zero by symmetry, and known; p always."""
+    sizes = {name: float(np.max(np.abs(values), initial=0.0)) for name, values in signals.items()}
+    largest = max(size for size in sizes.values() if np.isfinite(size))
+    return [name for name, size in sizes.items() if name == "p" or size > _STILL * largest]
+
+
+def draw_signals(
+    panels: Sequence[Axes], tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], names: Sequence[str]
+) -> None:
+    """A signal over τ in each panel."""
+    for panel, name in zip(panels, names, strict=True):
+        panel.plot(tau, signals[name], color="black", linewidth=0.9)
+        panel.axhline(0, color="0.8", linewidth=0.6, zorder=0)
+        panel.set(ylabel=SIGNALS[name])
+        panel.margins(x=0)
+    panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
+
+
+def title(scene: Scene) -> str:
+    """Name, mode, ξ that is used and amplitude."""
+    wave = scene.wave
+    return (
+        rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row, $D_0$ = {wave.amplitude:g} $\Delta_0$"
+    )
+
+
+def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
+    """p, q, φ of the centre sphere over τ, those that move."""
+    names = moving(signals)
+    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
+    panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
+    draw_signals(panels, tau, signals, names)
+    panels[0].set_title(title(scene), fontsize="medium")
+    return figure
 
 
 def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:

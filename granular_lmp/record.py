@@ -1,6 +1,6 @@
 """The run folder: what a run leaves behind, and how to read it.
 
-``dump.centre`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p = v/D0, q = −u/D0
+``dump.*`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p = v/D0, q = −u/D0
 and φ = Rθ/D0 of the centre sphere over τ; ``run.json`` says how the run went. This module and `granular_lmp.sphere` are
 what post-processing scripts may import.
 """
@@ -9,9 +9,13 @@ import csv
 import io
 import json
 import os
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib import import_module
+from itertools import islice
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +23,12 @@ from numpy.typing import NDArray
 from granular_lmp.deck import DUMP
 from granular_lmp.deck import STATUS as STATUS
 from granular_lmp.errors import GranularError as GranularError
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
+
+if TYPE_CHECKING:
+    from granular_lmp.plots import Picture
 
 TRAJECTORY = "trajectory.csv"
 HEADER = ["tau", "p", "q", "phi"]
@@ -32,7 +39,6 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "vx", "vy"],
 )
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
-_SNAPSHOT = "ITEM: TIMESTEP\n"
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,10 +116,57 @@ class Record:
         writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
         replace_text(Path(path), stream.getvalue())
 
+    @property
+    def signals(self) -> dict[str, NDArray[np.float64]]:
+        """p, q, φ by name."""
+        return {"p": self.p, "q": self.q, "phi": self.phi}
+
+    def plot(self) -> "Picture":
+        """p, q, φ over τ, those that move; a notebook shows it."""
+        from granular_lmp.plots import trajectory_figure  # matplotlib takes longer to load than most runs
+
+        return trajectory_figure(self.tau, self.signals, self.scene)
+
+    def to_pandas(self) -> Any:
+        """Table (``pandas.DataFrame``) of p, q, phi over tau.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas.
+        """
+        pandas = optional_package("pandas")
+        return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
+
+    def to_xarray(self) -> Any:
+        """``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            Without xarray.
+        """
+        variables = {name: ("tau", values) for name, values in self.signals.items()}
+        return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
+
     def __repr__(self) -> str:
         wave = self.scene.wave
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
         return f"<Record {self.scene.name}: {wave.mode} xi={wave.wavenumber:g} a={wave.amplitude:g}, {end}>"
+
+
+def optional_package(name: str) -> Any:
+    """A package that the user may have installed.
+
+    Raises
+    ------
+    PackageMissingError
+        When it is not.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
 
 
 def read_status(folder: str | Path) -> dict[str, Any]:
@@ -143,9 +196,13 @@ def write_status(folder: str | Path, info: dict[str, Any]) -> None:
 
 def replace_text(path: Path, text: str) -> None:
     """Write a file in one piece: a reader, and a machine that stops, see the old or the new one, never half of it."""
-    draft = path.with_name(path.name + ".part")
+    draft = _draft(path)
     draft.write_text(text, encoding="utf-8")
     os.replace(draft, path)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
 
 
 def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
@@ -170,21 +227,53 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
     return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
 
 
-def mend_dump(path: str | Path) -> None:
-    """Make a one-particle dump that a stopped run wrote, or two runs one after the other, into that of one run.
+@dataclass(frozen=True)
+class Snapshot:
+    """A whole snapshot of a LAMMPS text dump: its step, its number of particles, and where in the file it stands."""
 
-    A snapshot cut off in the middle goes, and one without the particle, which was lost; of those that the continuation
-    wrote again, the first.
+    step: int
+    particles: int
+    begin: int
+    end: int
+
+
+def snapshots(path: str | Path) -> Iterator[Snapshot]:
+    """The snapshots of a LAMMPS text dump, in the order of the file, up to the first that is cut off."""
+    with Path(path).open("rb") as stream:
+        begin = 0
+        while len(head := list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
+            particles, end, line, lines = int(head[3]), begin + sum(map(len, head)), b"", 0
+            for line in islice(stream, particles):
+                end += len(line)
+                lines += 1
+            if lines < particles or not (line or head[-1]).endswith(b"\n"):
+                return
+            yield Snapshot(int(head[1]), particles, begin, end)
+            begin = end
+
+
+def mend_dump(path: str | Path) -> None:
+    """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
+
+    A snapshot cut off at the end goes, and one without its sphere, which was lost; of those that the continuation wrote
+    again, the first. A file that is already that of one run is left alone.
     """
-    kept: list[list[str]] = []
-    for snapshot in Path(path).read_text(encoding="utf-8", errors="replace").split(_SNAPSHOT)[1:]:
-        lines = snapshot.splitlines(keepends=True)
-        if len(lines) != _LINES_BEFORE_ATOMS or not lines[-1].endswith("\n") or not lines[0].strip().isdecimal():
-            continue
-        while kept and int(kept[-1][0]) >= int(lines[0]):
-            kept.pop()
-        kept.append(lines)
-    replace_text(Path(path), "".join(_SNAPSHOT + "".join(lines) for lines in kept))
+    path = Path(path)
+    kept: list[Snapshot] = []
+    with suppress(ValueError):  # from there on it is no dump
+        for snapshot in snapshots(path):
+            while kept and kept[-1].step >= snapshot.step:
+                kept.pop()
+            if snapshot.particles:
+                kept.append(snapshot)
+    if sum(each.end - each.begin for each in kept) == path.stat().st_size:
+        return
+    draft = _draft(path)
+    with path.open("rb") as source, draft.open("wb") as target:
+        for each in kept:
+            source.seek(each.begin)
+            target.write(source.read(each.end - each.begin))
+    os.replace(draft, path)
 
 
 def mend_log(path: str | Path) -> None:

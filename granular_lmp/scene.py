@@ -1,15 +1,15 @@
 """What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]`` and ``[effects]``; each is a frozen record
-whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in rad per row,
-amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing
-(`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
+A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]``, ``[effects]`` and ``[output]``; each is a
+frozen record whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in
+rad per row, amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns
+the packing (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
 import sys
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import ceil, floor, inf, pi
 from pathlib import Path
@@ -181,6 +181,19 @@ class Effects:
     )
 
 
+@dataclass(frozen=True)
+class Output:
+    """What a run records beside the centre sphere."""
+
+    particles: float = declared(
+        float,
+        "tau between snapshots of all spheres; 0: none",
+        "a number in [0, 1e7], in tau",
+        between(0, 1e7),
+        default=0.0,
+    )
+
+
 # The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
 # those in which the numbers of the deck stay far from under- and overflow.
 SPHERE_RULES = {
@@ -198,9 +211,27 @@ SPHERE_RULES = {
         ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
     )
 }
-_TABLES: dict[str, type] = {"sphere": Sphere, "packing": Packing, "wave": Wave, "time": Time, "effects": Effects}
+_TABLES: dict[str, type] = {
+    "sphere": Sphere,
+    "packing": Packing,
+    "wave": Wave,
+    "time": Time,
+    "effects": Effects,
+    "output": Output,
+}
 _RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
+
+
+def note(key: str) -> str:
+    """What a value of a scene is, by its dotted key: the comment behind it in a scene file, mostly a unit."""
+    table, _, name = key.rpartition(".")
+    rule = _RULES.get(table, {}).get(name) or next(
+        item.metadata["rule"] for item in fields(_TABLES[table]) if item.name == name
+    )
+    return str(rule.note)
+
+
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
@@ -208,9 +239,9 @@ EPSILON = sys.float_info.epsilon
 FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or nothing at all, without a sign of it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
-    """One simulation: spheres, packing, wave, time and effects.
+    """One simulation: spheres, packing, wave, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
     ``packing.contact_force``, and without work of adhesion where ``effects.adhesion`` is off.
@@ -220,7 +251,7 @@ class Scene:
     SceneError
         When the values do not go together: nothing holds the lattice, even rows between fixed ends, odd rows in a
         periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap that is no
-        longer small, D0 beyond R/10.
+        longer small, D0 beyond R/10, snapshots that fall between two records.
     """
 
     name: str
@@ -229,6 +260,7 @@ class Scene:
     wave: Wave
     time: Time
     effects: Effects = Effects()
+    output: Output = Output()
 
     # --- reading and writing ---
 
@@ -304,6 +336,13 @@ class Scene:
             inner[name] = value
         return Scene.from_dict(tables)
 
+    def __repr__(self) -> str:
+        wave, shape = self.wave, self.shape
+        return (
+            f"<Scene {self.name}: {wave.mode} xi={self.wavenumber:g} a={wave.amplitude:g}, "
+            f"{shape.rows} x {shape.columns} spheres, {shape.ends} ends, tau 0..{self.time.duration:g}>"
+        )
+
     # --- what follows from the values ---
 
     @cached_property
@@ -359,6 +398,13 @@ class Scene:
                 f"time.duration = {time.duration!r}: the walls are heard at the centre of {self.shape.rows} rows from "
                 f"tau = {self.echo_time:.4g} on; must be at most that, or set time.allow_echo = true, "
                 'or packing.rows = "auto"'
+            )
+        snapshot = self.output.particles / time.sample
+        # The slack is that of the deck, where the spacing of the snapshots is rounded up to whole samples
+        if abs(snapshot - round(snapshot)) > 1e-9 or self.output.particles > time.duration:
+            raise SceneError(
+                f"output.particles = {self.output.particles!r}: must be 0 or a whole multiple of time.sample = "
+                f"{time.sample!r}, at most time.duration = {time.duration!r}"
             )
 
     def _check_sphere(self) -> None:

@@ -23,7 +23,7 @@ from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.grid import points, scene_hash
 from granular_lmp.launch import locked
-from granular_lmp.record import Record, read_status, replace_text, write_status
+from granular_lmp.record import Record, optional_package, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import planned_steps
 from granular_lmp.tolerance import resume, run
@@ -108,6 +108,27 @@ class Sweep:
         writer.writeheader()
         writer.writerows(self.rows)
         return stream.getvalue()
+
+    def to_pandas(self) -> Any:
+        """The table as a ``pandas.DataFrame``.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas.
+        """
+        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
+
+    def to_xarray(self) -> Any:
+        """The table as an ``xarray.Dataset``, a dimension for each key that is swept.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas or xarray.
+        """
+        optional_package("xarray")
+        return self.to_pandas().set_index([*self.over]).to_xarray()
 
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())

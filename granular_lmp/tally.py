@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy import richardson
+from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import order
 from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
-from granular_lmp.output import OUTPUTS
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
 from granular_lmp.steplaw import sizes
 

@@ -17,10 +17,10 @@ from analysis.theories import Wave, trajectory
 from granular_lmp import Record, Scene, build, run
 from granular_lmp import cost as module
 from granular_lmp.cost import measure, plan
+from granular_lmp.dumps import OUTPUTS, edited, keep_centre
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.knobs import KNOBS, Run, points, reference
 from granular_lmp.launch import run_deck
-from granular_lmp.output import OUTPUTS, edited, keep_centre
 from granular_lmp.record import read_status, write_status
 from granular_lmp.steplaw import step_for
 from granular_lmp.tally import errors, to_csv

@@ -81,15 +81,16 @@ guards
 wave rules datafile
 effects
 grid steplaw
-deck
+deck plots
 record
-budget accuracy locate plots output
+budget accuracy locate dumps
 status
 launch workers
 tolerance
+particles
 sweep doctor collide knobs
 tally
-cost
+cost view
 cli
 """
 

@@ -1,0 +1,170 @@
+"""Snapshots of all spheres: what stands in the dump, who reads it, what a stop leaves of it."""
+
+from pathlib import Path
+
+import ase.io
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, launch, run
+from granular_lmp.errors import RunFolderError, RunInterrupted
+from granular_lmp.particles import Particles, Spheres
+from granular_lmp.record import mend_dump, read_dump, snapshots
+from granular_lmp.units import units_for
+from granular_lmp.wave import plane_wave
+
+
+@pytest.fixture
+def seen(small: Scene) -> Scene:
+    """The small scene with 3 snapshots, of 24 spheres each."""
+    return small.with_values({"output.particles": 1.0})
+
+
+def test_snapshots_change_nothing_of_a_run(small: Scene, seen: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "without")
+    run(seen, tmp_path / "with")
+    assert not (tmp_path / "without" / "dump.particles").exists()
+    for name in ("dump.centre", "trajectory.csv"):
+        assert (tmp_path / "with" / name).read_bytes() == (tmp_path / "without" / name).read_bytes()
+
+
+def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene, tmp_path: Path) -> None:
+    record = run(seen, tmp_path / "run")
+    centre = seen.shape.centre_row * seen.shape.columns + seen.shape.columns // 2
+    lines = (tmp_path / "run" / "dump.particles").read_text().split("\n")
+    size = 9 + seen.shape.spheres
+    names = lines[8].split()[2:]
+    alone = read_dump(tmp_path / "run" / "dump.centre")
+    pairs = {"Displacement.X": "ux", "Displacement.Y": "uy", "v_theta": "theta", "omegaz": "omegaz", "vx": "vx"}
+    for snapshot in range(3):
+        values = dict(zip(names, lines[size * snapshot + 9 + centre].split(), strict=True))
+        for ours, theirs in pairs.items():
+            assert float(values[ours]) == alone[theirs][2 * snapshot]
+    particles = Particles.load(tmp_path / "run")
+    np.testing.assert_array_equal(particles.tau, record.tau[::2])
+    assert particles.stack("displacement").shape == (3, 24, 2)
+    # The record divides in metres, the snapshots in the deck's nanometres: a few roundings
+    np.testing.assert_allclose(particles.stack("displacement")[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(-particles.stack("displacement")[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(particles.stack("rotation")[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
+
+
+def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:
+    run(seen, tmp_path / "run")
+    deck = build(seen)
+    wave = plane_wave(deck.packing, deck.mode)
+    first = Particles.load(tmp_path / "run")[0]
+    # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0; the data file holds 13 decimals
+    np.testing.assert_allclose(np.column_stack([first.displacement, first.rotation]), wave.displacement, atol=1e-10)
+    np.testing.assert_allclose(np.column_stack([first.velocity, first.spin]), wave.velocity, atol=1e-12)
+
+
+def test_kinetic_energy_is_that_of_translation_and_of_a_solid_sphere_s_spin() -> None:
+    still = np.zeros(1)
+    moving = Spheres(0.0, np.zeros((1, 2)), np.array([[3.0, 4.0]]), rotation=still, spin=np.array([5.0]))
+    assert moving.energy == pytest.approx([(25 + 0.4 * 25) / 2], rel=1e-15)
+
+
+def test_ase_reads_every_digit(seen: Scene, tmp_path: Path) -> None:
+    run(seen, tmp_path / "run")
+    path = tmp_path / "run" / "dump.particles"
+    frames = ase.io.read(path, index=":", format="lammps-dump-text", specorder=["X", "X"])
+    lines = path.read_text().split("\n")
+    table = np.array([line.split() for line in lines[9 : 9 + 24]], dtype=float)
+    names = lines[8].split()[2:]
+    column = {name: table[:, names.index(name)] for name in names}
+    assert len(frames) == 3
+    # ASE takes numbers of length for Å unless told otherwise, so that none is changed
+    np.testing.assert_array_equal(frames[0].positions, np.column_stack([column[name] for name in "xyz"]))
+    np.testing.assert_array_equal(frames[0].arrays["v_theta"], column["v_theta"])
+    np.testing.assert_array_equal(frames[0].arrays["type"], column["type"])
+    assert frames[0].get_velocities() is not None
+    assert frames[0].pbc.tolist() == [True, True, True]
+    # In its own units, Å: lattice of the deck, moved as the snapshot says
+    nano = ase.io.read(path, index=0, format="lammps-dump-text", specorder=["X", "X"], units="nano")
+    packing = build(seen).packing
+    metre = units_for(seen.sphere.radius).number(1.0, length=1)
+    rest = nano.positions / 10 - np.column_stack([column["Displacement.X"], column["Displacement.Y"], 0 * column["x"]])
+    # rounding of positions of 3e3 nm
+    np.testing.assert_allclose(rest, packing.positions * seen.sphere.radius * metre, atol=2e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({}, "vx vy vz omegaz v_theta"),
+        ({"effects.tracking": False}, "vx vy vz omegaz"),
+        ({"wave.mode": "L"}, "vx vy vz"),
+    ],
+)
+def test_columns_have_the_names_that_ovito_maps_by_itself(
+    changes: dict[str, object], names: str, seen: Scene, tmp_path: Path
+) -> None:
+    run(seen.with_values(changes), tmp_path / "run")
+    header = (tmp_path / "run" / "dump.particles").read_text().split("\n")[8]
+    assert header == f"ITEM: ATOMS id type x y z radius Displacement.X Displacement.Y {names}"
+    rotation = Particles.load(tmp_path / "run")[1].rotation
+    assert np.isnan(rotation).all() == ("tracking" in str(changes))
+    assert np.any(rotation != 0) == (changes.get("wave.mode") != "L")
+
+
+def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path) -> None:
+    scene = Scene.load("tr_nonresonant").with_values(
+        {"packing.rows": 21, "time.allow_echo": True, "time.duration": 1500.0, "output.particles": 50.0}
+    )
+
+    def stop(step: int, steps: int) -> None:
+        if step > 4000:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        launch.run(scene, tmp_path / "run", progress=stop)
+    dump = tmp_path / "run" / "dump.particles"
+    assert 1 <= len(Particles.load(tmp_path / "run")) < 31
+    with dump.open("a") as stream:
+        stream.write("ITEM: TIMESTEP\n")  # as a kill leaves it
+    launch.resume(tmp_path / "run")
+    run(scene, tmp_path / "whole")
+    assert len(Particles.load(tmp_path / "run")) == 31
+    assert dump.read_bytes() == (tmp_path / "whole" / "dump.particles").read_bytes()
+
+
+@pytest.mark.parametrize("cut", [30, 400, 2000])
+def test_a_mended_dump_of_many_spheres_is_that_of_one_run(cut: int, seen: Scene, tmp_path: Path) -> None:
+    run(seen, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.particles"
+    text = dump.read_text()
+    parts = ["ITEM: TIMESTEP" + part for part in text.split("ITEM: TIMESTEP")[1:]]
+    dump.write_text("".join(parts[:2]) + "".join(parts[1:]) + parts[0][:cut])
+    assert [each.step for each in snapshots(dump)] == [0, 20, 20, 40]
+    mend_dump(dump)
+    assert dump.read_text() == text
+
+
+def test_a_run_to_a_tolerance_shows_the_snapshots_of_its_finest_step(seen: Scene, tmp_path: Path) -> None:
+    record = run(seen.with_values({"time.tolerance": 1e-3}), tmp_path / "run")
+    particles = Particles.load(tmp_path / "run")
+    assert particles.scene.time.step == min(record.info["extrapolated_from"])
+
+
+def test_a_run_without_snapshots_says_what_its_scene_needs(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    with pytest.raises(RunFolderError, match=r"no snapshots of all spheres; run its scene with output\.particles"):
+        Particles.load(tmp_path / "run")
+
+
+def test_a_dump_of_something_else_is_refused(seen: Scene, tmp_path: Path) -> None:
+    run(seen, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.particles"
+    dump.write_text(dump.read_text().replace("Displacement.X", "c_d"))
+    with pytest.raises(RunFolderError, match="not a dump of our spheres"):
+        Particles.load(tmp_path / "run")[0]
+    dump.write_text("a\n" * 20)
+    with pytest.raises(RunFolderError, match="not a dump of spheres"):
+        Particles.load(tmp_path / "run")
+
+
+def test_a_second_run_leaves_no_snapshots_of_the_first(small: Scene, seen: Scene, tmp_path: Path) -> None:
+    run(seen, tmp_path / "run")
+    assert isinstance(run(small, tmp_path / "run", force=True), Record)
+    assert not (tmp_path / "run" / "dump.particles").exists()

@@ -1,0 +1,267 @@
+"""Pictures: spheres are where their snapshot says, what is missing is said, a notebook shows its objects."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granular_lmp import Record, Scene, run, view
+from granular_lmp.cli import _parser, main
+from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
+from granular_lmp.particles import Particles
+from granular_lmp.plots import moving
+from granular_lmp.scene import assignment, note
+from granular_lmp.sweep import Sweep, sweep
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with 5 snapshots of 24 spheres."""
+    changes = {"packing.rows": 8, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 4.0}
+    folder = tmp_path_factory.mktemp("view") / "run"
+    run(Scene.load("tr_nonresonant").with_values(changes | {"output.particles": 1.0}), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+    scene = Scene.load("tr_periodic").with_values({"packing.rows": 16, "time.duration": 2.0})
+    over = {"wave.wavenumber": [np.pi / 8, np.pi / 4, np.pi / 2], "wave.amplitude": [0.1, 0.2]}
+    return sweep(scene, over, tmp_path_factory.mktemp("view") / "sweep")
+
+
+def drawn(folder: Path, **options: Any) -> tuple[Any, Any]:
+    """The axes of the crystal, and the discs in it."""
+    figure = view.run_figure(Record.load(folder), Particles.load(folder), **options)
+    axes = next(axes for axes in figure.axes if axes.get_ylabel() == "row")
+    return axes, axes.collections[0]
+
+
+def test_spheres_stand_where_their_snapshot_says_magnified_by_the_factor_that_is_printed(seen: Path) -> None:
+    axes, discs = drawn(seen, tau=3.0)
+    scene, moment = Particles.load(seen).scene, Particles.load(seen)[3]
+    factor = float(axes.get_xlabel().split("×")[1].split()[0])
+    rest = Particles.load(seen).rest
+    shifts = np.asarray(discs.get_offsets())[:24] - rest  # radii
+    amplitude = scene.wave.amplitude * scene.sphere.overlap_ratio * 2  # D0/R
+    np.testing.assert_allclose(shifts, moment.displacement * amplitude * factor, atol=1e-12)
+    assert 0.1 < np.abs(shifts).max() <= view.LARGEST_SHIFT
+    hands = np.array(axes.collections[1].get_segments())[:24]
+    along = hands[:, 1] - hands[:, 0]
+    np.testing.assert_allclose(np.arctan2(along[:, 1], along[:, 0]), moment.rotation * amplitude * factor, atol=1e-12)
+    assert axes.get_title() == r"$\tau$ = 3"
+
+
+def test_copies_of_the_cell_stand_beside_it_and_are_counted(seen: Path) -> None:
+    axes, discs = drawn(seen)
+    offsets = np.asarray(discs.get_offsets())
+    assert len(offsets) == 3 * 24
+    assert "3 columns, drawn 3 times" in axes.get_xlabel()
+    cell = 3 * (2 - 2 * Particles.load(seen).scene.sphere.overlap_ratio)
+    np.testing.assert_allclose(offsets[24:48] - offsets[:24], [[cell, 0]] * 24, atol=1e-12)
+
+
+def test_rotation_is_coloured_with_zero_in_the_middle_and_energy_from_zero(seen: Path) -> None:
+    moment = Particles.load(seen)[-1]
+    _, discs = drawn(seen)
+    low, high = discs.get_clim()
+    assert low == -high == -np.abs(moment.rotation).max()
+    np.testing.assert_array_equal(np.asarray(discs.get_array())[:24], moment.rotation)
+    _, discs = drawn(seen, colour="energy")
+    assert discs.get_clim() == (0, moment.energy.max())
+    np.testing.assert_array_equal(np.asarray(discs.get_array())[:24], moment.energy)
+
+
+def test_as_many_rows_are_drawn_as_asked_for_around_the_centre(seen: Path) -> None:
+    _, discs = drawn(seen, rows=3, magnify=1.0)
+    heights = np.unique(np.asarray(discs.get_offsets())[:, 1].round(3))
+    assert len(heights) == 3
+    assert heights[1] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("amplitude", "factor"), [(1e-4, 5000), (0.5, 1), (0.1, 5), (0.3, 1), (2.4e-4, 2000)])
+def test_the_factor_is_a_round_number_by_which_an_amplitude_becomes_at_most_half_a_radius(
+    amplitude: float, factor: float
+) -> None:
+    assert view._magnification(amplitude) == pytest.approx(factor, rel=1e-12)
+
+
+def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> None:
+    assert view.view(seen, tmp_path / "movie.gif", rows=4) == []
+    with Image.open(tmp_path / "movie.gif") as movie:
+        assert getattr(movie, "n_frames", 1) == 5
+        first = np.asarray(movie.convert("RGB"))
+        movie.seek(4)
+        assert np.any(np.asarray(movie.convert("RGB")) != first)
+        assert first[0, 0].tolist() == [255, 255, 255]  # paper stays white in the one palette
+
+
+def test_an_mp4_without_ffmpeg_is_refused_in_one_line(
+    seen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(view.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    with pytest.raises(ViewError, match="needs the program ffmpeg, which was not found; a .gif does without"):
+        view.view(seen, tmp_path / "movie.mp4")
+    assert not (tmp_path / "movie.mp4").exists()
+
+
+def test_a_run_without_snapshots_is_drawn_as_its_trajectory_and_says_what_is_missing(
+    small: Scene, tmp_path: Path
+) -> None:
+    run(small, tmp_path / "run")
+    (said,) = view.view(tmp_path / "run", tmp_path / "picture.png")
+    assert "run its scene with output.particles" in said
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+    for name, options in (("movie.gif", {}), ("picture.png", {"tau": 1.0})):
+        with pytest.raises(ViewError, match=r"run its scene with output\.particles"):
+            view.view(tmp_path / "run", tmp_path / name, **options)
+
+
+def test_an_l_wave_has_no_rotation_to_be_coloured_by(small: Scene, tmp_path: Path) -> None:
+    run(small.with_values({"wave.mode": "L", "output.particles": 2.0}), tmp_path / "run")
+    axes, discs = drawn(tmp_path / "run")
+    assert discs.get_clim()[0] == 0  # energy
+    assert "angles" not in axes.get_xlabel()
+    with pytest.raises(ViewError, match=r"colour = 'rotation': the run holds no angles"):
+        drawn(tmp_path / "run", colour="rotation")
+    assert moving(Record.load(tmp_path / "run").signals) == ["p"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tau": 9.0}, r"tau = 9\.0: must be from 0 to 4"),
+        ({"colour": "mass"}, "colour = 'mass': must be one of rotation, energy"),
+        ({"magnify": 0.0}, r"magnify = 0\.0: must be a number above 0"),
+        ({"column": "steps"}, "--column: is not for a run"),
+    ],
+)
+def test_what_a_run_cannot_show_is_refused(options: dict[str, Any], message: str, seen: Path, tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match=message):
+        view.view(seen, tmp_path / "picture.png", **options)
+    with pytest.raises(RunFolderError, match="must end in one of"):
+        view.view(seen, tmp_path / "picture.doc")
+
+
+def test_a_sweep_is_a_curve_for_each_value_of_the_shorter_key(swept: Sweep, tmp_path: Path) -> None:
+    (axes,) = view.sweep_figure(swept, "largest_q").axes
+    assert axes.get_xlabel() == "wave.wavenumber (xi, rad per row)"
+    for place, line in enumerate(axes.get_lines()):
+        np.testing.assert_array_equal(line.get_xdata(), swept.over["wave.wavenumber"])
+        np.testing.assert_array_equal(line.get_ydata(), swept.column("largest_q")[place::2])
+        assert line.get_label() == f"wave.amplitude = {swept.over['wave.amplitude'][place]}"
+    assert view.view(swept.folder, tmp_path / "curve.png") == []
+    assert (tmp_path / "curve.png").stat().st_size > 1000
+
+
+def test_runs_that_are_not_finished_leave_a_gap_and_are_counted(swept: Sweep) -> None:
+    rows = [row | ({"status": "failed"} if place == 2 else {}) for place, row in enumerate(swept.rows)]
+    (axes,) = view.sweep_figure(Sweep(swept.folder, swept.scene, swept.over, rows)).axes
+    assert np.isnan(axes.get_lines()[0].get_ydata()).tolist() == [False, True, False]
+    assert "(5 of 6 runs)" in axes.get_title()
+
+
+def test_what_a_sweep_cannot_show_is_refused(swept: Sweep, tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match="column = 'message': must be one of seconds, steps"):
+        view.sweep_figure(swept, "message")
+    with pytest.raises(ViewError, match="--tau: is not for a sweep"):
+        view.view(swept.folder, tmp_path / "curve.png", tau=1.0)
+    with pytest.raises(ViewError, match="a sweep is drawn as a curve"):
+        view.view(swept.folder, tmp_path / "curve.gif")
+    with pytest.raises(ViewError, match="none of its 6 runs is finished"):
+        view.sweep_figure(Sweep(swept.folder, swept.scene, swept.over, [r | {"status": "failed"} for r in swept.rows]))
+
+
+def test_the_command_draws_and_says_where(seen: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "new" / "picture.png"
+    assert main(["view", str(seen), "-o", str(picture), "--tau", "2", "--colour", "energy", "--rows", "5"]) == 0
+    assert capsys.readouterr().out == f"{picture}\n"
+    assert picture.is_file()
+    assert main(["view", str(tmp_path), "-o", str(picture)]) == 2
+    assert "not a run folder" in capsys.readouterr().err
+
+
+# --- the gallery -----------------------------------------------------------------------------------------------------
+
+ROOT = Path(__file__).parents[1]
+GALLERY = (ROOT / "docs" / "gallery.md").read_text("utf-8")
+
+
+def test_every_picture_of_the_gallery_is_below_the_command_that_makes_it_and_small() -> None:
+    sections = [section for section in GALLERY.split("\n## ")[1:] if "![" in section]
+    assert 4 <= len(sections) <= 6
+    for section in sections:
+        (picture,) = re.findall(r"!\[[^\]]+\]\(\.\./([^)]+)\)", section)
+        assert f" -o {picture}" in section.partition("![")[0]
+        assert (ROOT / picture).stat().st_size < 400e3  # a page of six is then 2 MB at most
+
+
+def test_every_command_of_the_gallery_is_one_of_ours() -> None:
+    commands = re.findall(r"^\$ (.*)", GALLERY, re.MULTILINE)
+    assert len(commands) >= 8
+    for command in commands:
+        name, *arguments = shlex.split(command)
+        assert name == "granular-lmp"
+        options = _parser().parse_args(arguments)  # exits where one is wrong
+        if hasattr(options, "scene"):
+            Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
+
+
+# --- in a notebook ---------------------------------------------------------------------------------------------------
+
+
+def test_scene_record_and_sweep_are_one_short_line(seen: Path, swept: Sweep) -> None:
+    record = Record.load(seen)
+    assert repr(record.scene) == (
+        "<Scene tr_nonresonant: TR xi=0.785398 a=0.2, 8 x 3 spheres, periodic ends, tau 0..4>"
+    )
+    for shown in (record, record.scene, swept, Particles.load(seen)):
+        assert "\n" not in repr(shown)
+        assert len(repr(shown).replace(str(seen), "").replace(str(swept.folder), "")) < 120
+
+
+def test_the_plot_of_a_record_is_a_picture_that_a_notebook_shows(seen: Path) -> None:
+    record = Record.load(seen)
+    figure = record.plot()
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    for axes, name in zip(figure.axes, ("p", "q", "phi"), strict=True):
+        np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), getattr(record, name))
+
+
+def test_the_unit_of_a_swept_key_is_that_of_the_scene_file() -> None:
+    assert note("sphere.radius") == "m"
+    assert note("time.sample") == "tau between records"
+
+
+def test_without_pandas_the_table_is_refused_in_one_line(
+    seen: Path, swept: Sweep, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for package in ("pandas", "xarray"):
+        monkeypatch.setitem(sys.modules, package, None)
+    for table in (Record.load(seen).to_pandas, swept.to_pandas):
+        with pytest.raises(PackageMissingError, match="pandas is not installed; pip install pandas"):
+            table()
+    for table in (Record.load(seen).to_xarray, swept.to_xarray):
+        with pytest.raises(PackageMissingError, match="xarray is not installed; pip install xarray"):
+            table()
+
+
+def test_with_pandas_the_tables_hold_the_same_numbers(seen: Path, swept: Sweep) -> None:
+    pytest.importorskip("pandas")
+    record = Record.load(seen)
+    np.testing.assert_array_equal(record.to_pandas().loc[2.0].to_numpy(), [record.p[4], record.q[4], record.phi[4]])
+    np.testing.assert_array_equal(swept.to_pandas()["largest_p"].to_numpy(), swept.column("largest_p"))
+
+
+def test_with_xarray_the_tables_hold_the_same_numbers(seen: Path, swept: Sweep) -> None:
+    pytest.importorskip("xarray")
+    record = Record.load(seen)
+    assert record.to_xarray().p.sel(tau=2.0).item() == record.p[4]
+    assert Scene.loads(record.to_xarray().attrs["scene"]) == record.scene
+    assert swept.to_xarray()["largest_p"].shape == (3, 2)
+    np.testing.assert_array_equal(swept.to_xarray()["largest_p"].to_numpy().ravel(), swept.column("largest_p"))
