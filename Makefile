@@ -3,7 +3,7 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md),
+# Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md), make dispersion (all branches from one run),
 # make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
@@ -15,7 +15,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures spectrum test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum dispersion test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -53,6 +53,12 @@ spectrum: .venv/ready
 	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
 	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
 
+# All branches at once: a sheet kicked at random
+dispersion: .venv/ready
+	$(BIN)/granular-lmp kick tr_periodic --set packing.rows=48 --set packing.columns=48 --set wave.amplitude=0.01 \
+	    --set time.duration=512 --set time.sample=1.5 -o runs/dispersion --force
+	$(BIN)/python -m analysis.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
+
 test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -78,4 +84,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/spectrum build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/spectrum runs/dispersion build dist .venv .pytest_cache .mypy_cache .ruff_cache

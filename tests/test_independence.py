@@ -84,7 +84,7 @@ budget accuracy locate plots
 status
 launch workers
 tolerance
-sweep doctor collide
+sweep doctor collide sheet
 cli
 """
 
