@@ -3,8 +3,9 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md),
-# make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# Also: make spectrum (the paper's figure 2 by simulation, a few minutes: docs/spectrum.md),
+# make dispersion (all branches from one kicked sheet), make figures (the others of the docs),
+# make stability (hard cases, a few minutes: docs/stability.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -17,7 +18,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures spectrum gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum dispersion gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -54,8 +55,15 @@ spectrum: .venv/ready
 	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
 	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
 	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+
 gallery: .venv/ready
 	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
+
+# All branches at once: a sheet kicked at random
+dispersion: .venv/ready
+	$(BIN)/granular-lmp kick tr_periodic --set packing.rows=48 --set packing.columns=48 --set wave.amplitude=0.01 \
+	    --set time.duration=512 --set time.sample=1.5 -o runs/dispersion --force
+	$(BIN)/python -m analysis.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
 
 test: .venv/ready
 	$(BIN)/ruff check .
@@ -87,4 +95,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion build dist .venv .pytest_cache .mypy_cache .ruff_cache

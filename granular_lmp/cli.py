@@ -112,6 +112,11 @@ def _parser() -> argparse.ArgumentParser:
     _changes_argument(collide, "collision.spin=100")
     _folder_arguments(collide, "run folder (default: runs/NAME)")
 
+    kick = _add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
+    _scene_arguments(kick)
+    _folder_arguments(kick, "run folder (default: runs/NAME)")
+    kick.add_argument("--seed", type=int, default=0, metavar="N", help="of the random velocities (default: 0)")
+
     _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
     return parser
 
@@ -365,6 +370,14 @@ def _collide(options: argparse.Namespace) -> int:
     print(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():
         print(f"{name:24}{value:18.10g}{errors[name]:22.1e}")
+    return 0
+
+
+def _kick(options: argparse.Namespace) -> int:
+    from granular_lmp.sheet import run_kicked
+
+    scene = _scene(options)
+    print(run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force))
     return 0
 
 

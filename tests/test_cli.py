@@ -12,7 +12,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.effects import ROWS
 
-COMMANDS = ("build", "run", "resume", "sweep", "cost", "effects", "modes", "collide", "doctor")
+COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

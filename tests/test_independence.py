@@ -88,7 +88,7 @@ status
 launch workers
 tolerance
 particles
-sweep doctor collide knobs
+sweep doctor collide knobs sheet
 tally
 cost view
 cli

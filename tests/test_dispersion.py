@@ -1,0 +1,120 @@
+"""Dispersion of a kicked sheet: the peaks are where its waves are, and those of other spheres are elsewhere."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import dispersion
+from analysis.directions import modes
+from granular_lmp import Scene, build
+from granular_lmp.errors import EffectError, RunFolderError
+from granular_lmp.sheet import DUMP, kicked, read_sheet, run_kicked
+
+SMALL = Scene.load("tr_periodic").with_values(
+    {"packing.rows": 12, "packing.columns": 12, "wave.amplitude": 0.01, "time.duration": 120.0, "time.sample": 1.5}
+)
+
+
+@pytest.fixture(scope="module")
+def sheet(tmp_path_factory: pytest.TempPathFactory) -> dispersion.Sheet:
+    """A sheet of 12 × 12 spheres in LAMMPS."""
+    return dispersion.Sheet.load(run_kicked(SMALL, tmp_path_factory.mktemp("sheet") / "run"))
+
+
+def distances(sheet: dispersion.Sheet) -> tuple[np.ndarray, np.ndarray]:
+    branches, others = dispersion.misses(sheet, dispersion.zone_path(sheet.box)[0])
+    return branches[~np.isnan(branches)], others
+
+
+def test_every_peak_of_lammps_is_a_branch_and_every_branch_has_a_peak(sheet: dispersion.Sheet) -> None:
+    branches, others = distances(sheet)
+    # Two peaks that overlap shift each other by a part of the resolution; the median is far below
+    assert max(branches.max(), others.max()) < 1
+    assert np.median(branches) < 0.05
+    assert branches.size > 30
+
+
+def test_the_branches_of_other_spheres_are_not_there(sheet: dispersion.Sheet) -> None:
+    # ν = 0.3 in place of 0.17 moves the upper branch by up to 0.07 rad per τ, at a resolution of 0.05; ν = −0.5 by 0.2
+    right, _ = distances(sheet)
+    wrong, _ = distances(replace(sheet, poisson_ratio=0.3))
+    assert np.median(wrong) > 5 * np.median(right)
+    assert np.median(distances(replace(sheet, poisson_ratio=-0.5))[0]) > 1
+
+
+def test_peaks_of_synthetic_waves_are_found() -> None:
+    wavevector = np.array([[2 * np.pi / 12, 2 * np.pi / (6 * np.sqrt(3))]])
+    frequencies, shapes = modes(wavevector[0], 0.17)
+    tau = np.arange(0, 300, 1.5)
+    x, y = np.meshgrid(np.arange(12.0), np.arange(12) * np.sqrt(3) / 2)
+    position = np.column_stack([x.ravel(), y.ravel()])
+    angle = (position @ wavevector[0])[None, :, None] - tau[:, None, None] * frequencies
+    velocity = np.real(np.exp(1j * angle) @ shapes)
+    sheet = dispersion.Sheet(tau, velocity, position, np.array([12.0, 6 * np.sqrt(3)]), 0.17, 0.0)
+    found = dispersion.peaks(*(part if part.ndim == 1 else part[0] for part in dispersion.density(sheet, wavevector)))
+    # The parabola is right to a hundredth of the resolution; side lobes of others add a little
+    assert found == pytest.approx(frequencies, abs=0.03 * sheet.resolution)
+
+
+def test_the_path_goes_from_corner_to_corner() -> None:
+    path, corners = dispersion.zone_path(np.array([12.0, 6 * np.sqrt(3)]))
+    gamma, m, k = (0, 0), (0, 2 * np.pi / np.sqrt(3)), (4 * np.pi / 3, 0)
+    assert path[corners] == pytest.approx(np.array([gamma, m, k, gamma]))
+    # M–K ends a step before the other K
+    assert path[corners[2] - 1] == pytest.approx([2 * np.pi / 3 - 2 * np.pi / 12, m[1]])
+
+
+@pytest.mark.parametrize("box", [(10.0, 6 * np.sqrt(3)), (12.0, 6.5 * np.sqrt(3))])
+def test_a_sheet_without_the_corners_is_refused(box: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="rows must be even and columns a multiple of 3"):
+        dispersion.zone_path(np.array(box))
+
+
+def test_the_script_draws(sheet: dispersion.Sheet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fields = {name: getattr(sheet, name) for name in dispersion.Sheet.__dataclass_fields__}
+    np.savez(tmp_path / "sheet.npz", **fields)
+    assert dispersion.main([str(tmp_path / "sheet.npz"), "-o", str(tmp_path / "figure.png")]) == 0
+    assert (tmp_path / "figure.png").stat().st_size > 0
+    assert "upper branch" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        dispersion.main([str(tmp_path / "none.npz")])
+
+
+# ---------------------------------------------------------------- the kick
+
+
+def test_a_kick_changes_nothing_but_the_wave() -> None:
+    deck = build(SMALL)
+    other = kicked(deck, seed=3)
+    assert other.input_text == deck.input_text
+    assert np.array_equal(other.data.position, deck.data.position)
+    displacement, velocity = np.split(other.data.wave, 2, axis=1)
+    assert not displacement.any()
+    assert np.abs(velocity[:, :2].mean(axis=0)).max() < 1e-15  # rounding
+    assert np.array_equal(kicked(deck, seed=3).data.wave, other.data.wave)
+    assert not np.array_equal(kicked(deck, seed=4).data.wave, other.data.wave)
+
+
+def test_spheres_that_do_not_turn_are_refused() -> None:
+    with pytest.raises(EffectError, match=r"effects\.rotation"):
+        kicked(build(SMALL.with_values({"effects.rotation": False})))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"effects.sliding": False, "effects.friction": 1e-3}, "contacts slid"),
+        ({"wave.amplitude": 2.0}, "contacts opened"),
+    ],
+)
+def test_a_kick_that_is_too_hard_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
+    with pytest.raises(EffectError, match=said):
+        run_kicked(SMALL.with_values({"time.duration": 6.0} | changes), tmp_path / "run")
+
+
+def test_a_broken_dump_is_refused(tmp_path: Path) -> None:
+    (tmp_path / DUMP).write_text("ITEM: TIMESTEP\nnone\n")
+    with pytest.raises(RunFolderError, match="not a dump of a sheet"):
+        read_sheet(tmp_path / DUMP)
