@@ -86,7 +86,7 @@ class Record:
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
-            if len(tau) != info.get("samples", len(tau)):
+            if len(tau) != info.get("samples", len(tau)) and not unfinished:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info['samples']}")
         except (OSError, ValueError, IndexError) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error

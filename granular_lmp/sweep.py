@@ -365,7 +365,7 @@ def _summary(info: dict[str, Any], record: Record | None) -> Point:
     ended = info.get("status") in ("finished", "failed")
     return {
         "status": info["status"] if ended else "unfinished",
-        "message": info["message"] if ended else "",
+        "message": info.get("message", "") if ended else "",
         "seconds": info.get("wall_seconds", {}).get("total"),
         **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "frequency")},
         **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},

@@ -60,6 +60,9 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
 
+    if not {"launcher", "ranks"} <= set(info):
+        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
             return Record.load(place)

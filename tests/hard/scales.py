@@ -93,7 +93,7 @@ def corners(nu: float, reference: float | None = None) -> Cases:
             f"largest of {ran} corners, {refused} are refused",
             "Δ0/R from 1e-9 to 0.05: positions have 16 digits, laws have powers of 3/2",
             worst,
-            "that of the ends of the zone: Verlet's phase and amplitude, and nine times the noise of positions; "
+            "as at the ends of the zone: Verlet's phase and amplitude, and nine times the noise of rounded positions; "
             "refused is an overlap above 0.05 of the diameter, and nothing else",
             most=1.0,
         )

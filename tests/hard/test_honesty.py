@@ -371,7 +371,9 @@ def test_two_checkpoints_that_were_cut_off_are_said(
     refused(tmp_path / "run")
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"status": "running"}', '{"status": 3, "ranks": "x"}', "\xff"])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"status": "running"}', '{"tolerance": 1e-3}', '{"status": 3, "ranks": "x"}', "\xff"]
+)
 def test_a_damaged_run_json_is_one_line(
     text: str, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
