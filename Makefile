@@ -3,8 +3,10 @@
 #   make paper   the paper's three cases through LAMMPS, compared with theory: figures/ and a table
 #   make test    all tests, with the linter and the type checker
 #
-# Also: make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
+# Also: make spectrum (the paper's figure 2 by simulation, two minutes: docs/spectrum.md),
+# make stability (hard cases, a few minutes: docs/stability.md), make figures (the others of the docs),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
+# make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
@@ -15,7 +17,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures gallery test stability bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -42,6 +44,17 @@ figures: .venv/ready $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.map -o figures/map.png
 	$(BIN)/python -m analysis.timestep -o figures/timestep.png
 
+# The paper's figure 2 (b, c) by simulation, from pairs of runs. The cell of 128 rows carries 2π·4/128 to 2π·63/128; that
+# of 400 the wave numbers around resonance, 2π·91/400 to 2π·97/400, and antiresonance, 2π·133/400 to 2π·138/400.
+SPECTRUM = --workers 2 --set wave.amplitude=0.02 --set time.duration=120 --over time.timestep=0.05,0.025
+
+spectrum: .venv/ready
+	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=128 -o runs/spectrum/zone \
+	    --over wave.mode=TR,RT,L --over wave.wavenumber=0.1963495408:3.0925052684:60
+	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
+	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
+	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+
 gallery: .venv/ready
 	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
 
@@ -52,6 +65,11 @@ test: .venv/ready
 
 stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.md
+	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
+
+cost: .venv/ready
+	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost
+	$(BIN)/python -m analysis.accuracy runs/cost -o figures/accuracy.png
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks
@@ -70,4 +88,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum build dist .venv .pytest_cache .mypy_cache .ruff_cache

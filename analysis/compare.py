@@ -32,7 +32,6 @@ from analysis.theories import (
     best,
     drive_cancels,
     holding,
-    physics_of,
     trajectory,
 )
 from granular_lmp.record import Record
@@ -99,15 +98,17 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         measured=measured,
         fit_error=fit_error,
         notes=notes(record),
-        budget=record.info.get("error_budget", []),
+        budget=record.info.get("error_budget", []) if covered else [],
     )
 
 
 def notes(record: Record) -> list[str]:
-    """What in a run no theory here covers."""
+    """What in a run no theory here covers, and that it did not finish."""
     guards = record.info.get("guards", {})
-    loud = [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
-    physics = physics_of(record)
+    status = record.info.get("status", "finished")
+    loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
+    loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
+    physics = Wave.of(record).physics
     if not holding(physics):
         present = " and ".join(sorted(physics.beyond_the_paper & BEYOND_ALL))
         loud.append(f"{present} of contacts is in no theory here: the run is compared with nothing")

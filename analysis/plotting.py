@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from granular_lmp.record import GranularError, Record
@@ -27,6 +28,9 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
         raise SystemExit(str(error)) from error
     if len(record.tau) < 2:
         raise SystemExit(f"{folder}: {len(record.tau)} records; there is nothing to compare")
+    tracked = [x for x in (record.p, record.q, record.phi) if not (x is record.phi and np.isnan(x).all())]
+    if not all(np.isfinite(x).all() for x in tracked):
+        raise SystemExit(f"{folder}: the record holds numbers that are not finite; there is nothing to compare")
     return record
 
 

@@ -87,7 +87,8 @@ def error_budget(scene: Scene, estimate: dict[str, float] | None = None) -> list
         ("geometry", "theory", _geometry(scene, w), "sphere.radius x 2.83, or a theory with overlap_ratio"),
         ("perturbation order", "theory", _order(scene, w), "wave.amplitude x 0.71, or a theory of higher order"),
     ]
-    largest = {name: max(errors[name] for _, _, errors, _ in table) for name in stepped}
+    # An angle that is not tracked has no estimate
+    largest = {name: max(errors.get(name, 0.0) for _, _, errors, _ in table) for name in stepped}
     return [
         Source(
             name=label,
@@ -96,7 +97,7 @@ def error_budget(scene: Scene, estimate: dict[str, float] | None = None) -> list
             q=errors.get("q"),
             phi=errors.get("phi"),
             to_halve=to_halve,
-            dominates=tuple(name for name in errors if errors[name] == largest[name]),
+            dominates=tuple(name for name in largest if errors.get(name) == largest[name]),
         )
         for label, of, errors, to_halve in table
     ]

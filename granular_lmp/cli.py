@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from math import pi
+from math import inf, pi
 from typing import TYPE_CHECKING
 
 from granular_lmp import __version__
@@ -77,6 +77,14 @@ def _parser() -> argparse.ArgumentParser:
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
 
+    cost = _add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
+    _scene_arguments(cost)
+    cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
+    cost.add_argument("--repeats", type=_positive, default=5, metavar="N", help="rounds (default: 5)")
+    cost.add_argument(
+        "--budget", type=_seconds, default=inf, metavar="SECONDS", help="leave out what takes longest until this is met"
+    )
+
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     _scene_arguments(effects)
 
@@ -122,6 +130,11 @@ def _add(
 def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
     _changes_argument(parser, "wave.wavenumber=1.2")
+    parser.add_argument(
+        "--all-effects",
+        action="store_true",
+        help="switch every effect on that the scene has the numbers for, to compare with",
+    )
 
 
 def _changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
@@ -132,11 +145,6 @@ def _changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
         metavar="KEY=VALUE",
         dest="changes",
         help=f"change one value of the scene, for instance {example}; may be given more than once",
-    )
-    parser.add_argument(
-        "--all-effects",
-        action="store_true",
-        help="switch every effect on that the scene has the numbers for, to compare with",
     )
 
 
@@ -151,6 +159,16 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not seconds > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds above 0")
+    return seconds
+
+
 def _workers(text: str) -> int | str:
     return text if text == "mpi" else _positive(text)
 
@@ -161,10 +179,10 @@ def _scene(options: argparse.Namespace) -> "Scene":
     from granular_lmp.steplaw import drowned
 
     scene = Scene.load(options.scene)
-    if options.changes:
-        scene = scene.with_values(dict(assignment(change) for change in options.changes))
     if options.all_effects:
         scene = with_all(scene)
+    if options.changes:  # after that: what is said of one effect counts
+        scene = scene.with_values(dict(assignment(change) for change in options.changes))
     for remark in scene.remarks():
         print(f"note: {remark}", file=sys.stderr)
     for warning in [*warnings(select(scene)), *drowned(scene)]:
@@ -226,6 +244,28 @@ def _sweep(options: argparse.Namespace) -> int:
     return 0 if finished == len(done.rows) else 1
 
 
+def _cost(options: argparse.Namespace) -> int:
+    from granular_lmp.cost import measure, plan
+    from granular_lmp.tally import NOT_RUN, text
+
+    scene = _scene(options)
+    folder = options.output or f"costs/{scene.name}"
+    planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
+    print(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    for setting, reason in planned.left_out.items():
+        print(f"left out: {setting}: {reason}", file=sys.stderr)
+    sys.stdout.flush()
+
+    def progress(done: int, runs: int, left: float) -> None:
+        _progress(done, runs, "run", f", {left:.0f} s left")
+
+    with _interruptible() as bar:
+        result = measure(planned, progress=bar and progress)
+    print(text(result))
+    print(f"{folder}: cost.json, cost.csv")
+    return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
+
+
 @contextmanager
 def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
     """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
@@ -253,7 +293,7 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         print(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
-            print(f"warning: {name} = {guard['value']:.4g}: {guard['meaning']}", file=sys.stderr)
+            print(f"warning: {name} = {guard['value']}: {guard['meaning']}", file=sys.stderr)
     return 0
 
 
@@ -284,16 +324,15 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import mode_along_y
+    from granular_lmp.modes import Physics, mode_along_y
     from granular_lmp.packing import unit_lattice
-    from granular_lmp.scene import MODES
 
     scene = _scene(options)
-    packing = unit_lattice(scene.sphere)
+    packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
     print(f"xi = {scene.wavenumber!r} rad per row; t0 = {scene.sphere.time_scale:.6g} s; shapes with p2 + q2 + f2 = 1")
     print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
-    for name in MODES:
-        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name)
+    for name in physics.modes:
+        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name, physics)
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.uy:12.8f}{-mode.ux + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:

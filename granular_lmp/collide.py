@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
 from granular_lmp.deck import LOG, writable
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import LammpsError, SceneError
 from granular_lmp.launch import run_input
 from granular_lmp.units import units_for
 
@@ -134,18 +134,34 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         for old in (LOG, DUMP, COURSE, RESULT):
             (folder / old).unlink(missing_ok=True)
     run_input(folder, name)
-    result = _course(collision, folder)
-    _write_csv(result, folder / COURSE)
+    with writable(folder):
+        try:
+            result = _course(collision, folder)
+        except (ValueError, IndexError) as error:
+            raise LammpsError(f"{DUMP} is cut off: {error}", name, "") from error
+        _write_csv(result, folder / COURSE)
+    _refuse_defects(result, name)
     if result.overlap[-1] >= 0:
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
     return result
 
 
+def _refuse_defects(result: Result, input_name: str) -> None:
+    """LammpsError for a course of which LAMMPS did not complain, but which is none."""
+    signals = (result.overlap, result.normal_force, result.tangential_force, result.velocity, result.spin)
+    if not all(np.isfinite(x).all() for x in signals):
+        raise LammpsError("the course holds numbers that are not finite", input_name, "")
+    end = result.collision.collision.duration * result.collision.elastic_contact_time
+    if result.time[-1] < end * (1 - 1e-9):
+        raise LammpsError(f"the course ends at {result.time[-1]:.3g} s instead of {end:.3g} s", input_name, "")
+
+
 def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
     """Write `Result.numbers` and their errors into ``collision.json`` of the run folder."""
     table = {name: {"value": value, "error": errors[name]} for name, value in result.numbers().items()}
-    (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+    with writable(result.folder):
+        (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
 
 
 def _course(collision: Collision, folder: Path) -> Result:

@@ -14,7 +14,20 @@ from typing import Any, Self
 
 from granular_lmp import contact
 from granular_lmp.errors import SceneError
-from granular_lmp.fields import between, choice, declared, one_line, plain, record, refuse_unknown, shown, toml_lines
+from granular_lmp.fields import (
+    NOT_TOML,
+    between,
+    choice,
+    declared,
+    file_text,
+    first_file,
+    one_line,
+    plain,
+    record,
+    refuse_unknown,
+    shown,
+    toml_lines,
+)
 from granular_lmp.scene import LARGEST_OVERLAP_RATIO, SHIPPED, SPHERE_RULES
 from granular_lmp.sphere import Sphere
 from granular_lmp.units import units_for
@@ -100,15 +113,17 @@ class Collision:
     @classmethod
     def load(cls, source: str | Path) -> Self:
         """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
-        candidates = (Path(source), _SHIPPED / f"{source}.toml")
-        found = next((path for path in candidates if path.is_file()), None)
+        found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
+        text = file_text(found)
         try:
-            return cls.from_dict(tomllib.loads(found.read_text(encoding="utf-8")))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise SceneError(f"{found}: cannot be read as TOML: {one_line(error)}") from error
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
+            raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
+        try:
+            return cls.from_dict(tables)
         except SceneError as error:
             raise SceneError(f"{found}: {error}") from error
 
@@ -142,7 +157,10 @@ class Collision:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             refuse_unknown({table: None} if table else {}, _TABLES, "")
-            (tables[table] if table else tables)[name] = value
+            inner = tables[table] if table else tables
+            if not isinstance(inner, dict):
+                break  # an earlier change put a value in the table's place, which is what is wrong
+            inner[name] = value
         return self.from_dict(tables)
 
     # --- what follows from the values ---

@@ -30,6 +30,7 @@ SCENE = "scene.toml"
 DUMP = "dump.centre"
 PARTICLES = "dump.particles"
 LOG = "log.lammps"
+STATUS = "run.json"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
 
@@ -92,6 +93,7 @@ class Deck:
         folder = Path(folder)
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
+            (folder / STATUS).unlink(missing_ok=True)  # of the run of another deck
             for name, pieces in self.files().items():
                 with (folder / name).open("w", encoding="utf-8") as stream:
                     stream.writelines(pieces)
@@ -293,7 +295,7 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
 def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
     """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
-    watched = guards.lines([effect.guard for effect in chosen if effect.guard])
+    watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
     all_seen = scene.output.particles > 0
     plain = {
         "title": _title(scene),

@@ -8,6 +8,7 @@ each line and asks nobody.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Any
 
 from granular_lmp import contact, rules
@@ -34,7 +35,7 @@ class Effect:
     number, reason : float, str
         The number behind that, and the sentence that goes with it.
     guard : str
-        The guard (`granular_lmp.guards`) that watches while it is off; "" if none is needed.
+        The guard (`granular_lmp.guards`) that measures it, and fails the run while it is off; "" if none is needed.
     cost : str
         What it costs in time, measured (docs/effects.md).
     loss : str
@@ -67,7 +68,13 @@ class Row:
     off: Mapping[str, str] = field(default_factory=dict)
     law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}  # arguments of `granular_lmp.contact.model`
     needs: str = ""
+    refuse: Callable[[Case], str] = lambda case: ""  # why it cannot be as it is chosen
+    first_order: Callable[[Scene], bool] = lambda scene: (
+        False
+    )  # does it make LAMMPS's error one of first order in the step
     guard: str = ""
+    always: bool = False  # the guard measures, but does not judge, also while the effect is on
+    in_all: bool = True  # does `with_all` switch it on
     switch: str = ""
     declared: Callable[[Scene], bool] | None = None  # where it is no key of [effects]
 
@@ -77,7 +84,8 @@ ROWS = (
         "adhesion",
         rules.adhesion,
         law=lambda scene, on: {"normal": "dmt" if on else "hertz"},
-        cost="1.04",
+        in_all=False,
+        cost="1.00",
         loss=rules.without_adhesion,
     ),
     Row(
@@ -85,7 +93,8 @@ ROWS = (
         rules.shear,
         on={"friction": "<friction_variable>"},
         law=lambda scene, on: {"shear": scene.effects.shear_law if on else "none"},
-        cost="0.97",
+        first_order=lambda scene: scene.effects.shear_law == "incremental",
+        cost="1.20",
         loss=rules.without_shear,
     ),
     Row(
@@ -104,7 +113,7 @@ ROWS = (
         },
         off={"motion": "nve"},
         guard="largest_torque",
-        cost="1.01",
+        cost="1.03",
         loss=rules.without_rotation,
     ),
     Row(
@@ -124,8 +133,18 @@ ROWS = (
             "angle_name": " colname v_theta theta",
         },
         off={"atom_style": "sphere"},
-        cost="1.03",
+        cost="1.02",
         loss="the angle is not in the record",
+    ),
+    Row(
+        "damping",
+        rules.damping,
+        law=lambda scene, on: _dashpot(scene) if on else {},
+        refuse=rules.no_dashpot,
+        first_order=lambda scene: True,
+        in_all=False,
+        cost="1.03",
+        loss=rules.without_damping,
     ),
     Row(
         "sliding",
@@ -136,23 +155,22 @@ ROWS = (
             "friction_variable": "variable friction index $(<no_slip_friction>*v_amplitude:%.17g)"
             "  # no sliding; much more would freeze the shear"
         },
+        refuse=rules.no_friction,
+        first_order=lambda scene: True,
         guard="largest_slip",
+        always=True,
+        in_all=False,
         cost="1.00",
         loss=rules.without_sliding,
     ),
     Row(
-        "damping",
-        rules.damping,
-        law=lambda scene, on: _dashpot(scene) if on else {},
-        cost="1.00",
-        loss=rules.without_damping,
-    ),
-    Row(
         "contact_opening",
         rules.contact_opening,
+        first_order=lambda scene: True,
         guard="open_contacts",
+        always=True,
         cost="1.00",
-        loss="nothing in the deck: LAMMPS parts contacts by itself; the guard falls silent",
+        loss="the guard reports it; the deck is the same, as LAMMPS parts contacts by itself",
     ),
     Row(
         "walls",
@@ -192,43 +210,30 @@ def select(scene: Scene) -> list[Effect]:
     ------
     SceneError
         For an effect that is forced on without what it needs: another effect, or a coefficient; for restitution of
-        adhesive contacts, which LAMMPS does not have.
+        adhesive contacts, which LAMMPS does not have; for contacts that slide whatever they do.
     """
     on: dict[str, bool] = {}
     chosen = []
     for row in ROWS:
-        case = Case(scene, dict(on))
-        finding = row.rule(case)
-        on[row.name] = _is_on(row, scene, finding, on)
-        guard = row.guard if not on[row.name] and on.get(row.needs, True) else ""
+        case, possible = Case(scene, dict(on)), on.get(row.needs, True)
+        finding = row.rule(case) if possible else Finding(False, 0.0, f"needs {row.needs}, which is off")
+        on[row.name] = _is_on(row, scene, finding.called_for, possible)
+        guard = row.guard if possible and (row.always or not on[row.name]) else ""
         loss = (row.loss if isinstance(row.loss, str) else row.loss(case)) if finding.called_for else "nothing"
         switch = row.switch or f"effects.{row.name}"
         chosen.append(Effect(row.name, switch, on[row.name], *finding, guard=guard, cost=row.cost, loss=loss))
-    _refuse_impossible(scene, on)
+    for row in ROWS:
+        reason = row.refuse(Case(scene, on))
+        if reason:
+            raise SceneError(reason)
     return chosen
 
 
-def _is_on(row: Row, scene: Scene, finding: Finding, on: Mapping[str, bool]) -> bool:
+def _is_on(row: Row, scene: Scene, called_for: bool, possible: bool) -> bool:
     wanted = row.declared(scene) if row.declared else getattr(scene.effects, row.name)
-    possible = on.get(row.needs, True)
     if wanted is True and not possible:
         raise SceneError(f"effects.{row.name} = true: needs effects.{row.needs}, which is off")
-    return possible and finding.called_for if wanted == AUTO else bool(wanted)
-
-
-def _refuse_impossible(scene: Scene, on: Mapping[str, bool]) -> None:
-    effects = scene.effects
-    if on["sliding"] and effects.friction == AUTO:
-        raise SceneError(
-            "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
-        )
-    if on["damping"] and effects.viscosity == 0 and effects.restitution == 1:
-        raise SceneError("effects.damping = true: needs effects.viscosity above 0 or effects.restitution below 1")
-    if on["damping"] and effects.restitution < 1 and on["adhesion"]:
-        raise SceneError(
-            f"effects.restitution = {effects.restitution!r}: LAMMPS has it for contacts without adhesion only; "
-            "use effects.viscosity, or effects.adhesion = false with packing.contact_force"
-        )
+    return possible and called_for if wanted == AUTO else bool(wanted)
 
 
 def resolve(scene: Scene) -> tuple[Scene, list[Effect]]:
@@ -245,29 +250,46 @@ def resolve(scene: Scene) -> tuple[Scene, list[Effect]]:
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
     resolved = scene.with_values(values)
-    if scene.time.tolerance is None and scene.time.step >= largest_step(resolved):
+    limit = largest_step(resolved)
+    if scene.time.tolerance is None and scene.time.step >= limit:
+        name = "2/Omega_max, less with dashpots," if resolved.effects.damping is True else "2/Omega_max"
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
-            f"must be below 2/Omega_max = {largest_step(resolved):.6g}, in tau"
+            f"must be below {name} = {limit:.6g}, in tau"
         )
     return resolved, chosen
 
 
 def largest_step(scene: Scene) -> float:
-    """2/Ω_max, τ: the stability limit of velocity Verlet in the scene's lattice."""
-    return 2 / highest_frequency(unit_lattice(scene.sphere), scene.sphere, Physics.of(scene))
+    """The stability limit of velocity Verlet in the scene's lattice, τ: 2/Ω_max, less with dashpots.
+
+    LAMMPS's dashpots see the velocity of half a step before, which makes (ΩΔτ)² + 2cλΔτ < 4 of it, with c in m/t0 and
+    λ = 2(κ+3)Ω²/min(κ, 1) at the most.
+    """
+    physics = Physics.of(scene)
+    top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)
+    kappa = scene.sphere.stiffness_ratio
+    drag = 0.0
+    if scene.effects.damping is not False:
+        drag = Case(scene).viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
+    return 2 / top / (hypot(drag * top / 2, 1) + drag * top / 2)
+
+
+def order(scene: Scene) -> int:
+    """Order of LAMMPS's error in the time step: 2, that of velocity Verlet, or 1 where an effect spoils it.
+
+    Dashpots see the velocity of half a step ago; an incremental shear force is summed with the stiffness of the step
+    before; a contact that slides or opens does so inside a step.
+    """
+    spoilt = (
+        row.first_order(scene) for row in ROWS if row.declared is None and getattr(scene.effects, row.name) is True
+    )
+    return 1 if any(spoilt) else 2
 
 
 def with_all(scene: Scene) -> Scene:
-    """The scene with every effect on that it has the numbers for, to compare with."""
-    effects, material = scene.effects, scene.material
-    able = {
-        "adhesion": material.work_of_adhesion > 0,
-        "sliding": effects.friction != AUTO,
-        "damping": effects.viscosity > 0 or effects.restitution < 1,
-    }
-    names = [row.name for row in ROWS if row.declared is None]
-    return scene.with_values({f"effects.{name}": able.get(name, True) for name in names})
+    """The scene with everything on that does not change its lattice or needs a coefficient, to compare with."""
+    return scene.with_values({f"effects.{row.name}": True for row in ROWS if row.declared is None and row.in_all})
 
 
 def warnings(chosen: list[Effect]) -> list[str]:
@@ -288,7 +310,8 @@ def values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         row = rows[effect.name]
         lines |= row.on if effect.on else row.off
         law |= row.law(scene, effect.on)
-    case, sphere, effects = Case(scene), scene.sphere, scene.effects
+    on = {effect.name: effect.on for effect in chosen}
+    case, sphere, effects = Case(scene, on), scene.sphere, scene.effects
     return lines | {
         "contact": contact.pair(contact.model(sphere, units, **law)),
         "friction_given": repr(effects.friction),

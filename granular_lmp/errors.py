@@ -6,6 +6,10 @@ class GranularError(Exception):
 
     exit_status = 1
 
+    def __str__(self) -> str:
+        # A key or a folder may hold a line break, an escape sequence of the terminal, or what UTF-8 cannot write
+        return "".join(c if c.isprintable() else repr(c)[1:-1] for c in super().__str__())
+
 
 class SceneError(GranularError):
     """A scene says something that cannot be simulated; the text names the key, the value and what is allowed."""

@@ -11,11 +11,16 @@ from dataclasses import MISSING, Field, dataclass, field, fields
 from decimal import Decimal
 from difflib import get_close_matches
 from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import SceneError
 
 AUTO = "auto"
+# What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits; and it follows brackets in
+# brackets as deep as Python's stack
+NOT_TOML = (ValueError, RecursionError)
+LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 
 @dataclass(frozen=True)
@@ -117,18 +122,39 @@ def assignment(text: str) -> tuple[str, Any]:
     """``("wave.wavenumber", 1.2)`` from ``"wave.wavenumber=1.2"``; a value that is not TOML is taken as a bare word."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
-        raise SceneError(f"{text!r}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
+        raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
     try:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+    except NOT_TOML:
         return key.strip(), value.strip()
+
+
+def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
+    """The first of the candidates that is a file; SceneError where no file can be of that name."""
+    try:
+        return next((path for path in candidates if path.is_file()), None)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
+
+
+def file_text(path: Path) -> str:
+    """The text of a scene file; SceneError when it cannot be read, is not UTF-8, or is far too large for one."""
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST_FILE + 1)
+        text = raw.decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
+    if len(raw) > LARGEST_FILE:
+        raise SceneError(f"{path}: is no scene file: larger than {LARGEST_FILE} bytes")
+    return text
 
 
 def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:
     """SceneError for the first key that is none of `names`."""
     for key in table:
         if key not in names:
-            raise SceneError(f"{prefix}{key}: unknown key; {allowed_names(key, names)}")
+            raise SceneError(f"{prefix}{cut(key)}: unknown key; {allowed_names(key, names)}")
 
 
 def allowed_names(key: str, names: Iterable[str]) -> str:
@@ -139,7 +165,14 @@ def allowed_names(key: str, names: Iterable[str]) -> str:
 
 def shown(value: Any) -> str:
     """A value for an error message, cut to one line of 60 characters."""
-    text = repr(value)
+    try:
+        return cut(repr(value))
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return "(a number of thousands of digits)"
+
+
+def cut(text: str) -> str:
+    """The first 60 characters of a text."""
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from granular_lmp.effects import resolve
 from granular_lmp.errors import SceneError
+from granular_lmp.fields import cut, shown
 from granular_lmp.scene import Scene, assignment
 
 MOST_RUNS = 100_000  # each a folder; file systems and the table stay quick up to here
@@ -28,7 +29,9 @@ def axis(text: str) -> tuple[str, list[Any]]:
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not all(value.strip() for value in values.split(",")):
-        raise SceneError(f"{text!r}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT")
+        raise SceneError(
+            f"{shown(text)}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT"
+        )
     return key.strip(), [value for item in values.split(",") for value in _item(item, text)]
 
 
@@ -38,7 +41,7 @@ def axes(texts: Iterable[str]) -> dict[str, list[Any]]:
     for text in texts:
         key, values = axis(text)
         if key in over:
-            raise SceneError(f"{key}: is swept over twice; put all its values together, with commas")
+            raise SceneError(f"{cut(key)}: is swept over twice; put all its values together, with commas")
         over[key] = values
     return over
 
@@ -50,10 +53,10 @@ def _item(item: str, text: str) -> list[Any]:
         first, last, count = item.split(":")
         start, end = (Fraction(repr(float(number))) for number in (first, last))  # 0.05 is 1/20, not its double
         steps = int(count) - 1
-    except ValueError as error:
-        raise SceneError(f"{text!r}: {item!r} must be FIRST:LAST:COUNT, three numbers") from error
+    except (ValueError, OverflowError) as error:
+        raise SceneError(f"{shown(text)}: {shown(item)} must be FIRST:LAST:COUNT, three numbers") from error
     if not 1 <= steps < MOST_RUNS:
-        raise SceneError(f"{text!r}: {item!r} must have a COUNT from 2 to {MOST_RUNS}")
+        raise SceneError(f"{shown(text)}: {shown(item)} must have a COUNT from 2 to {MOST_RUNS}")
     values = [start + (end - start) * k / steps for k in range(steps + 1)]
     whole = all(value.denominator == 1 for value in values)
     return [int(value) if whole else float(value) for value in values]
@@ -71,7 +74,7 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
     if not over or empty:
         raise SceneError(f"{empty[0] if empty else 'sweep'}: there is no value to sweep over")
     if "name" in over:
-        raise SceneError(f"name = {over['name'][0]!r}: cannot be swept over; it does not change the run")
+        raise SceneError(f"name = {shown(over['name'][0])}: cannot be swept over; it does not change the run")
     count = prod(map(len, over.values()))
     if count > MOST_RUNS:
         raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
@@ -82,7 +85,7 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
             one = scene.with_values(point)
             name = scene_hash(one)
         except SceneError as error:
-            said = ", ".join(f"{key} = {value!r}" for key, value in point.items())
+            said = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
         made.append((point, name, one))
     return made

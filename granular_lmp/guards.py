@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from granular_lmp.rounding import farthest_rounding
 from granular_lmp.scene import Scene
 
-INTERVAL = 50  # steps between two looks
+INTERVAL = 50  # steps between two looks, a few percent of the time
+LONGEST = 10.0  # τ between two looks; a wave takes all its phases somewhere in the crystal at any time
 
 # What a symmetry forbids stays at rounding: half of that of the farthest position (spread), 25 times that (torque). For
 # a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is no rounding, and harms nothing yet.
@@ -62,7 +63,7 @@ GUARDS = {
             *_OVERLAP,
             "compute      total all reduce sum c_gap inputs local",
             "compute      mean all reduce ave c_gap inputs local",
-            "variable     open equal <contacts>-round(c_total/c_mean)  # contacts opened since the start",
+            "variable     open equal <contacts>-round(c_total/(c_mean+(c_mean==0)))  # contacts opened since the start",
         ),
         limit=0.0,
         meaning="contacts opened: no closed form holds, and shear forces are lost",
@@ -100,13 +101,24 @@ GUARDS = {
         ),
         limit=BROKEN_SYMMETRY,
         roundings=ROUNDINGS,
-        meaning="D0 is how far the spheres of one row are apart: the wave is no longer plane",
+        meaning="D0 are between spheres of the centre row: the wave is no longer plane, and needs more packing.columns",
     ),
 }
 
 
-def lines(names: list[str]) -> list[str]:
-    """The lines of some guards, each once, and the thermo output of all."""
+def interval(step: float) -> int:
+    """Steps between two looks for a step in τ."""
+    return max(1, min(INTERVAL, round(LONGEST / step)))
+
+
+def lines(names: list[str], step: float) -> list[str]:
+    """The lines of some guards, each once, and the thermo output of all; step in τ."""
     texts = list(dict.fromkeys(line for name in names for line in GUARDS[name].lines))
     columns = list(dict.fromkeys(column for name in names for column in GUARDS[name].columns))
-    return [*texts, " ".join(["thermo_style custom step v_tau", *columns]), f"thermo       {INTERVAL}"]
+    style = " ".join(["thermo_style custom step v_tau", *columns])
+    return [
+        *texts,
+        style,
+        "thermo_modify flush yes  # a killed run has heard them too",
+        f"thermo       {interval(step)}",
+    ]

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, Deck, build, resume_text, writable
+from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, Deck, build, resume_text, writable
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -30,8 +30,18 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.guards import GUARDS, interval
 from granular_lmp.locate import lammps_module, lmp_command
-from granular_lmp.record import TRAJECTORY, Record, mend_dump, read_log, read_status, write_status
+from granular_lmp.record import (
+    TRAJECTORY,
+    Record,
+    mend_dump,
+    mend_log,
+    read_log,
+    read_status,
+    replace_text,
+    write_status,
+)
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome, woken
 
@@ -103,20 +113,33 @@ def run(
     RunInterrupted
         On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
     """
+    return run_deck(build(scene), folder, launcher=launcher, ranks=ranks, force=force, progress=progress)
+
+
+def run_deck(
+    deck: Deck,
+    folder: str | Path,
+    *,
+    launcher: str = "module",
+    ranks: int = 1,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Record:
+    """`run` for a deck that is built already, and whose text may have been edited since; `resume` knows no edits."""
     if launcher not in LAUNCHERS:
         raise LaunchError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
     if not 1 <= ranks <= core_count():
         # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
         raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
-    deck = build(scene)
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder).absolute()
     with locked(folder, make=True, force=force) as lock:
         deck.write(folder, force=True)
-        (folder / SCENE).write_text(deck.scene.to_toml(), encoding="utf-8")  # of a run: with every choice written out
-        for name in (LOG, DUMP, PARTICLES, TRAJECTORY, *CHECKPOINTS):
-            (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
+        with writable(folder):
+            replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
+            for name in (LOG, DUMP, PARTICLES, TRAJECTORY, *CHECKPOINTS):
+                (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
         return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
 
@@ -124,7 +147,8 @@ def run(
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
 
-    The dumps end up with the same bytes as if the run had not been stopped.
+    The dumps end up with the same bytes as if the run had not been stopped; with damping or sliding they differ by up
+    to 1e-6 D0, as LAMMPS sets a run up with other velocities than those between its steps.
 
     Raises
     ------
@@ -137,18 +161,30 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     info = read_status(folder)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+    if not {"launcher", "ranks", "effects", "versions"} <= set(info):
+        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
     deck = build(Scene.load(folder / "scene.toml"))
-    checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and path.stat().st_size]
+    checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
     if not checkpoints or not (folder / DUMP).is_file():
         raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
     last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
     route = _route(info["launcher"] == "lmp", info["ranks"])
     name = f"{deck.input_name}.resume"
     with locked(folder) as lock:
-        (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-        _mend(folder)
+        with writable(folder):
+            (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
+            _mend(folder)
+            mend_log(folder / LOG)
         # The input opens the log itself, to append to it
         return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
+
+
+def _is_whole(checkpoint: Path) -> bool:
+    """Whether LAMMPS wrote a restart file to its end, which is marked as its beginning is (``lmprestart.h``)."""
+    mark = b"LammpS RestartT\0"
+    with checkpoint.open("rb") as stream:
+        stream.seek(max(0, checkpoint.stat().st_size - len(mark)))
+        return stream.read() == mark
 
 
 def run_input(folder: Path, input_name: str) -> None:
@@ -178,7 +214,8 @@ def _teller(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
 def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
     """Run an input in its folder, collect what it recorded, and say in ``run.json`` how it ended."""
     folder, started = job.folder, time.perf_counter()
-    write_status(folder, info | {"status": "running", "message": "started"})
+    with writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
     failure: BaseException | None = None
     try:
         route(job)
@@ -186,14 +223,19 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
         failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept")
     except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
         failure = error
-    record = _collect(folder, deck.scene)
-    failure = failure or _defect(record, job)
-    info = info | outcome(folder, record, time.perf_counter() - started, info)
-    awake = woken(info)
-    if awake and failure is None:
-        failure = EffectError(f"{folder}: {'; '.join(awake)}")
+    try:
+        with writable(folder):
+            record = _collect(folder, deck.scene)
+        info = info | outcome(folder, record, time.perf_counter() - started, info)
+        failure = failure or _defect(record, job, list(info["guards"]))
+        awake = woken(info)
+        if awake and failure is None:
+            failure = EffectError(f"{folder}: {'; '.join(awake)}")
+    except (RunFolderError, LammpsError) as error:  # the disk is full, or what LAMMPS left is not what it writes
+        failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
-    write_status(folder, info | {"status": status, "message": str(failure or "")})
+    with writable(folder):
+        write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure
     job.tell(deck.scene.time.steps)
@@ -225,7 +267,10 @@ def _collect(folder: Path, scene: Scene) -> Record:
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
     _mend(folder)
-    record = Record.from_dump(folder, scene)
+    try:
+        record = Record.from_dump(folder, scene)
+    except RunFolderError as error:
+        raise LammpsError(str(error), f"in.{scene.name}", _log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)
     return record
 
@@ -235,7 +280,7 @@ def _mend(folder: Path) -> None:
         mend_dump(path)
 
 
-def _defect(record: Record, job: Job) -> LammpsError | None:
+def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     """What is wrong with a record of which LAMMPS did not complain."""
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
@@ -243,6 +288,15 @@ def _defect(record: Record, job: Job) -> LammpsError | None:
         return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))
+    # LAMMPS does not notice when its log cannot be written; a guard that was not heard must not pass for a silent one
+    table, _ = read_log(job.folder / LOG)
+    time_ = record.scene.time
+    looks = np.append(np.arange(0, time_.steps, interval(time_.step)), time_.steps)
+    missed = np.setdiff1d(looks, table.get("Step", []))
+    unheard = [name for name in guards if GUARDS[name].columns[0] not in table]
+    if len(missed) or unheard:
+        lack = f"step {missed[0]}" if len(missed) else f"the guard {unheard[0]}"
+        return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
     return None
 
 

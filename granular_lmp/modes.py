@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.errors import SceneError
 from granular_lmp.packing import ROW_SPACING, centre, contacts, lattice_constant
-from granular_lmp.scene import Scene
+from granular_lmp.scene import MODES, Scene
 from granular_lmp.sphere import INERTIA_RATIO, Sphere
 
 _UX, _UY, _F = range(3)
@@ -64,7 +64,13 @@ class Physics:
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """Those of a scene's lattice; what is not decided yet is there."""
-        return cls(scene.effects.shear is not False, scene.effects.rotation is not False)
+        shear = scene.effects.shear is not False
+        return cls(shear, shear and scene.effects.rotation is not False)  # nothing else turns a sphere
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the modes along y that there are."""
+        return MODES if self.rotation else MODES[:2]
 
     @property
     def coordinates(self) -> list[int]:

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.modes import mode_along_y
-from granular_lmp.scene import MODES, Scene
+from granular_lmp.modes import Physics, mode_along_y
+from granular_lmp.scene import Scene
 
 # Told apart by colour, and without it by the dashes.
 LINES = {
@@ -73,14 +73,15 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
 
 
 def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
-    """Ω(ξ) of L, TR and RT along y with the scene's wave marked; a second axis in MHz."""
+    """Ω(ξ) of the modes along y with the scene's wave marked; a second axis in MHz."""
     wavenumbers = np.linspace(0.01, np.pi, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    for name in MODES:
-        branch = [mode_along_y(packing, scene.sphere, xi, name).frequency for xi in wavenumbers]
+    physics = Physics.of(scene)
+    for name in physics.modes:
+        branch = [mode_along_y(packing, scene.sphere, xi, name, physics).frequency for xi in wavenumbers]
         axes.plot(wavenumbers, branch, label=name, **LINES[name])  # type: ignore[arg-type]
-    wave = mode_along_y(packing, scene.sphere, scene.wavenumber, scene.wave.mode)
+    wave = mode_along_y(packing, scene.sphere, scene.wavenumber, scene.wave.mode, physics)
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
     axes.set_ylim(bottom=0)

@@ -6,12 +6,13 @@ what post-processing scripts may import.
 """
 
 import csv
+import io
 import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import import_module
-from itertools import islice
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import DUMP
+from granular_lmp.deck import STATUS as STATUS
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.scene import Scene
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from granular_lmp.plots import Picture
 
 TRAJECTORY = "trajectory.csv"
-STATUS = "run.json"
 HEADER = ["tau", "p", "q", "phi"]
 # Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
 DUMP_COLUMNS = (
@@ -36,7 +37,8 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy"],
 )
-_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump
+_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
+_SNAPSHOT = b"ITEM: TIMESTEP\n"
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,11 +79,15 @@ class Record:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         scene = Scene.load(folder / "scene.toml")
         try:
-            with (folder / TRAJECTORY).open(newline="", encoding="utf-8") as stream:
-                lines = list(csv.reader(stream))
+            text = (folder / TRAJECTORY).read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                raise ValueError("its last line is cut off")
+            lines = list(csv.reader(text.splitlines()))
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
+            if len(tau) != info.get("samples", len(tau)):
+                raise ValueError(f"{len(tau)} records, and {STATUS} says {info['samples']}")
         except (OSError, ValueError, IndexError) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
         return cls(tau, p, q, phi, scene, info, folder)
@@ -104,10 +110,11 @@ class Record:
 
     def write_csv(self, path: str | Path) -> None:
         """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
-        with Path(path).open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(HEADER)
-            writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+        replace_text(Path(path), stream.getvalue())
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
@@ -231,25 +238,37 @@ class Snapshot:
 
 
 def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """The snapshots of a LAMMPS text dump, in the order of the file, up to the first that is cut off."""
+    """The whole snapshots of a LAMMPS text dump, in the order of the file, without those of no particles."""
+    begin = end = lines = 0
+    head: list[bytes] = []
+    last = b""
     with Path(path).open("rb") as stream:
-        begin = 0
-        while len(head := list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
-            particles, end, line, lines = int(head[3]), begin + sum(map(len, head)), b"", 0
-            for line in islice(stream, particles):
-                end += len(line)
-                lines += 1
-            if lines < particles or not (line or head[-1]).endswith(b"\n"):
-                return
-            yield Snapshot(int(head[1]), particles, begin, end)
-            begin = end
+        for line in chain(stream, [_SNAPSHOT]):
+            cut = line.find(_SNAPSHOT)
+            if cut > 0:  # the one before was cut off within its last line
+                lines, last = lines + 1, line[:cut]
+            if cut >= 0:
+                end += cut
+                if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
+                    yield Snapshot(int(head[1]), int(head[3]), begin, end)
+                begin, lines, head = end, 0, []
+            last = line[max(cut, 0) :]
+            if lines < _LINES_BEFORE_ATOMS:
+                head.append(last)
+            lines += 1
+            end += len(last)
+
+
+def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
+    numbers = [line.strip() for line in head[1:4:2]]
+    return particles > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == particles and last.endswith(b"\n")
 
 
 def mend_dump(path: str | Path) -> None:
     """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
 
-    A snapshot cut off at the end goes; of those that the continuation wrote again, the first. A file that is already
-    that of one run is left alone.
+    A snapshot cut off in the middle goes, and one without particles, which were lost; of those that the continuation
+    wrote again, the first. A file that is already that of one run is left alone.
     """
     path = Path(path)
     kept: list[Snapshot] = []
@@ -267,27 +286,31 @@ def mend_dump(path: str | Path) -> None:
     os.replace(draft, path)
 
 
+def mend_log(path: str | Path) -> None:
+    """Take the last line off a log that a killed run wrote if it was cut off, so that the continuation starts a new."""
+    text = Path(path).read_bytes()
+    os.truncate(path, text.rfind(b"\n") + 1)
+
+
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
     """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
 
-    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended.
+    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended. A
+    last line without its end is left out.
     """
     tables: dict[tuple[str, ...], list[list[float]]] = {}
     seconds: dict[tuple[str, ...], float] = {}
     names: tuple[str, ...] = ()
     try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")
+        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     inside = False
-    for line in [*lines, "Step"]:
+    for line in lines:
         words = line.split()
         if words[:1] == ["Step"]:
-            if inside and tables[names]:
-                tables[names].pop()  # the run was stopped here, and its last line may be cut off
-            if len(words) > 1:
-                names, inside = tuple(words), True
-                tables.setdefault(names, [])
+            names, inside = tuple(words), True
+            tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
             seconds[names] = seconds.get(names, 0.0) + float(words[3])
             inside = False

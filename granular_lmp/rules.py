@@ -8,7 +8,7 @@ for sliding and opening. What they miss, the guards see (`granular_lmp.guards`).
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import exp, inf
+from math import exp, hypot, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,8 @@ class Case:
     @cached_property
     def mode(self) -> Mode:
         """The mode of the lattice with these effects; those that are not decided yet are on."""
-        return self.mode_with(Physics(self.on.get("shear", True), self.on.get("rotation", True)))
+        shear = self.on.get("shear", True)
+        return self.mode_with(Physics(shear, self.on.get("rotation", shear)))
 
     def mode_with(self, physics: Physics) -> Mode:
         """The mode of the scene's wave in a lattice with other physics."""
@@ -62,9 +63,22 @@ class Case:
     def no_slip_friction(self) -> float:
         """Friction coefficient per amplitude a at which nothing slides: 10/(1 + s), s the share of adhesion.
 
-        The sliding force at rest is μ(AΔ0^{3/2} + F), and 1 + s that over the force that holds the contact.
+        The sliding force at rest is μ(AΔ0^{3/2} + F), and 1 + s that over the force that holds the contact. Dashpots
+        push along with the springs: as much more friction as `shear_stiffness` is above κ.
         """
-        return FRICTION_PER_AMPLITUDE / (1 + self.adhesive_share)
+        return (
+            FRICTION_PER_AMPLITUDE
+            / (1 + self.adhesive_share)
+            * self.shear_stiffness
+            / self.scene.sphere.stiffness_ratio
+        )
+
+    @property
+    def shear_stiffness(self) -> float:
+        """|κ + 2(κ+3) i c Ω|, spring and dashpot c of a sheared contact, in k1 (k1 t0²/m = 1/(2(κ+3)))."""
+        kappa = self.scene.sphere.stiffness_ratio
+        dashpot = self.viscosity if self.on.get("damping", True) else 0.0
+        return hypot(kappa, 2 * (kappa + 3) * dashpot * self.mode.frequency)
 
     @property
     def adhesive_share(self) -> float:
@@ -85,21 +99,20 @@ class Case:
         return dashpot * sphere.time_scale / sphere.mass
 
     def largest_slip(self) -> float:
-        """Largest F_t over the sliding force μ(Aδ^{3/2} + F), of all contacts over a period.
+        """Largest shear force of the wave over the sliding force μ(Aδ^{3/2} + F) of the contact that touches least.
 
-        With δ = Δ0(1−x), F_t = g1 t √(1−x), and in units of the force that holds the contact at rest, (2/3) k1 Δ0:
+        With δ = Δ0(1−x) and F_t = g1 t √(1−x), in units of the force that holds a contact at rest, (2/3) k1 Δ0:
 
-            1.5 κ |t| (1−x)^{1/2} / (μ [(1−x)^{3/2} + s])
+            max 1.5 κ |t| (1−x)^{1/2} / (μ [(1 − max x)^{3/2} + s])
 
-        Infinite where a contact without adhesion opens.
+        This is what the guard measures, and never less than the truth. Infinite where contacts without adhesion open.
         """
         cosine = np.cos(np.linspace(0, np.pi, 181))[:, None]
         normal, shear = self.stretches
         overlap = np.maximum(1 - normal * cosine, 0.0)
-        force = 1.5 * self.scene.sphere.stiffness_ratio * np.abs(shear * cosine) * np.sqrt(overlap)
-        limit = self.friction * (overlap**1.5 + self.adhesive_share)
-        opened = (overlap == 0) & (limit == 0)
-        return float(np.max(np.where(opened, inf, force / np.where(limit > 0, limit, 1.0))))
+        force = 1.5 * self.shear_stiffness * float(np.max(np.abs(shear * cosine) * np.sqrt(overlap)))
+        limit = self.friction * (float(np.min(overlap)) ** 1.5 + self.adhesive_share)
+        return force / limit if limit > 0 else inf
 
 
 # --- the rules -------------------------------------------------------------------------------------------------------
@@ -152,12 +165,9 @@ def damping(case: Case) -> Finding:
 
 def contact_opening(case: Case) -> Finding:
     smallest = 1 - float(np.max(np.abs(case.stretches[0])))
-    said = (
-        "of the static overlap is left at the contact that is pulled most"
-        if smallest > 0
-        else ("of the static overlap would be left: contacts open, and no closed form holds")
-    )
-    return Finding(smallest <= 0, smallest, said)
+    if smallest > 0:
+        return Finding(False, smallest, "of the static overlap is left at the contact that is pulled most")
+    return Finding(True, -smallest, "of the static overlap is how far the contact that is pulled most opens")
 
 
 def walls(case: Case) -> Finding:
@@ -211,4 +221,36 @@ def without_sliding(case: Case) -> str:
 
 
 def without_damping(case: Case) -> str:
-    return f"the wave keeps what should decay to {exp(-_decay(case) * case.scene.time.duration):.3g} of it"
+    return f"nothing decays, where {exp(-_decay(case) * case.scene.time.duration):.3g} of the wave should be left"
+
+
+# --- what cannot be --------------------------------------------------------------------------------------------------
+
+
+def no_friction(case: Case) -> str:
+    """Why contacts cannot be let slide, or be kept from it; "" if they can."""
+    if case.scene.effects.friction != AUTO:
+        return ""
+    if case.on["sliding"]:
+        return "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
+    if case.on["shear"] and case.largest_slip() >= 1:
+        return (
+            'effects.friction = "auto": must be a number in (0, 1e4], as contacts without adhesion that open slide '
+            "before, whatever their friction"
+        )
+    return ""
+
+
+def no_dashpot(case: Case) -> str:
+    """Why contacts cannot be damped; "" if they can."""
+    effects = case.scene.effects
+    if not case.on["damping"]:
+        return ""
+    if case.viscosity == 0:
+        return "effects.damping = true: needs effects.viscosity above 0 or effects.restitution below 1"
+    if effects.restitution < 1 and case.on["adhesion"]:
+        return (
+            f"effects.restitution = {effects.restitution!r}: LAMMPS has it for contacts without adhesion only; "
+            "use effects.viscosity, or effects.adhesion = false with packing.contact_force"
+        )
+    return ""

@@ -6,6 +6,7 @@ rad per row, amplitudes in units of the static overlap Δ0. What is declared "au
 the packing (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
 """
 
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -17,11 +18,15 @@ from typing import Any, Self
 from granular_lmp.errors import SceneError
 from granular_lmp.fields import (
     AUTO,
+    NOT_TOML,
     Rule,
     allowed_names,
     between,
     choice,
+    cut,
     declared,
+    file_text,
+    first_file,
     one_line,
     plain,
     record,
@@ -31,7 +36,7 @@ from granular_lmp.fields import (
     toml_lines,
 )
 from granular_lmp.fields import assignment as assignment
-from granular_lmp.shape import FEWEST_COLUMNS, Auto, Shape, decide, echo_time, snapped
+from granular_lmp.shape import FEWEST_COLUMNS, LARGEST_CELL, SNAP, Auto, Shape, decide, echo_time, snapped
 from granular_lmp.sphere import Sphere
 
 SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
@@ -76,9 +81,7 @@ class Wave:
     """Plane wave cos(ξn − Ωτ + phase) along +y in one Bloch mode, n = 0 at the centre row, amplitude D0/Δ0."""
 
     mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
-    wavenumber: float = declared(
-        float, "xi, rad per row", "a number in (0, pi], rad per row", lambda value: 0 < value <= pi
-    )
+    wavenumber: float = declared(float, "xi, rad per row", "a number in [1e-9, pi], rad per row", between(1e-9, pi))
     amplitude: float = declared(
         float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
     )
@@ -87,6 +90,7 @@ class Wave:
     )
 
 
+FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18
 # Of each pair a scene holds one; `with_values` of one replaces the other.
 EXCLUSIVE = {"time.tolerance": "time.timestep", "time.timestep": "time.tolerance"}
 
@@ -98,9 +102,9 @@ class Time:
     With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
     """
 
-    duration: float = declared(float, "tau", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7)
+    duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
     timestep: float = declared(
-        float, "tau, at most", "a number in (0, 2], in tau", lambda value: 0 < value <= 2, default=0.05
+        float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
     )
     tolerance: float | None = declared(
         float,
@@ -110,7 +114,7 @@ class Time:
         default=None,
     )
     sample: float = declared(
-        float, "tau between records", "a number in (0, 1e7], in tau", lambda value: 0 < value <= 1e7, default=0.5
+        float, "tau between records", f"a number in [{FINEST:g}, 1e7], in tau", between(FINEST, 1e7), default=0.5
     )
     allow_echo: bool = declared(
         bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
@@ -231,6 +235,8 @@ def note(key: str) -> str:
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
+EPSILON = sys.float_info.epsilon
+FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or nothing at all, without a sign of it
 
 
 @dataclass(frozen=True, repr=False)
@@ -262,18 +268,11 @@ class Scene:
     def load(cls, source: str | Path) -> Self:
         """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``."""
         path = Path(source)
-        candidates = [path, path / "scene.toml", SHIPPED / path / "scene.toml"]
-        try:
-            found = next((candidate for candidate in candidates if candidate.is_file()), None)
-        except (OSError, ValueError) as error:
-            raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
+        found = first_file(source, (path, path / "scene.toml", SHIPPED / path / "scene.toml"))
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
-        try:
-            text = found.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise SceneError(f"{found}: cannot be read as UTF-8 text: {one_line(error)}") from error
+        text = file_text(found)
         try:
             return cls.loads(text)
         except SceneError as error:
@@ -283,9 +282,10 @@ class Scene:
     def loads(cls, text: str) -> Self:
         """Scene from TOML text."""
         try:
-            return cls.from_dict(tomllib.loads(text))
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
             raise SceneError(f"not valid TOML: {one_line(error)}") from error
+        return cls.from_dict(tables)
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any]) -> Self:
@@ -327,10 +327,13 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in _TABLES:
-                raise SceneError(f"{key}: unknown key; {allowed_names(table, _TABLES)}")
+                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, _TABLES)}")
+            inner = tables[table] if table else tables
+            if not isinstance(inner, dict):
+                break  # an earlier change put a value in the table's place, which is what is wrong
             if key in EXCLUSIVE and EXCLUSIVE[key] not in changes:
-                tables[table].pop(EXCLUSIVE[key].rpartition(".")[2], None)
-            (tables[table] if table else tables)[name] = value
+                inner.pop(EXCLUSIVE[key].rpartition(".")[2], None)
+            inner[name] = value
         return Scene.from_dict(tables)
 
     def __repr__(self) -> str:
@@ -430,6 +433,11 @@ class Scene:
 
     def _check_packing(self) -> None:
         rows, columns, ends = self.shape.rows, self.shape.columns, self.shape.ends
+        if self.packing.rows == AUTO and abs(self.wavenumber - self.wave.wavenumber) > SNAP:
+            raise SceneError(
+                f'packing.rows = "auto": no periodic cell of at most {LARGEST_CELL} rows carries wave.wavenumber = '
+                f'{self.wave.wavenumber!r} to {SNAP:g}; must be a number, or packing.ends = "fixed"'
+            )
         if ends == "fixed" and rows % 2 == 0:
             raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
         if ends == "periodic" and rows % 2:
@@ -438,6 +446,13 @@ class Scene:
             raise SceneError(
                 f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
                 "spheres (LAMMPS takes 690 MB for each million)"
+            )
+        # Half the packing is farther from the origin than a quarter of its length; there the wave has to be seen
+        smallest = FEWEST_ROUNDINGS * EPSILON * rows / 4 * self.sphere.lattice_constant / self.sphere.static_overlap
+        if self.wave.amplitude < smallest:
+            raise SceneError(
+                f"wave.amplitude = {self.wave.amplitude!r}: must be at least {smallest:.3g} with this sphere in {rows} "
+                f"rows, or D0 is less than {FEWEST_ROUNDINGS:g} roundings of a position"
             )
         if self.wavenumber == 0:
             raise SceneError(

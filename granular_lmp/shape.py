@@ -17,6 +17,7 @@ FEWEST_COLUMNS = 3
 # A periodic cell of rows = "auto" is the smallest whose 2πk/N is this near to the wave number, rad per row.
 SNAP = 1e-3
 LARGEST_CELL = 200
+EXACT = 1e-12  # rad per row: rounding of 2πk/N
 
 Auto = Literal["auto"]
 
@@ -45,15 +46,18 @@ def decide(rows: int | Auto, columns: int | Auto, ends: str, wavenumber: float, 
 
     ``columns = "auto"`` is 3, the fewest that LAMMPS does right, as the spheres of a row all move alike in a plane
     wave. ``rows = "auto"`` is, between fixed ends, the fewest whose walls the centre does not hear, and in a periodic
-    cell the fewest that carry the wave number to 1e-3. ``ends = "auto"`` is a periodic cell if one with fewer rows than
-    the strip carries the wave number exactly, else fixed ends.
+    cell the fewest that carry the wave number to 1e-3. ``ends = "auto"`` is what the number of rows allows; where that
+    is auto too, a periodic cell if one with fewer rows than the strip carries the wave number exactly, else fixed ends.
     """
     columns = FEWEST_COLUMNS if columns == AUTO else columns
+    if ends == AUTO and rows != AUTO:
+        ends = "fixed" if rows % 2 else "periodic"
     if ends == AUTO:
-        cell = smallest_cell(wavenumber, 1e-12) if rows == AUTO else int(rows)
-        exact = cell % 2 == 0 and abs(snapped(wavenumber, cell) - wavenumber) <= 1e-12
-        ends = "periodic" if exact and (rows != AUTO or cell < quiet_rows(duration)) else "fixed"
-        rows = cell if ends == "periodic" else rows
+        cell = smallest_cell(wavenumber, EXACT)
+        exact = abs(snapped(wavenumber, cell) - wavenumber) <= EXACT
+        ends = "periodic" if exact and cell < quiet_rows(duration) else "fixed"
+        if ends == "periodic":
+            rows = cell
     if rows == AUTO:
         rows = quiet_rows(duration) if ends == "fixed" else smallest_cell(wavenumber, SNAP)
     return Shape(int(rows), int(columns), ends)

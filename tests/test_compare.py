@@ -132,9 +132,7 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
         assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
 
 
-@pytest.mark.parametrize(
-    "changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-300}]
-)
+@pytest.mark.parametrize("changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-9}])
 def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dict[str, float]) -> None:
     result = compare.compare(from_theory(PAPER.with_values(changes), "second-order", TAU), "second-order")
     assert result.measured is None
@@ -143,8 +141,10 @@ def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dic
 
 
 def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tmp_path: Path) -> None:
-    opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"), "second-order")
-    assert any("contacts opened" in note for note in opened.notes)
+    opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"))
+    assert any("opening of contacts is in no theory here" in note for note in opened.notes)
+    still = compare.compare(run(small.with_values({"effects.rotation": False}), tmp_path / "still"))
+    assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
     heard = compare.compare(run(echo, tmp_path / "echo"), "second-order")
     assert any("the walls are heard from tau = 4.9" in note for note in heard.notes)
@@ -189,9 +189,9 @@ def test_compare_refuses_a_run_that_did_not_finish_unless_forced(folder: Path) -
 
 
 def test_a_run_that_was_stopped_before_its_second_record_is_refused_in_one_line(folder: Path) -> None:
-    write_status(folder, read_status(folder) | {"status": "interrupted"})
     whole = (folder / "trajectory.csv").read_text().splitlines(keepends=True)
     for records in (0, 1):
+        write_status(folder, read_status(folder) | {"status": "interrupted", "samples": records})
         (folder / "trajectory.csv").write_text("".join(whole[: records + 1]))
         with pytest.raises(SystemExit, match=f"{records} records; there is nothing to compare"):
             compare.main([str(folder), "--force"])

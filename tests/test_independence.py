@@ -83,13 +83,15 @@ effects
 grid steplaw
 deck plots
 record
-budget accuracy locate
+budget accuracy locate output
 status
 launch workers
 tolerance
 particles
-sweep doctor collide
+sweep doctor collide knobs
 view
+tally
+cost
 cli
 """
 

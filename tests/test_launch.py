@@ -16,7 +16,7 @@ import pytest
 from granular_lmp import Record, Scene, build, launch, locate, run
 from granular_lmp.effects import ROWS, resolve
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.record import mend_dump, read_dump, read_log, read_status, write_status
+from granular_lmp.record import mend_dump, mend_log, read_dump, read_log, read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
 
@@ -336,11 +336,14 @@ def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path)
 
 def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_path: Path) -> None:
     head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
-    for start in ([], ["100 0 3e-12"]):  # the checkpoint came after the cut, or before it
-        lines = [head, "0 0 1e-12", "50 0 2e-12", "100 0 3", head, *start, "150 0 4e-12", end, ""]
-        (tmp_path / "log").write_text("\n".join(lines))
+    for again in ([], ["100 0 3e-12"]):  # the checkpoint came after the cut, or before it
+        (tmp_path / "log").write_text("\n".join([head, "0 0 1e-12", "50 0 2e-12", "100 0 3"]))
+        assert read_log(tmp_path / "log")[0]["Step"].tolist() == [0, 50]
+        mend_log(tmp_path / "log")
+        with (tmp_path / "log").open("a") as stream:
+            stream.write("\n".join([head, *again, "150 0 4e-12", end, ""]))
         table, _ = read_log(tmp_path / "log")
-        assert table["Step"].tolist() == [0, 50, *(100 for _ in start), 150]
+        assert table["Step"].tolist() == [0, 50, *(100 for _ in again), 150]
         assert table["v_spread"].max() == 4e-12
 
 

@@ -6,9 +6,11 @@ from math import pi
 
 from analysis.second_harmonic import ModeName
 from tests.hard.case import Cases
+from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, origin, signal
+from tests.hard.scales import NUS, corners, similar
 from tests.hard.steps import at_the_limit, drift, drift_order, refused, reversal
 from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import ENDS, MODES, degenerate, end
@@ -31,6 +33,9 @@ FAST: Mapping[str, Measure] = {
     "noise of a long cell": partial(floor, 96, 0.01),
     "noise far from the origin": origin,
     **{f"p at a = {a}": partial(signal, a) for a in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)},
+    "sizes and units": similar,
+    "sizes and units, pressed": partial(similar, pressed=True),
+    **{f"corners, nu = {nu}": partial(corners, nu) for nu in NUS},
     "refused steps": refused,
     "limit of the step": partial(at_the_limit, 100_000),
     "time turned round": reversal,
@@ -49,6 +54,7 @@ LONG: Mapping[str, Measure] = {
     **{f"order at a = {a}": partial(order, a) for a in (0.5, 1, 2, 20)},
     "noise at a = 0.001": partial(floor, 96, 0.001),
     "noise of a very long cell": partial(floor, 384, 0.01, 480),
+    "ranks": ranks,
     "limit of the step, long": partial(at_the_limit, 1_000_000),
     "drift": partial(drift, 1_000_000, stride=10),
     "where the drift comes from": drift_order,

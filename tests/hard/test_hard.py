@@ -7,10 +7,12 @@ import pytest
 
 from tests.hard.case import Case
 from tests.hard.cases import FAST, LONG, Measure
+from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
 from tests.hard.report import table
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance
 from tests.hard.rounding import floor, moved, signal
+from tests.hard.scales import corners, similar
 from tests.hard.steps import at_the_limit, drift, refused, reversal
 from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import degenerate, end
@@ -25,6 +27,7 @@ ANOTHER_LAW = (("tangential mindlin ", "tangential mindlin_rescale "),)
 DAMPED = (("dmt 73000.0 0.0 ", "dmt 73000.0 1e4 "),)  # ag/ns; a rate of 0.004 per τ
 SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/v_slow", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/v_slow"),)
 L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/v_slow", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/v_slow"),)
+LARGER = (("amplitude index 0.2 ", "amplitude index 0.20000001 "),)
 A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"),)
 
 # Each is a measurement made on something broken, and a part of the name of the figure that has to say so.
@@ -43,6 +46,10 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "a law of noise ten times too large": (partial(floor, 16, 0.01, scale=10.0), "noise of p"),
     "a law of noise ten times too small": (partial(floor, 16, 0.01, scale=0.1), "noise of p"),
     "a small wave far from the origin": (partial(signal, 1e-3, edits=moved(0.0, 1.4e6)), "error of p"),
+    "two ranks with another amplitude": (partial(ranks, (2,), edits=LARGER), "2 ranks from one"),
+    "a material of another ν": (partial(similar, off=1e-6), "adhesive contacts"),
+    "a pressed material of another ν": (partial(similar, pressed=True, off=1e-6), "Hertz contacts"),
+    "corners of another ν": (partial(corners, 0.5, reference=0.49), "error over its bound"),
     "a limit that lets 0.99 pass": (partial(refused, factors=(0.99, 1.0)), "not refused"),
     "a step beyond the limit": (partial(at_the_limit, 100_000, share=1.01), "Δτ = 1.01"),
     "loss on a long run": (partial(drift, 2_000, edits=DAMPED), "fitted drift"),

@@ -1,0 +1,76 @@
+"""A run of a deck in which one piece is broken, in a process of its own: `granular_lmp.workers` calls `outcome`."""
+
+import re
+import resource
+import signal
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+from granular_lmp import Scene, build, launch
+from granular_lmp.deck import DUMP, Deck
+from granular_lmp.errors import GranularError
+from granular_lmp.record import read_status
+
+MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it
+LIMIT = 60  # s for a run of 10 ms: it hangs
+FINISHED, OTHER = "finished", "finished with another record"
+
+
+@cache
+def deck(name: str) -> Deck:
+    """The deck of a shipped scene in its smallest cell: 24 spheres, 40 steps."""
+    changes = {"packing.rows": 8, "packing.ends": "periodic", "wave.wavenumber": 0.7853981633974483}
+    return build(Scene.load(name).with_values(changes | {"time.duration": 2.0, "time.sample": 0.5}))
+
+
+def tokens(text: str) -> list[tuple[int, int]]:
+    """Where the words of a deck's commands start and end; comments have none."""
+    found, at = [], 0
+    for line in text.splitlines(keepends=True):
+        found += [(at + word.start(), at + word.end()) for word in re.finditer(r"\S+", line.partition("#")[0])]
+        at += len(line)
+    return found
+
+
+@cache
+def whole_dump(name: str) -> bytes:
+    """What the run of the deck that is not broken records."""
+    with tempfile.TemporaryDirectory() as folder:
+        deck(name).write(folder, force=True)
+        launch.run_input(Path(folder), deck(name).input_name)
+        return (Path(folder) / DUMP).read_bytes()
+
+
+def outcome(name: str, start: int, end: int, new: str) -> str:
+    """How the run of a deck ends in which the characters from `start` to `end` are others.
+
+    Returns
+    -------
+    str
+        The error; `FINISHED` when there was none and the record is the same to the last byte; `OTHER` when it is not.
+
+    Raises
+    ------
+    AssertionError
+        When ``run.json`` says something else.
+    """
+    signal.alarm(LIMIT)  # ends this process, which the caller hears of
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.RLIM_INFINITY))
+    whole = deck(name)
+    expected = whole_dump(name)
+    text = whole.input_text[:start] + new + whole.input_text[end:]
+    launch.build = lambda scene: replace(whole, input_text=text)  # type: ignore[assignment]
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "run"
+        try:
+            launch.run(whole.scene, folder)
+            said = FINISHED if (folder / DUMP).read_bytes() == expected else OTHER
+        except GranularError as error:
+            said = f"{type(error).__name__}: {error}"
+        status = read_status(folder)["status"]
+    signal.alarm(0)
+    if status != (FINISHED if said in (FINISHED, OTHER) else "failed"):
+        raise AssertionError(f"run.json says '{status}' of a run that ended by {said}")
+    return said

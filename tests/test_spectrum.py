@@ -1,0 +1,242 @@
+"""The measured spectrum of the second harmonic: what is put in is found, a wrong amplitude and a shift are seen."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import second_harmonic as closed
+from analysis import spectrum
+from analysis.theories import Wave
+from granular_lmp import Record, Scene, run
+from granular_lmp.accuracy import halved_step
+from granular_lmp.record import TRAJECTORY, write_status
+
+ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})
+TAU = np.arange(0.0, 120.1, 0.5)
+# 2πk/128 on both sides of the resonance (k = 30.08) and of the antiresonance (43.38)
+ROWS = {"resonance": range(26, 35), "antiresonance": range(39, 48)}
+
+
+def of_theory(mode: str, k: int, poisson_ratio: float | None = None, rows: int = 128) -> Record:
+    """A record of second-order theory; of spheres with another Poisson ratio than the scene says, if one is given."""
+    scene = ZONE.with_values({"packing.rows": rows, "wave.mode": mode, "wave.wavenumber": 2 * np.pi * k / rows})
+    empty = Record(TAU, TAU, TAU, TAU, scene)
+    ratios = Wave.of(empty).ratios if poisson_ratio is None else other(poisson_ratio)
+    wave = closed.mode(mode, scene.wavenumber, ratios)  # type: ignore[arg-type]
+    p, q, phi = closed.second_order(wave, ratios, scene.wave.amplitude, TAU)
+    return replace(empty, p=p, q=q, phi=phi)
+
+
+def other(poisson_ratio: float) -> closed.Ratios:
+    return closed.ratios(poisson_ratio, overlap_ratio=ZONE.sphere.overlap_ratio)
+
+
+def noisy(record: Record, size: float, random: np.random.Generator) -> Record:
+    return replace(record, p=record.p + random.normal(0, size, len(TAU)), q=record.q + random.normal(0, size, len(TAU)))
+
+
+def located(name: str, records: Iterable[Record]) -> tuple[float, float]:
+    if name == "resonance":
+        return spectrum.locate_resonance(records)
+    return spectrum.locate_antiresonance(map(spectrum.point, records))
+
+
+each_location = pytest.mark.parametrize("name", ROWS)
+
+
+# ---------------------------------------------------------------- amplitudes
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+@pytest.mark.parametrize("k", [4, 17, 30, 43, 60])
+def test_the_amplitude_put_in_is_found(mode: str, k: int) -> None:
+    point = spectrum.point(of_theory(mode, k))
+    assert point.value == pytest.approx(
+        point.predicted, rel=1e-8
+    )  # rounding, 1e-16, times the condition of the fit, 1e6 at worst
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+def test_one_percent_more_second_harmonic_is_one_percent(mode: str) -> None:
+    record = of_theory(mode, 17)
+    wave = Wave.of(record)
+    more = 0.01 * closed.second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU)
+    assert spectrum.point(replace(record, p=record.p + more)).deviation == pytest.approx(0.01, rel=1e-6)
+
+
+def test_the_other_sign_is_seen() -> None:
+    record = of_theory("TR", 17)
+    assert spectrum.point(replace(record, p=-record.p)).deviation == pytest.approx(-2, rel=1e-6)
+
+
+def test_free_waves_of_any_size_are_not_the_generated_wave() -> None:
+    record = of_theory("TR", 17)
+    free = 0.1 * np.cos(spectrum.linear(Wave.of(record)).free * TAU + 1.0)  # 500 times the generated wave
+    assert abs(spectrum.point(replace(record, p=record.p + free)).deviation) < 1e-8
+
+
+def test_a_fundamental_that_drifts_is_no_second_harmonic() -> None:
+    record = of_theory("L", 43)
+    frequency, shift = Wave.of(record).mode.frequency, 8e-6  # σa², 0.02 · 4e-4
+    drifting = record.p + np.cos((frequency + shift) * TAU) - np.cos(frequency * TAU)
+    # Half the square of the phase is 5e-7, 3e-4 of the second harmonic, and 1e-7 at 2Ω; without a drift it is 9e-4
+    assert abs(spectrum.point(replace(record, p=drifting)).deviation) < 1e-5
+
+
+def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
+    record, random = of_theory("TR", 17), np.random.default_rng(1)
+    points = [spectrum.point(noisy(record, 1e-5, random)) for _ in range(1000)]
+    off = [(point.value - point.predicted) / point.error for point in points]
+    # 1000 draws of a unit normal: mean 0 ± 0.032, spread 1 ± 0.022; three of those
+    assert abs(np.mean(off)) < 0.1
+    assert np.std(off) == pytest.approx(1, abs=0.07)
+
+
+@pytest.mark.parametrize("detuning", [0.0, 1e-9, 1e-3, 0.5])
+def test_the_response_is_that_of_an_oscillator_driven_from_rest(detuning: float) -> None:
+    tau = np.linspace(0, 60, 60001)
+    own = 0.9
+    signal = spectrum.response(tau, spectrum.Frequencies(own / 2 + detuning, own))
+    # S = ∫ sin w̃(τ−s) sin 2Ωs ds / w̃, summed by trapezia (both ends are 0): error of order h²τ/12 = 5e-6
+    drive = np.sin(2 * (own / 2 + detuning) * tau) * np.sin(own * (tau[-1] - tau)) / own
+    assert signal[-1] == pytest.approx(drive.sum() * tau[1], abs=1e-5)
+    assert signal[0] == 0
+
+
+# ---------------------------------------------------------------- locations
+
+
+@each_location
+@pytest.mark.parametrize("poisson_ratio", [None, 0.15, 0.19])
+def test_the_location_is_that_of_the_spheres_that_ran(name: str, poisson_ratio: float | None) -> None:
+    record = of_theory("TR", 30)
+    ratios = Wave.of(record).ratios if poisson_ratio is None else other(poisson_ratio)
+    place, _ = located(name, [of_theory("TR", k, poisson_ratio) for k in ROWS[name]])
+    there, here = (getattr(closed, name)(each) for each in (ratios, Wave.of(record).ratios))
+    assert place == pytest.approx(there, abs=3e-4)  # a quartic over 0.4 rad of wave number
+    if poisson_ratio is not None:
+        assert abs(there - here) > 2e-3  # so the scene's own location would be wrong
+
+
+@each_location
+def test_the_error_of_a_location_is_its_spread(name: str) -> None:
+    # Eight times as close, so that the polynomial is right to less than the noise; 240.6/1024 and 347.0/1024 of 2π
+    first = {"resonance": 236, "antiresonance": 342}[name]
+    clean = [of_theory("TR", k, rows=1024) for k in range(first, first + 10)]
+    random = np.random.default_rng(2)
+    found = [located(name, [noisy(record, 2e-6, random) for record in clean]) for _ in range(60)]
+    places, errors = np.transpose(found)
+    # 60 draws: 9 %; the scatter of 8 points about a quartic makes each error up to √(χ²/3) larger, 1.2 in the mean
+    assert 0.65 < np.std(places) / np.mean(errors) < 1.2
+
+
+def test_a_pole_is_no_crossing() -> None:
+    x = np.linspace(1, 2, 21)
+    place, _ = spectrum.crossing(x, (x - 1.73) / (x - 1.212), np.full(21, 1e-6))
+    assert place == pytest.approx(1.73, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("y", "said"),
+    [
+        (np.ones(9), "no change of sign"),
+        (1 / (np.arange(9) - 3.3), "no change of sign through zero"),  # a pole and nothing else
+        (np.ones(7), "a crossing needs 8"),
+    ],
+)
+def test_nothing_to_locate_is_said(y: np.ndarray, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        spectrum.crossing(np.arange(len(y)), y, np.ones(len(y)))
+
+
+def test_runs_that_do_not_surround_the_resonance_do_not_locate_it() -> None:
+    with pytest.raises(ValueError, match=r"p is largest at the end of the TR runs, xi = 1\.9144"):
+        spectrum.locate_resonance([of_theory("TR", k) for k in ROWS["antiresonance"]])
+
+
+# ---------------------------------------------------------------- sweeps
+
+
+def stepped(record: Record, step: float) -> Record:
+    return replace(record, scene=record.scene.with_values({"time.timestep": step}))
+
+
+def test_a_pair_of_steps_is_extrapolated() -> None:
+    exact = of_theory("TR", 17)
+    error = np.cos(TAU)
+    pair = [replace(stepped(exact, h), p=exact.p + h**2 * error) for h in (0.025, 0.05)]
+    (better,) = spectrum.extrapolated(pair)
+    assert np.max(np.abs(better.p - exact.p)) < 1e-15  # rounding
+    assert spectrum.extrapolated([exact]) == [exact]
+
+
+@pytest.mark.parametrize("steps", [(0.05, 0.01), (0.05, 0.05), (0.05, 0.025, 0.0125)])
+def test_other_runs_of_one_wave_are_refused(steps: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"TR, xi = 0\.83449"):
+        spectrum.extrapolated([stepped(of_theory("TR", 17), step) for step in steps])
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Callable[[Iterable[Record]], Path]:
+    """Makes the folder of a sweep of records."""
+
+    def make(records: Iterable[Record]) -> Path:
+        for number, record in enumerate(records):
+            place = tmp_path / "sweep" / "runs" / str(number)
+            place.mkdir(parents=True)
+            (place / "scene.toml").write_text(record.scene.to_toml(), encoding="utf-8")
+            record.write_csv(place / TRAJECTORY)
+            write_status(place, {"status": "finished"} | record.info)
+        return tmp_path / "sweep"
+
+    return make
+
+
+def test_the_script_prints_medians_and_locations(
+    folder: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    records = [of_theory("TR", k) for k in (*ROWS["resonance"], *ROWS["antiresonance"])] + [of_theory("L", 17)]
+    drawn = tmp_path / "figure.png"
+    assert spectrum.main([str(folder(records)), "-o", str(drawn)]) == 0
+    assert drawn.stat().st_size > 0
+    lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line.strip()}
+    assert lines["TR"][1] == "18"
+    assert float(lines["TR"][2]) < 1e-8
+    assert float(lines["resonance"][1]) == pytest.approx(1.47627, abs=3e-4)
+    assert float(lines["antiresonance"][1]) == pytest.approx(2.12923, abs=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"wave.phase": 0.4}, "wave.phase = 0.4"),
+        ({"effects.viscosity": 1e-7, "effects.damping": True}, "the closed form leaves out"),
+    ],
+)
+def test_runs_that_have_no_such_amplitude_are_refused(
+    changes: dict[str, object], said: str, folder: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = of_theory("TR", 17)
+    with pytest.raises(SystemExit):
+        spectrum.main([str(folder([replace(record, scene=record.scene.with_values(changes))]))])
+    assert said in capsys.readouterr().err
+
+
+def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        spectrum.main([str(tmp_path)])
+
+
+# ---------------------------------------------------------------- LAMMPS
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+def test_lammps_makes_the_amplitude_of_theory(mode: str, tmp_path: Path) -> None:
+    scene = ZONE.with_values({"packing.rows": 16, "wave.mode": mode, "wave.wavenumber": np.pi / 4})
+    pair = [run(each, tmp_path / str(each.time.step)) for each in (scene, halved_step(scene))]
+    point = spectrum.point(*spectrum.extrapolated(pair))
+    # TR 2e-5, RT 9e-4 (the next order of a pair), L 2e-3 (waves of order a³ that are no column of the fit)
+    assert abs(point.deviation) < 3e-3
