@@ -86,10 +86,8 @@ class Particles:
                 "them, for instance --set output.particles=1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        try:
-            return cls(path, scene, list(snapshots(path)))
-        except (OSError, ValueError) as error:
-            raise RunFolderError(f"{path}: not a dump of spheres: {error}") from error
+        whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)
+        return cls(path, scene, list(whole))
 
     @cached_property
     def rest(self) -> NDArray[np.float64]:

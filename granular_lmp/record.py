@@ -10,10 +10,9 @@ import io
 import json
 import os
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from itertools import islice
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -39,6 +38,7 @@ DUMP_COLUMNS = (
     ["id", "ux", "uy", "vx", "vy"],
 )
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
+_SNAPSHOT = b"ITEM: TIMESTEP\n"
 
 
 @dataclass(frozen=True, repr=False)
@@ -238,34 +238,44 @@ class Snapshot:
 
 
 def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """The snapshots of a LAMMPS text dump, in the order of the file, up to the first that is cut off."""
+    """The whole snapshots of a LAMMPS text dump, in the order of the file, without those of no particles."""
+    begin = end = lines = 0
+    head: list[bytes] = []
+    last = b""
     with Path(path).open("rb") as stream:
-        begin = 0
-        while len(head := list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
-            particles, end, line, lines = int(head[3]), begin + sum(map(len, head)), b"", 0
-            for line in islice(stream, particles):
-                end += len(line)
-                lines += 1
-            if lines < particles or not (line or head[-1]).endswith(b"\n"):
-                return
-            yield Snapshot(int(head[1]), particles, begin, end)
-            begin = end
+        for line in chain(stream, [_SNAPSHOT]):
+            cut = line.find(_SNAPSHOT)
+            if cut > 0:  # the one before was cut off within its last line
+                lines, last = lines + 1, line[:cut]
+            if cut >= 0:
+                end += cut
+                if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
+                    yield Snapshot(int(head[1]), int(head[3]), begin, end)
+                begin, lines, head = end, 0, []
+            last = line[max(cut, 0) :]
+            if lines < _LINES_BEFORE_ATOMS:
+                head.append(last)
+            lines += 1
+            end += len(last)
+
+
+def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
+    numbers = [line.strip() for line in head[1:4:2]]
+    return particles > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == particles and last.endswith(b"\n")
 
 
 def mend_dump(path: str | Path) -> None:
     """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
 
-    A snapshot cut off at the end goes, and one without its sphere, which was lost; of those that the continuation wrote
-    again, the first. A file that is already that of one run is left alone.
+    A snapshot cut off in the middle goes, and one without particles, which were lost; of those that the continuation
+    wrote again, the first. A file that is already that of one run is left alone.
     """
     path = Path(path)
     kept: list[Snapshot] = []
-    with suppress(ValueError):  # from there on it is no dump
-        for snapshot in snapshots(path):
-            while kept and kept[-1].step >= snapshot.step:
-                kept.pop()
-            if snapshot.particles:
-                kept.append(snapshot)
+    for snapshot in snapshots(path):
+        while kept and kept[-1].step >= snapshot.step:
+            kept.pop()
+        kept.append(snapshot)
     if sum(each.end - each.begin for each in kept) == path.stat().st_size:
         return
     draft = _draft(path)
