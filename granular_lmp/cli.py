@@ -199,12 +199,16 @@ def _scene(options: argparse.Namespace) -> "Scene":
 
 
 def _build(options: argparse.Namespace) -> int:
+    from pathlib import Path
+
     from granular_lmp.deck import build
+    from granular_lmp.launch import locked
 
     scene = _scene(options)
     deck = build(scene)
     folder = options.output or f"decks/{scene.name}"
-    deck.write(folder, force=options.force)
+    with locked(Path(folder).absolute(), make=True, force=options.force):  # not into a run that is at work
+        deck.write(folder, force=True)
     print(f"{folder}: {', '.join(deck.files())}")
     return 0
 
@@ -364,8 +368,9 @@ def _collide(options: argparse.Namespace) -> int:
     from granular_lmp.scene import assignment
 
     collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
-    result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
-    errors = result.errors()
+    with _interruptible():
+        result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
+        errors = result.errors()
     write_numbers(result, errors)
     print(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
-from granular_lmp.deck import LOG, writable
-from granular_lmp.errors import LammpsError, SceneError
-from granular_lmp.launch import run_input
+from granular_lmp.deck import CHECKPOINTS, LOG, writable
+from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
+from granular_lmp.launch import locked, run_input
 from granular_lmp.units import units_for
 
 COURSE = "collision.csv"
@@ -127,13 +127,18 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     """
     folder = Path(folder).absolute()
     name = f"in.{collision.name}"
-    with writable(folder):
-        folder.mkdir(parents=True, exist_ok=force)
-        (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
-        (folder / name).write_text(deck_text(collision), encoding="utf-8")
-        for old in (LOG, DUMP, COURSE, RESULT):
-            (folder / old).unlink(missing_ok=True)
-    run_input(folder, name)
+    with locked(folder, make=True, force=force) as lock:
+        with writable(folder):
+            (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
+            (folder / name).write_text(deck_text(collision), encoding="utf-8")
+            for old in (LOG, DUMP, COURSE, RESULT):
+                (folder / old).unlink(missing_ok=True)
+        try:
+            run_input(folder, name, lock)
+        except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
+            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
     with writable(folder):
         try:
             result = _course(collision, folder)

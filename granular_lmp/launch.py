@@ -39,6 +39,7 @@ from granular_lmp.record import (
     mend_log,
     read_log,
     read_status,
+    refuse_other_scene,
     replace_text,
     write_status,
 )
@@ -158,19 +159,23 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         As in `run`.
     """
     folder = Path(folder).absolute()
-    info = read_status(folder)
-    if info.get("status") == "finished":
-        raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
-    if not {"launcher", "ranks", "effects", "versions"} <= set(info):
-        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
-    deck = build(Scene.load(folder / "scene.toml"))
-    checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
-    if not checkpoints or not (folder / DUMP).is_file():
-        raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
-    last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
-    route = _route(info["launcher"] == "lmp", info["ranks"])
-    name = f"{deck.input_name}.resume"
+    read_status(folder)  # there is a run
     with locked(folder) as lock:
+        info = read_status(folder)
+        if info.get("status") == "finished":
+            raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+        ranks = info.get("ranks")
+        known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
+        if not known:
+            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+        refuse_other_scene(folder, info)
+        deck = build(Scene.load(folder / SCENE))
+        checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
+        if not checkpoints or not (folder / DUMP).is_file():
+            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
+        last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
+        route = _route(info["launcher"] == "lmp", info["ranks"])
+        name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
             _mend(folder)
@@ -187,18 +192,14 @@ def _is_whole(checkpoint: Path) -> bool:
         return stream.read() == mark
 
 
-def run_input(folder: Path, input_name: str) -> None:
-    """Run an input in its folder, in this process, to its end; ``log.lammps`` is written there.
+def run_input(folder: Path, input_name: str, lock: int) -> None:
+    """Run an input in its locked folder, in this process, to its end; ``log.lammps`` is written there.
 
     Raises
     ------
-    RunFolderError
-        When another run is at work in the folder.
     LammpsMissingError, LammpsError
     """
-    module = lammps_module()
-    with locked(folder) as lock:
-        _run_module(module, Job(folder, input_name, LOG, lock, lambda step: None))
+    _run_module(lammps_module(), Job(folder, input_name, LOG, lock, lambda step: None))
 
 
 def core_count() -> int:
@@ -231,7 +232,7 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
         awake = woken(info)
         if awake and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(awake)}")
-    except (RunFolderError, LammpsError) as error:  # the disk is full, or what LAMMPS left is not what it writes
+    except BaseException as error:  # a full disk, or what LAMMPS left is not what it writes
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
     with writable(folder):

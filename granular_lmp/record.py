@@ -6,6 +6,7 @@ what post-processing scripts may import.
 """
 
 import csv
+import hashlib
 import io
 import json
 import os
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import DUMP
+from granular_lmp.deck import DUMP, SCENE
 from granular_lmp.deck import STATUS as STATUS
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
@@ -30,6 +31,14 @@ if TYPE_CHECKING:
     from granular_lmp.plots import Picture
 
 TRAJECTORY = "trajectory.csv"
+# The objects of run.json, and what each of their entries holds at least
+_ENTRIES: dict[str, set[str]] = {
+    "effects": {"on", "called_for", "guard"},
+    "guards": {"effect", "quiet", "value", "meaning"},
+    "versions": set(),
+    "wall_seconds": set(),
+}
+_BUDGET = {"name", "of", "p", "q", "phi", "to_halve", "dominates"}
 HEADER = ["tau", "p", "q", "phi"]
 # Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
 DUMP_COLUMNS = (
@@ -77,7 +86,8 @@ class Record:
         info = read_status(folder)
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
-        scene = Scene.load(folder / "scene.toml")
+        scene = Scene.load(folder / SCENE)
+        refuse_other_scene(folder, info)
         try:
             text = (folder / TRAJECTORY).read_text(encoding="utf-8")
             if not text.endswith("\n"):
@@ -86,9 +96,11 @@ class Record:
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
-            if len(tau) != info.get("samples", len(tau)) and not unfinished:
-                raise ValueError(f"{len(tau)} records, and {STATUS} says {info['samples']}")
-        except (OSError, ValueError, IndexError) as error:
+            if not (np.isfinite(tau).all() and (np.diff(tau) > 0).all()):
+                raise ValueError("tau must be finite and ascend")
+            if len(tau) != info.get("samples") and not unfinished:
+                raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
+        except (OSError, ValueError, IndexError, csv.Error) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
         return cls(tau, p, q, phi, scene, info, folder)
 
@@ -175,18 +187,40 @@ def read_status(folder: str | Path) -> dict[str, Any]:
     Raises
     ------
     RunFolderError
-        When the folder holds none, or it is not a JSON object.
+        When the folder holds none, or it is not of the form that a run writes.
     """
     path = Path(folder) / STATUS
     try:
         info = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise RunFolderError(f"{folder}: not a run folder (there is no {STATUS})") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     if not isinstance(info, dict):
         raise RunFolderError(f"{path}: must hold a JSON object")
+    for key, needed in _ENTRIES.items():
+        table = info.get(key, {})
+        if not isinstance(table, dict):
+            raise RunFolderError(f"{path}: {key} must be a JSON object")
+        for name, entry in table.items():
+            if needed and not (isinstance(entry, dict) and needed <= set(entry)):
+                raise RunFolderError(f"{path}: {key}.{name} must hold {', '.join(sorted(needed))}")
+    budget = info.get("error_budget", [])
+    if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
+        raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
     return info
+
+
+def scene_digest(text: str) -> str:
+    """What ``run.json`` keeps of the ``scene.toml`` that was run: the SHA-256 of its text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
+    """RunFolderError if the folder's scene is not the one that was run."""
+    said = info.get("scene_sha256")
+    if said is not None and said != scene_digest((folder / SCENE).read_text(encoding="utf-8")):
+        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:

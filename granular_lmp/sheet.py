@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.deck import LOG, SCENE, Deck, build, writable
 from granular_lmp.errors import EffectError, RunFolderError
-from granular_lmp.launch import run_input
+from granular_lmp.launch import locked, run_input
 from granular_lmp.packing import lattice_constant
 from granular_lmp.record import read_log
 from granular_lmp.scene import Scene
@@ -86,12 +86,13 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
-    deck.write(folder, force=force)
-    with writable(folder):
-        (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
-        text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=DUMP, steps=scene.time.steps)
-        (folder / INPUT).write_text(text, encoding="utf-8")
-    run_input(folder, INPUT)
+    with locked(folder, make=True, force=force) as lock:
+        deck.write(folder, force=True)
+        with writable(folder):
+            (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
+            text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=DUMP, steps=scene.time.steps)
+            (folder / INPUT).write_text(text, encoding="utf-8")
+        run_input(folder, INPUT, lock)
     log = read_log(folder / LOG)[0]
     for column, limit, what in _LINEAR:
         if log.get(column, np.zeros(1)).max() >= limit:

@@ -12,7 +12,7 @@ from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import LOG, Deck
 from granular_lmp.effects import warnings
 from granular_lmp.guards import GUARDS
-from granular_lmp.record import Record, read_log
+from granular_lmp.record import Record, read_log, scene_digest
 from granular_lmp.scene import Scene
 
 
@@ -22,6 +22,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
     phase_lag = (deck.mode.frequency * time_.step) ** 2 / 24 * deck.mode.frequency * time_.duration
     return {
         "name": scene.name,
+        "scene_sha256": scene_digest(scene.to_toml()),
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "launcher": launcher,
         "ranks": ranks,

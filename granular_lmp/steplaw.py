@@ -43,6 +43,9 @@ FOURTH_ORDER = 0.009
 # What third order adds to the error of an extrapolated pair, over a²: at most 1.8 at a = 0.3 and 0.5 at a = 0.2, in
 # p, q, φ together, over 180 waves.
 THIRD_ORDER = 20.0
+# Largest relative error by the turned slip at third order, over η a² τ sin⁵(ξ/2) Δτ: 1.2 for L at ξ = 2.36, a = 0.2 to
+# 0.4, and 1.1 for q of TR at ξ = π, against the lattice at τ = 120; less for all else that was tried.
+TURNING = 1.5
 _LARGEST_AMPLITUDE = 0.5  # to which that is taken; beyond it contacts open, and the runs have to tell
 # The part of the tolerance that the chosen step may use. The error goes as the fourth power: 0.8 costs 6 %.
 SHARE = 0.8
@@ -77,6 +80,8 @@ class Waves:
         The same with what fourth order adds, which keeps it from zero.
     twist : float
         First-order error of the slip, as a drive over the step: LAMMPS's turned contacts.
+    turning : float
+        η a² τ sin⁵(ξ/2): what the same error of the slip does to the wave itself goes as this, times the step.
     phase : float
         ϑ of the centre sphere at τ = 0.
     tau : (T,) array
@@ -88,6 +93,7 @@ class Waves:
     drive: float
     drive_size: float
     twist: float
+    turning: float
     phase: float
     tau: Floats
 
@@ -108,6 +114,7 @@ def waves(scene: Scene) -> Waves:
         drive=drive,
         drive_size=hypot(drive, FOURTH_ORDER * a * a * unit),
         twist=twist,
+        turning=sphere.overlap_ratio * a * a * scene.time.duration * sin(xi / 2) ** 5,
         phase=scene.wave.phase,
         tau=scene.time.sample * np.arange(0, scene.time.samples + 1, every, dtype=np.float64),
     )
@@ -203,11 +210,10 @@ def _higher_orders(scene: Scene) -> float:
     return 1 + THIRD_ORDER * min(scene.wave.amplitude, _LARGEST_AMPLITUDE) ** 2
 
 
-def turning_error(scene: Scene, step: float) -> float:
-    """Relative error of p that LAMMPS's turning of the slip leaves in a run with this step: of first order in it."""
+def turning_errors(scene: Scene, step: float) -> dict[str, float]:
+    """Relative errors of p, q, φ that LAMMPS's turning of the slip leaves in a run with this step: of first order."""
     w = waves(scene)
-    exact = signals(w, 0.0)
-    return _turning(w, exact["p"], step) if "p" in exact else 0.0
+    return {name: _turning(w, name, values, step) for name, values in signals(w, 0.0).items()}
 
 
 def _errors(w: Waves, step: float, higher: float) -> dict[str, StepError]:
@@ -215,7 +221,7 @@ def _errors(w: Waves, step: float, higher: float) -> dict[str, StepError]:
     errors = {}
     for name, values in exact.items():
         size = np.linalg.norm(values)
-        turning = _turning(w, values, step) if name == "p" else 0.0
+        turning = _turning(w, name, values, step)
         pair = (4 * fine[name] - coarse[name]) / 3
         errors[name] = StepError(
             plain=float(np.linalg.norm(coarse[name] - values) / size) + turning,
@@ -225,12 +231,14 @@ def _errors(w: Waves, step: float, higher: float) -> dict[str, StepError]:
     return errors
 
 
-def _turning(w: Waves, p: Floats, step: float) -> float:
-    if w.mode.name == "L":  # of order a there
-        return 0.0
+def _turning(w: Waves, name: str, values: Floats, step: float) -> float:
+    """Relative error of one signal by the turned slip: in p of TR and RT by theory, and at most `TURNING` in all."""
+    third_order = TURNING * w.turning * step
+    if name != "p" or w.mode.name == "L":
+        return third_order
     swing = response(-2 * w.mode.frequency, w.free, w.tau, 0.0) - response(0.0, w.free, w.tau, 0.0)
     error = w.twist * (np.exp(2j * w.phase) * swing).real
-    return step * float(np.linalg.norm(error) / np.linalg.norm(p))
+    return third_order + step * float(np.linalg.norm(error) / np.linalg.norm(values))
 
 
 def step_for(scene: Scene) -> float:

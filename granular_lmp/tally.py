@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy import richardson
+from granular_lmp.deck import SCENE
 from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import order
 from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
-from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
+from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, scene_digest, write_status
 from granular_lmp.steplaw import sizes
 
 RUNS = "runs"
@@ -76,9 +77,10 @@ def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
 
 def _write_reference(folder: Path, record: Record, left: dict[str, float | None]) -> None:
     folder.mkdir(exist_ok=True)
-    replace_text(folder / "scene.toml", record.scene.to_toml())
+    scene = record.scene.to_toml()
+    replace_text(folder / SCENE, scene)
     record.write_csv(folder / TRAJECTORY)
-    write_status(folder, record.info | {"error_estimate": left})
+    write_status(folder, record.info | {"error_estimate": left, "scene_sha256": scene_digest(scene)})
 
 
 def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:

@@ -32,9 +32,18 @@ from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import CHECKPOINTS, writable
 from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
-from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, replace_text, write_status
+from granular_lmp.record import (
+    STATUS,
+    TRAJECTORY,
+    Record,
+    read_status,
+    refuse_other_scene,
+    replace_text,
+    scene_digest,
+    write_status,
+)
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_error, with_step
+from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_errors, with_step
 
 LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
 SUFFIX = "_per_sample"
@@ -59,6 +68,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         return launch.resume(folder, progress=progress)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+    refuse_other_scene(folder, info)
 
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
@@ -109,7 +119,14 @@ def run_to_tolerance(
     scene, _ = resolve(scene)
     check_floor(scene)
     folder = Path(folder).absolute()
-    info = {"name": scene.name, "tolerance": scene.time.tolerance, "launcher": launcher, "ranks": ranks}
+    digest = scene_digest(scene.to_toml())
+    info = {
+        "name": scene.name,
+        "scene_sha256": digest,
+        "tolerance": scene.time.tolerance,
+        "launcher": launcher,
+        "ranks": ranks,
+    }
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
@@ -158,8 +175,9 @@ def estimate(records: list[Record]) -> dict[str, float]:
         coarser = older.info["error_estimate"][name] or 0.0
         second_order = not first_order and coarser > _SECOND_ORDER * found[name]
         result[name] = moved / 15 if second_order else moved
-    if "p" in result and not first_order:
-        result["p"] += turning_error(coarse.scene, coarse.scene.time.step) / 3
+    if not first_order:
+        for name, error in turning_errors(coarse.scene, coarse.scene.time.step).items():
+            result[name] = result.get(name, 0.0) + error / 3
     return result
 
 

@@ -88,6 +88,7 @@ class Stepped:
         p, q, phi = self.single(wave, scene.time.steps_per_sample).T
         info = {
             "steps": scene.time.steps,
+            "samples": len(p),
             "wall_seconds": dict.fromkeys(("total", "loop", "other"), 0.0),
         }
         return Record(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)
@@ -232,17 +233,21 @@ def test_the_stepped_lattice_is_lammps(scene: Scene, per_sample: int, tmp_path: 
         (periodic("TR", 34, 8, 0.3), 1e-3),  # next to the resonance
         (periodic("RT", 16, 6, 0.3), 1e-3),
         (periodic("L", 16, 4, 0.2, sphere_poisson_ratio=0.45), 1e-4),
+        (periodic("L", 8, 3, 0.4), 1e-5),  # what the slip turned in first order does to the wave itself
+        (periodic("TR", 8, 4, 0.4), 1e-4),
     ],
-    ids=["TR 1e-3", "TR 1e-4", "TR resonant", "RT", "L"],
+    ids=["TR 1e-3", "TR 1e-4", "TR resonant", "RT", "L", "L 1e-5", "TR at pi"],
 )
 def test_lammps_meets_a_tolerance(scene: Scene, tolerance: float, tmp_path: Path) -> None:
     scene = scene.with_values({"time.tolerance": tolerance})
     record = run(scene, tmp_path / "run")
+    estimated = record.info["error_estimate"]
     found = errors_of(record, limit(wave_of(scene), record.tau, scene.sphere.overlap_ratio))
+    found = {name: error for name, error in found.items() if estimated[name] is not None}  # the others vanish at π
     assert max(found.values()) <= tolerance
     assert record.info["tolerance"] == tolerance
     for name, error in found.items():
-        assert error < 1.1 * record.info["error_estimate"][name] or error < 0.03 * tolerance
+        assert error < 1.1 * estimated[name] or error < 0.03 * tolerance
     again = Record.load(tmp_path / "run")
     assert again.scene == resolve(scene)[0]
     assert again.p.tolist() == record.p.tolist()

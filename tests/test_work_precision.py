@@ -124,7 +124,7 @@ def written(study: Study, folder: Path, record: Record) -> None:
     (folder / "reference").mkdir()
     (folder / "reference" / "scene.toml").write_text(record.scene.to_toml())
     record.write_csv(folder / "reference" / "trajectory.csv")
-    write_status(folder / "reference", {"status": "finished"})
+    write_status(folder / "reference", {"status": "finished", "samples": len(record.tau)})
     (folder / "cost.json").write_text(json.dumps(content(study)))
 
 

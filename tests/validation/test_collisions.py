@@ -20,7 +20,7 @@ from granular_lmp.collide import Result, run
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
 from granular_lmp.contact import SHEAR_LAWS
 from granular_lmp.errors import RunFolderError, SceneError
-from granular_lmp.launch import run_input
+from granular_lmp.launch import locked, run_input
 from granular_lmp.locate import lmp_command
 from granular_lmp.scene import SHIPPED
 
@@ -116,7 +116,8 @@ def test_the_restitution_asked_for_is_obtained(e: float, steps: int, error: floa
 def test_tsuji_does_not_give_the_restitution_asked_for(tmp_path: Path) -> None:
     collision = Collision.load("test2").with_values({"contact.restitution": 0.5})
     (tmp_path / "in.tsuji").write_text(deck_text(collision).replace("coeff_restitution", "tsuji"))
-    run_input(tmp_path, "in.tsuji")
+    with locked(tmp_path) as lock:
+        run_input(tmp_path, "in.tsuji", lock)
     last = (tmp_path / DUMP).read_text().splitlines()[-1].split()
     assert -float(last[COLUMNS.index("vx")]) / 0.2 == pytest.approx(0.616, abs=1e-3)
 
