@@ -234,7 +234,23 @@ def test_a_read_only_folder_is_one_line(
     assert "cannot be written: Read-only file system" in one_line(capsys)
 
 
-# --- runs made of runs ---
+# --- runs made of runs, and collisions ---
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("collision.tangential_velocity=1e4", "collision.steps = "),  # parted within a step
+        ("collision.normal_velocity=1e-9 collision.tangential_velocity=1e4", "radii in collision.duration"),  # 8e6 bins
+    ],
+)
+def test_a_collision_that_is_none_is_one_line(
+    change: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [word for one in change.split() for word in ("--set", one)]
+    assert main(["collide", "test1_glass", "--set", "collision.steps=1000", *words, "-o", str(tmp_path / "run")]) == 2
+    assert said in one_line(capsys)
+    assert not (tmp_path / "run" / "collision.json").exists()
 
 
 def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
