@@ -15,7 +15,7 @@ from analysis import compare, figure3
 from granular_lmp import Record, Scene, build, launch, run, sweep
 from granular_lmp.cli import main
 from granular_lmp.deck import CHECKPOINTS, DUMP, STATUS
-from granular_lmp.errors import EffectError, GranularError, RunFolderError
+from granular_lmp.errors import EffectError, LammpsError, RunFolderError
 from granular_lmp.launch import resume
 from granular_lmp.record import TRAJECTORY, read_status, write_status
 from granular_lmp.tolerance import run as run_any
@@ -349,16 +349,12 @@ def test_a_run_killed_at_any_moment_is_not_finished_or_is_whole_and_resumes_to_t
 
 
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run with two checkpoints that was killed: its files as they are when both have been written."""
+    """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
     monkeypatch.setattr("granular_lmp.deck.CHECKPOINT_INTERVAL", 24 * 997)
-    kept: dict[str, bytes] = {}
-
-    def keep(step: int, steps: int) -> None:
-        if not kept and all((folder / name).exists() for name in CHECKPOINTS):
-            raise KeyboardInterrupt
-
-    with pytest.raises(GranularError):
-        run(scene, folder, progress=keep)
+    broken(monkeypatch, scene, (END, "run 10000"))
+    with pytest.raises(LammpsError, match="501 records"):
+        run(scene, folder)
+    monkeypatch.undo()
     write_status(folder, read_status(folder) | {"status": "running"})
 
 
