@@ -19,6 +19,7 @@ from granular_lmp.units import units_for
 
 COURSE = "collision.csv"
 RESULT = "collision.json"
+FEWEST_RECORDS = 4  # of a contact: the cubic of `Result.contact_time`
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,7 +123,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     RunFolderError
         When the folder is there (without `force`) or cannot be written.
     SceneError
-        When the bodies have not parted by the end of the run; its folder is kept.
+        When the bodies have not parted by the end of the run, or touch for too few steps; its folder is kept.
     LammpsMissingError, LammpsError
     """
     folder = Path(folder).absolute()
@@ -149,6 +150,12 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     if result.overlap[-1] >= 0:
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
+    lasted = int(np.argmax(result.overlap < 0))
+    if lasted < FEWEST_RECORDS or np.argmax(result.overlap) == 0:
+        raise SceneError(
+            f"collision.steps = {collision.collision.steps!r}: the bodies touch in {lasted} records only, and a peak "
+            f"and an end are read off {FEWEST_RECORDS}; take more steps"
+        )
     return result
 
 

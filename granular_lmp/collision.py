@@ -35,6 +35,7 @@ from granular_lmp.units import units_for
 DUMP = "dump.collision"
 COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump
 RECORDS = 500  # a contact time, at least
+LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
 _SHIPPED = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
@@ -106,6 +107,13 @@ class Collision:
             raise SceneError(
                 f"collision.normal_velocity = {self.collision.normal_velocity!r}: the overlap would be {ratio:.3g} "
                 f"of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+            )
+        speed = abs(self.collision.tangential_velocity) + self.collision.normal_velocity
+        path = speed * self.collision.duration * self.elastic_contact_time / self.sphere.radius
+        if path > LONGEST_PATH:
+            raise SceneError(
+                f"collision.tangential_velocity = {self.collision.tangential_velocity!r}: the sphere would go "
+                f"{path:.3g} radii in collision.duration; at most {LONGEST_PATH:g} are allowed"
             )
 
     # --- reading and writing ---

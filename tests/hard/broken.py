@@ -61,7 +61,7 @@ def outcome(name: str, start: int, end: int, new: str) -> str:
     whole = deck(name)
     expected = whole_dump(name)
     text = whole.input_text[:start] + new + whole.input_text[end:]
-    launch.build = lambda scene: replace(whole, input_text=text)  # type: ignore[assignment]
+    launch.build = lambda scene: replace(whole, input_text=text)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "run"
         try:

@@ -46,7 +46,7 @@ def material(radius: float, modulus: float, nu: float = NU, **others: float) -> 
 
 def similar(pressed: bool = False, off: float = 0.0) -> Cases:
     """How far spheres of other sizes and materials are from the first; `off` falsifies the ν of the last."""
-    courses = []
+    courses: list[Floats] = []
     table = PRESSED if pressed else ADHESIVE
     for radius, modulus, hold, density in table:
         force, adhesion = (hold, 0.0) if pressed else (0.0, hold)

@@ -56,7 +56,7 @@ def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: Break) -> None:
     assert sum(how.startswith("LammpsError") for how in ended.values()) > 0.9 * len(ended) > 300
 
 
-@pytest.mark.skipif(settings.default.max_examples < 1000, reason="one and a half minutes: make stability")
+@pytest.mark.skipif(settings().max_examples < 1000, reason="one and a half minutes: make stability")
 @pytest.mark.parametrize("scene", ["tr_nonresonant", "tr_sliding", "steel_compressed"])
 def test_a_deck_with_a_word_that_is_nearly_right_ends_too(scene: str) -> None:
     ended = outcomes(scene, SHIFTED.values())

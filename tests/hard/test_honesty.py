@@ -15,7 +15,7 @@ from analysis import compare, figure3
 from granular_lmp import Record, Scene, build, launch, run, sweep
 from granular_lmp.cli import main
 from granular_lmp.deck import CHECKPOINTS, DUMP, STATUS
-from granular_lmp.errors import EffectError, GranularError, RunFolderError
+from granular_lmp.errors import EffectError, LammpsError, RunFolderError
 from granular_lmp.launch import resume
 from granular_lmp.record import TRAJECTORY, read_status, write_status
 from granular_lmp.tolerance import run as run_any
@@ -234,7 +234,23 @@ def test_a_read_only_folder_is_one_line(
     assert "cannot be written: Read-only file system" in one_line(capsys)
 
 
-# --- runs made of runs ---
+# --- runs made of runs, and collisions ---
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("collision.tangential_velocity=1e4", "collision.steps = "),  # parted within a step
+        ("collision.normal_velocity=1e-9 collision.tangential_velocity=1e4", "radii in collision.duration"),  # 8e6 bins
+    ],
+)
+def test_a_collision_that_is_none_is_one_line(
+    change: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [word for one in change.split() for word in ("--set", one)]
+    assert main(["collide", "test1_glass", "--set", "collision.steps=1000", *words, "-o", str(tmp_path / "run")]) == 2
+    assert said in one_line(capsys)
+    assert not (tmp_path / "run" / "collision.json").exists()
 
 
 def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
@@ -334,16 +350,12 @@ def test_a_run_killed_at_any_moment_is_not_finished_or_is_whole_and_resumes_to_t
 
 
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run with two checkpoints that was killed: its files as they are when both have been written."""
+    """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
     monkeypatch.setattr("granular_lmp.deck.CHECKPOINT_INTERVAL", 24 * 997)
-    monkeypatch.setattr("granular_lmp.launch._POLL", 0.001)  # a fast machine is through in a tenth of a second
-
-    def stop(step: int, steps: int) -> None:
-        if step < steps and all((folder / name).exists() for name in CHECKPOINTS):
-            raise KeyboardInterrupt
-
-    with pytest.raises(GranularError):
-        run(scene, folder, progress=stop)
+    broken(monkeypatch, scene, (END, "run 10000"))
+    with pytest.raises(LammpsError, match="1001 records instead of 1601"):
+        run(scene, folder)
+    monkeypatch.undo()
     write_status(folder, read_status(folder) | {"status": "running"})
 
 
