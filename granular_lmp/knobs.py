@@ -60,11 +60,14 @@ class Point:
 
 
 def base(scene: Scene) -> Scene:
-    """The scene that every setting changes: a step in place of a tolerance, and ξ as its periodic cell snaps it."""
+    """The scene that every setting changes: a step in place of a tolerance, and ξ as its periodic cell snaps it.
+
+    It has no snapshots of all spheres: what a run writes down is one of the knobs.
+    """
     resolve(scene)
     if scene.time.tolerance is not None:
         scene = with_step(scene, step_for(scene) / 2)
-    return scene.with_values({"wave.wavenumber": scene.wavenumber})
+    return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 
 def reference(scene: Scene) -> Point:

@@ -88,6 +88,7 @@ status
 launch workers
 tolerance
 particles
+crystal
 sweep doctor collide knobs sheet
 tally
 cost view

@@ -8,6 +8,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, launch, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
+from granular_lmp.knobs import base
 from granular_lmp.particles import Particles, Spheres
 from granular_lmp.record import mend_dump, read_dump, snapshots
 from granular_lmp.units import units_for
@@ -161,6 +162,10 @@ def test_a_dump_of_something_else_is_refused(seen: Scene, tmp_path: Path) -> Non
         Particles.load(tmp_path / "run")[0]
     dump.write_text("a\n" * 20)
     assert len(Particles.load(tmp_path / "run")) == 0
+
+
+def test_a_study_of_costs_takes_no_snapshots_of_its_own(seen: Scene) -> None:
+    assert base(seen) == base(seen.with_values({"output.particles": 0.0}))
 
 
 def test_a_second_run_leaves_no_snapshots_of_the_first(small: Scene, seen: Scene, tmp_path: Path) -> None:

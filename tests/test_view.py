@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular_lmp import Record, Scene, run, view
+from granular_lmp import Record, Scene, crystal, run, view
 from granular_lmp.cli import _parser, main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.particles import Particles
@@ -37,7 +37,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
 
 def drawn(folder: Path, **options: Any) -> tuple[Any, Any]:
     """The axes of the crystal, and the discs in it."""
-    figure = view.run_figure(Record.load(folder), Particles.load(folder), **options)
+    figure = crystal.run_figure(Record.load(folder), Particles.load(folder), **options)
     axes = next(axes for axes in figure.axes if axes.get_ylabel() == "row")
     return axes, axes.collections[0]
 
@@ -50,7 +50,7 @@ def test_spheres_stand_where_their_snapshot_says_magnified_by_the_factor_that_is
     shifts = np.asarray(discs.get_offsets())[:24] - rest  # radii
     amplitude = scene.wave.amplitude * scene.sphere.overlap_ratio * 2  # D0/R
     np.testing.assert_allclose(shifts, moment.displacement * amplitude * factor, atol=1e-12)
-    assert 0.1 < np.abs(shifts).max() <= view.LARGEST_SHIFT
+    assert 0.1 < np.abs(shifts).max() <= crystal.LARGEST_SHIFT
     hands = np.array(axes.collections[1].get_segments())[:24]
     along = hands[:, 1] - hands[:, 0]
     np.testing.assert_allclose(np.arctan2(along[:, 1], along[:, 0]), moment.rotation * amplitude * factor, atol=1e-12)
@@ -88,7 +88,7 @@ def test_as_many_rows_are_drawn_as_asked_for_around_the_centre(seen: Path) -> No
 def test_the_factor_is_a_round_number_by_which_an_amplitude_becomes_at_most_half_a_radius(
     amplitude: float, factor: float
 ) -> None:
-    assert view._magnification(amplitude) == pytest.approx(factor, rel=1e-12)
+    assert crystal._magnification(amplitude) == pytest.approx(factor, rel=1e-12)
 
 
 def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> No
 def test_an_mp4_without_ffmpeg_is_refused_in_one_line(
     seen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    monkeypatch.setattr(crystal.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     with pytest.raises(ViewError, match="needs the program ffmpeg, which was not found; a .gif does without"):
         view.view(seen, tmp_path / "movie.mp4")
     assert not (tmp_path / "movie.mp4").exists()
