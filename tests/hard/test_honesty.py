@@ -395,3 +395,69 @@ def test_a_damaged_run_json_is_one_line(
     one_line(capsys)
     with pytest.raises(SystemExit, match=r"^[^\n]+$"):
         compare.main([str(tmp_path / "run")])
+
+
+# --- a folder that others write into ---
+
+
+def test_a_run_whose_scene_was_changed_afterwards_is_refused(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    scene = tmp_path / "run" / "scene.toml"
+    scene.write_text(scene.read_text().replace("amplitude = 0.2", "amplitude = 0.1"))
+    with pytest.raises(RunFolderError, match=r"scene\.toml was changed since the run began"):
+        Record.load(tmp_path / "run")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"})
+    with pytest.raises(RunFolderError, match=r"scene\.toml was changed since the run began"):
+        resume(tmp_path / "run")
+
+
+@pytest.mark.parametrize("command", ["build tr_periodic", "collide test2", "kick tr_periodic", "run tr_periodic"])
+def test_no_command_writes_into_the_folder_of_a_run_at_work(
+    command: str, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "run"
+    run(small, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    with launch.locked(folder):
+        assert main([*command.split(), "-o", str(folder), "--force"]) == 2
+    assert "another run is at work there" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"effects": 3},
+        {"effects": {"rotation": 1}},
+        {"guards": {"open_contacts": {}}},
+        {"versions": "new"},
+        {"error_budget": [1]},
+        {"samples": None},
+        "[" * 100_000,
+        "[]",
+    ],
+    ids=lambda damage: str(damage)[:30],
+)
+def test_a_run_json_of_another_form_is_refused_in_one_line(
+    damage: Any, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(small, tmp_path / "run")
+    if isinstance(damage, str):
+        (tmp_path / "run" / STATUS).write_text(damage)
+    else:
+        write_status(tmp_path / "run", read_status(tmp_path / "run") | damage)
+    with pytest.raises(SystemExit) as caught:
+        compare.main([str(tmp_path / "run")])
+    assert "\n" not in str(caught.value)
+    assert main(["resume", str(tmp_path / "run")]) == 2
+
+
+@pytest.mark.parametrize("tau", ["nan", "0.0", "9" * 200_000])
+def test_a_trajectory_whose_times_do_not_ascend_is_refused(tau: str, small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    path = tmp_path / "run" / TRAJECTORY
+    lines = path.read_text().split("\n")
+    lines[2] = ",".join([tau, *lines[2].split(",")[1:]])
+    path.write_text("\n".join(lines))
+    with pytest.raises(RunFolderError, match="cannot be read"):
+        Record.load(tmp_path / "run")
