@@ -183,7 +183,7 @@ def to_csv(rows: list[Row]) -> str:
 
 def text(result: dict[str, Any]) -> str:
     """The table for a terminal; errors below that of the reference are marked with <."""
-    head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>18}{'M p-s/s':>9}"
+    head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}{'M p-s/s':>9}"
     lines = [head + "".join(f"{name:>10}" for name in COMPONENTS) + f"{'slope':>7}"]
     best = result["reference"]
     for row in [*([best] if best else []), *result["points"]]:
@@ -195,7 +195,7 @@ def text(result: dict[str, Any]) -> str:
         cells = "".join(f"{_cell(row, best, name):>10}" for name in COMPONENTS)
         slope = "" if row["slope"] is None else f"{row['slope']:z.1f}"
         rate = row["particle_steps_per_second"] / 1e6
-        lines.append(f"{start}{row['repeats']:6d}{row['seconds']:10.3g}{spread:>18}{rate:9.2f}{cells}{slope:>7}")
+        lines.append(f"{start}{row['repeats']:6d}{row['seconds']:10.3g}{spread:>21}{rate:9.2f}{cells}{slope:>7}")
     return "\n".join(lines)
 
 
