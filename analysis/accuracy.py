@@ -176,7 +176,9 @@ def cheapest(settings: Iterable[Setting], wanted: float) -> Setting | None:
 def recommended(study: Study, wanted: float) -> Setting | None:
     """The tolerance that is wanted, or where it was not measured or not met the fastest setting that is as good."""
     asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), wanted)]
-    return cheapest(asked, wanted) or cheapest(study.complete, wanted)
+    # A looser tolerance that happens to be as good has not promised it
+    others = [s for s in study.complete if s.family != TOLERANCE or float(s.name) < wanted]
+    return cheapest(asked, wanted) or cheapest(others, wanted)
 
 
 def table(study: Study, levels: Sequence[Setting]) -> str:
@@ -189,20 +191,20 @@ def table(study: Study, levels: Sequence[Setting]) -> str:
         LATTICE: lambda wanted: cheapest([s for s in levels if s.family == LATTICE], wanted),
         FORMULA: lambda wanted: cheapest([s for s in levels if s.family == FORMULA], wanted),
     }
-    lines = [f"{'wanted':8}" + "".join(f"{name:34}" for name in columns)]
-    for wanted in WANTED:
-        cells = (_cell(choose(wanted)) for choose in columns.values())
-        lines.append(f"{wanted:<8.0e}" + "".join(f"{cell:34}" for cell in cells))
+    cells = [["wanted", *columns]]
+    cells += [[f"{wanted:.0e}", *(_cell(choose(wanted)) for choose in columns.values())] for wanted in WANTED]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in cells]
     lines += ["", f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
     for s in levels:
-        cells = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
-        lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{cell:>10}" for cell in cells))
+        found = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
+        lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{error:>10}" for error in found))
     known = ", ".join(f"{name} {value:.1e}" for name, value in study.floor.items() if value is not None)
     return "\n".join([*lines, "", f"error of the reference of the settings, estimated: {known}"])
 
 
 def _cell(setting: Setting | None) -> str:
-    return "-" if setting is None else f"{setting.name} ({setting.family}) {setting.seconds:.2g} s"[:33]
+    return "-" if setting is None else f"{setting.name} ({setting.family}) {setting.seconds:.2g} s"
 
 
 # --- figure ----------------------------------------------------------------------------------------------------------

@@ -82,7 +82,11 @@ def _parser() -> argparse.ArgumentParser:
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
     cost.add_argument("--repeats", type=_positive, default=5, metavar="N", help="rounds (default: 5)")
     cost.add_argument(
-        "--budget", type=_seconds, default=inf, metavar="SECONDS", help="leave out what takes longest until this is met"
+        "--budget",
+        type=_seconds,
+        default=inf,
+        metavar="SECONDS",
+        help="leave out what takes longest until this is met; it is that of one call, another call has its own",
     )
 
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")

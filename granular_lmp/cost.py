@@ -10,13 +10,14 @@ again, does what is missing; a run that was cut off is done again from its start
 """
 
 import json
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import ceil
 from operator import attrgetter
 from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
+from time import monotonic
 from typing import Any
 
 from granular_lmp import tolerance
@@ -28,7 +29,7 @@ from granular_lmp.knobs import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.launch import core_count, locked, run_deck
 from granular_lmp.record import STATUS, read_status, replace_text, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.tally import collect, is_done, place, to_csv
+from granular_lmp.tally import collect, is_done, place, taken, to_csv
 
 RESULT, TABLE = "cost.json", "cost.csv"
 _WARM_UP = 2e5  # particle-steps of the warm-up: 50 ms
@@ -53,8 +54,12 @@ class Plan:
     repeats : int
     budget : float
         s; infinite without one.
+    started : float
+        Where the budget begins, on the clock `time.monotonic`: the warm-up counts.
     rate, overhead : float
         Particle-steps a second and seconds a run, of a short run of the scene just now.
+    took : dict
+        Name of a run → seconds of each of its rounds that were done before.
     """
 
     folder: Path
@@ -63,16 +68,23 @@ class Plan:
     left_out: dict[str, str]
     repeats: int
     budget: float
+    started: float
     rate: float
     overhead: float
+    took: dict[str, list[float]]
 
     def todo(self) -> list[tuple[Run, Path]]:
         """The runs that are not done, round by round."""
         return _missing(self.folder, self.points, self.repeats)
 
-    def price(self, run: Run) -> float:
-        """Seconds that a run is expected to take."""
+    def estimate(self, run: Run) -> float:
+        """Seconds that a run takes as the warm-up has it."""
         return self.overhead + run.work / self.rate + _PROGRAM * (run.ranks > 1)
+
+    def price(self, run: Run, slower: float = 1.0) -> float:
+        """Seconds that a run is expected to take: those of its own rounds, or `slower` times the estimate."""
+        own = self.took.get(run.name)
+        return median(own) if own else slower * self.estimate(run)
 
     @property
     def seconds(self) -> float:
@@ -91,7 +103,8 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
     repeats : int
         Rounds. The reference is run once.
     budget : float
-        s. Of the settings that do not fit in, those that take longest are left out first.
+        s, of this call and its `measure`, whatever earlier ones have spent. Of the settings that do not fit in, those
+        that take longest are left out first. A run that has begun is not cut off.
 
     Raises
     ------
@@ -102,20 +115,22 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
     LaunchError
         When the budget is not enough for the reference and one setting more.
     """
+    started = monotonic()
     folder, scene = Path(folder).absolute(), base(scene)
     _check_folder(folder, scene)
     made, left_out = points(scene)
-    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, 1.0, 0.0)
+    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {})
     if not whole.todo():
         return whole
     rate, overhead = _warm_up(scene)
-    return _within_budget(replace(whole, rate=rate, overhead=overhead))
+    took = {run.name: taken(run, folder, repeats) for point in whole.points for run in point.runs}
+    return _within_budget(replace(whole, rate=rate, overhead=overhead, took=took))
 
 
 def _within_budget(whole: Plan) -> Plan:
     """The plan without the dearest settings, so many that the rest fits into the budget."""
-    fitting = whole
-    while fitting.seconds > whole.budget:
+    fitting, gone = whole, monotonic() - whole.started
+    while gone + fitting.seconds > whole.budget:
         alone = {
             point: sum(whole.price(run) for run, _ in _missing(whole.folder, [point], whole.repeats))
             for point in fitting.points[1:]
@@ -123,8 +138,8 @@ def _within_budget(whole: Plan) -> Plan:
         dearest = max(alone, key=lambda point: alone[point], default=None)
         if dearest is None or len(alone) == 1:
             raise LaunchError(
-                f"budget = {whole.budget:g}: must be at least {ceil(fitting.seconds)} s, which the reference and one "
-                "setting take"
+                f"budget = {whole.budget:g}: must be at least {ceil(gone + fitting.seconds)} s, which the reference "
+                "and one setting take"
             )
         reason = f"about {alone[dearest]:.2g} s, beyond the budget"
         fitting = replace(
@@ -153,34 +168,49 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
 
     Notes
     -----
-    A run that fails has its message in the table and the others go on. When the machine is slower than it was in the
-    warm-up, runs that do not fit into the rest of the budget are left out. The errors mean what they say where the
-    error of a run is of second order in the step, as the reference is extrapolated so: not with sliding or opening
-    contacts, the incremental law or dashpots.
+    A run that fails has its message in the table and the others go on. When runs take longer than was planned, those
+    that do not fit into the rest of the budget are left out, and ``left_out`` says so. The errors mean what they say
+    where the error of a run is of second order in the step, as the reference is extrapolated so: not with sliding or
+    opening contacts, the incremental law or dashpots.
     """
     with locked(plan.folder, make=True, force=True):
         _save(plan)  # makes the folder that of this study, whatever happens to this process
-        todo = plan.todo()
-        left, spent, started = sum(plan.price(run) for run, _ in todo), 0.0, time.monotonic()
+        todo, cut = plan.todo(), set[Path]()
+        plan = replace(plan, took={name: list(seconds) for name, seconds in plan.took.items()})
+        spent = estimated = 0.0
         try:
             for index, (run, folder) in enumerate(todo):
-                price, elapsed = plan.price(run), time.monotonic() - started
-                slower = elapsed / spent if spent else 1.0
-                left -= price
-                if elapsed + price * slower <= plan.budget:
+                began, slower = monotonic(), spent / estimated if estimated else 1.0
+                if began - plan.started + plan.price(run, slower) <= plan.budget:
                     _run(run, folder)
-                    spent += price
+                    seconds = monotonic() - began
+                    plan.took.setdefault(run.name, []).append(seconds)
+                    spent, estimated = spent + seconds, estimated + plan.estimate(run)
+                else:
+                    cut.add(folder)
                 if progress is not None:
-                    elapsed = time.monotonic() - started
-                    progress(index + 1, len(todo), min(left * elapsed / max(spent, price), plan.budget - elapsed))
+                    left = sum(plan.price(run, slower) for run, _ in todo[index + 1 :])
+                    progress(index + 1, len(todo), min(left, plan.started + plan.budget - monotonic()))
         except (KeyboardInterrupt, RunInterrupted) as error:
             raise RunInterrupted(
                 f"{plan.folder}: interrupted; {len(todo) - len(plan.todo())} of {len(todo)} runs were done and are "
                 "kept, the same command again does the rest"
             ) from error
         finally:
-            result = _save(plan)
+            result = _save(replace(plan, left_out=plan.left_out | _cut_off(plan, cut)))
     return result
+
+
+def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
+    """The settings that lack rounds as their runs were left out on the way → how many rounds."""
+    reasons = {}
+    for point in plan.points:
+        rounds = 1 if point.knob == REFERENCE else plan.repeats
+        turns = range(1, rounds + 1)
+        lacking = sum(any(place(plan.folder, run, turn) in cut for run in point.runs) for turn in turns)
+        if lacking:
+            reasons[str(point)] = f"{lacking} of {rounds} rounds not run, beyond the budget"
+    return reasons
 
 
 def _save(plan: Plan) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from functools import cached_property
 from typing import Any
 
 from granular_lmp.dumps import OUTPUTS
-from granular_lmp.effects import largest_step, resolve, with_all
+from granular_lmp.effects import largest_step, resolve, warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError
 from granular_lmp.grid import scene_hash
 from granular_lmp.launch import core_count
@@ -169,11 +169,24 @@ def _outputs(scene: Scene) -> dict[str, Make]:
 
 
 def _effects(scene: Scene) -> dict[str, Make]:
+    chosen = resolve(scene)[1]
+    on = {effect.name: effect.on for effect in chosen}
+
+    def without(name: str) -> Make:
+        def run() -> tuple[Run, ...]:
+            if not on[name]:
+                raise LaunchError(f"effects.{name}: is off already")
+            return (Run(scene.with_values({f"effects.{name}": False})),)
+
+        return run
+
+    # Against a scene that forces off what it calls for, it is that one whose error would be taken for a mistake
+    every = "all: another model" if warnings(chosen) else "all"
     return {
         "as declared": _changed(scene, {}),
-        "all": lambda: (Run(with_all(scene)),),
-        "no tracking": _changed(scene, {"effects.tracking": False}),
-        "no rotation": _changed(scene, {"effects.rotation": False}),
+        every: lambda: (Run(with_all(scene)),),
+        "no tracking": without("tracking"),
+        "no rotation": without("rotation"),
         "incremental law": _changed(scene, {"effects.shear_law": "incremental"}),
     }
 

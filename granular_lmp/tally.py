@@ -39,6 +39,12 @@ def place(folder: Path, run: Run, turn: int) -> Path:
     return folder / RUNS / run.name / str(turn)
 
 
+def taken(run: Run, folder: Path, repeats: int) -> list[float]:
+    """Seconds of the rounds of a run that are done."""
+    places = (place(folder, run, turn) for turn in range(1, repeats + 1))
+    return [read_status(there)["wall_seconds"]["total"] for there in places if is_done(run, there)]
+
+
 def is_done(run: Run, folder: Path) -> bool:
     """Whether the run in this folder is finished, and what it wrote of all spheres has been read."""
     there = (folder / STATUS).is_file() and read_status(folder).get("status") == "finished"
@@ -179,20 +185,26 @@ def to_csv(rows: list[Row]) -> str:
 
 def text(result: dict[str, Any]) -> str:
     """The table for a terminal; errors below that of the reference are marked with <."""
-    head = f"{'knob':18}{'setting':26}{'s, median':>10}{'(min - max)':>18}{'M p-s/s':>9}"
+    head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}{'M p-s/s':>9}"
     lines = [head + "".join(f"{name:>10}" for name in COMPONENTS) + f"{'slope':>7}"]
     best = result["reference"]
     for row in [*([best] if best else []), *result["points"]]:
         start = f"{row['knob']:18.17}{row['setting']:26.25}"
         if not row["repeats"]:
-            lines.append(f"{start}{row['message']}")
+            lines.append(f"{start}{_reason(row, result['left_out'])}")
             continue
         spread = f"({row['seconds_min']:.3g} - {row['seconds_max']:.3g})"
         cells = "".join(f"{_cell(row, best, name):>10}" for name in COMPONENTS)
         slope = "" if row["slope"] is None else f"{row['slope']:z.1f}"
         rate = row["particle_steps_per_second"] / 1e6
-        lines.append(f"{start}{row['seconds']:10.3g}{spread:>18}{rate:9.2f}{cells}{slope:>7}")
+        lines.append(f"{start}{row['repeats']:6d}{row['seconds']:10.3g}{spread:>21}{rate:9.2f}{cells}{slope:>7}")
     return "\n".join(lines)
+
+
+def _reason(row: Row, left_out: dict[str, str]) -> str:
+    """Why a setting has no numbers."""
+    message = str(row["message"])
+    return left_out.get(f"{row['knob']}: {row['setting']}", message) if message == NOT_RUN else message
 
 
 def _cell(row: Row, best: Row, name: str) -> str:

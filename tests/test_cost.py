@@ -23,7 +23,7 @@ from granular_lmp.knobs import KNOBS, Run, points, reference
 from granular_lmp.launch import run_deck
 from granular_lmp.record import read_status, write_status
 from granular_lmp.steplaw import step_for
-from granular_lmp.tally import errors, to_csv
+from granular_lmp.tally import errors, text, to_csv
 from tests.conftest import PAPER
 from tests.test_cli import cli
 
@@ -166,6 +166,17 @@ def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> N
     assert "tolerance, strip: 1e-06" not in map(str, made)
 
 
+def test_an_effect_that_is_off_is_not_switched_off_again(small: Scene) -> None:
+    made, refused = points(small.with_values({"effects.rotation": False}))
+    assert refused == {
+        "effects: no tracking": "effects.tracking: is off already",
+        "effects: no rotation": "effects.rotation: is off already",
+    }
+    # The scene calls for rotation: what has it is not the wrong one of the two
+    settings = [point.setting for point in made if point.knob == "effects"]
+    assert settings == ["as declared", "all: another model", "incremental law"]
+
+
 def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("granular_lmp.knobs.core_count", lambda: 1)
     assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
@@ -277,8 +288,9 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
 
 
 def priced(small: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> module.Plan:
-    """A plan for a machine that does 1e5 particle-steps a second, and takes no time beside."""
+    """A plan for a machine that does 1e5 particle-steps a second, and takes no time beside: its clock stands still."""
     monkeypatch.setattr(module, "_warm_up", lambda scene: (1e5, 0.0))
+    monkeypatch.setattr(module, "monotonic", lambda: 0.0)
     return plan(small, folder, repeats=1, **options)
 
 
@@ -314,10 +326,64 @@ def test_a_machine_that_got_slower_keeps_to_the_budget(
     planned = priced(small, tmp_path / "study", monkeypatch)
     measure(replace(planned, points=[reference(small)]))
     now = iter(range(0, 10**6))  # every look at the clock is a second later
-    monkeypatch.setattr(module.time, "monotonic", lambda: float(next(now)))
+    monkeypatch.setattr(module, "monotonic", lambda: float(next(now)))
     result = measure(replace(planned, budget=4.0))
-    unfinished = [row for row in result["points"] if row["message"] == "not run yet"]
+    unfinished = [f"{row['knob']}: {row['setting']}" for row in result["points"] if row["message"] == "not run yet"]
     assert 0 < len(unfinished) < len(result["points"])
+    assert result["left_out"] == dict.fromkeys(unfinished, "1 of 1 rounds not run, beyond the budget")
+    assert json.loads((tmp_path / "study" / "cost.json").read_text())["left_out"] == result["left_out"]
+    assert text(result).count("1 of 1 rounds not run, beyond the budget") == len(unfinished)
+
+
+def test_the_warm_up_is_paid_from_the_budget(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    needed = priced(small, tmp_path / "study", monkeypatch).seconds
+    clock = [0.0]
+
+    def slow(scene: Scene) -> tuple[float, float]:
+        clock[0] += 100.0
+        return 1e5, 0.0
+
+    monkeypatch.setattr(module, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(module, "_warm_up", slow)
+    assert plan(small, tmp_path / "study", repeats=1, budget=100 + needed + 1e-6).left_out == {}
+    with pytest.raises(LaunchError, match="must be at least 101 s"):
+        plan(small, tmp_path / "study", repeats=1, budget=100.0)
+
+
+def test_a_run_is_priced_by_its_own_rounds(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = priced(small, tmp_path / "study", monkeypatch)
+    clock: list[float] = [0.0]
+    done: list[tuple[Run, int]] = []
+    monkeypatch.setattr(module, "monotonic", lambda: clock[0])
+    slow, _ = planned.todo()[-1]
+
+    def run_one(one: Run, folder: Path) -> None:
+        clock[0] += 50.0 if one == slow else 0.0
+        done.append((one, int(folder.name)))
+
+    monkeypatch.setattr(module, "_run", run_one)
+    # The first round of the slow run ends at 50 s; a second would end at 100 s, although it was priced at 0.03 s
+    result = measure(replace(planned, repeats=3, budget=99.0))
+    assert [turn for one, turn in done if one == slow] == [1]
+    assert sum(turn > 1 for _, turn in done) == 2 * 5  # the others go on
+    assert "2 of 3 rounds not run" in result["left_out"][f"time step: {slow.scene.time.step:.4g}"]
+
+
+def test_a_later_call_knows_what_a_run_took(
+    few: None, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = priced(small, tmp_path / "study", monkeypatch)
+    one, folder = planned.todo()[-1]
+    record = run(one.scene, folder)
+    write_status(folder, record.info | {"wall_seconds": record.info["wall_seconds"] | {"total": 7.0}})
+    measure(replace(planned, points=[reference(small)]))  # makes the folder that of a study
+    again = plan(small, tmp_path / "study", repeats=2)
+    assert again.price(one) == 7.0
+    assert again.estimate(one) < 0.1
 
 
 # --- folder and command line ---
@@ -340,6 +406,9 @@ def test_the_command_says_how_long_and_what_is_left_out(
     assert status == 0
     assert out.startswith("small: 12 settings, 9 runs, about ")
     assert "Richardson pair   0.5 + 0.25" in out
+    header, *lines = out.splitlines()[1:-1]
+    column = header.index("rounds") + len("rounds")
+    assert {line[:column].split()[-1] for line in lines} == {"1"}
     status, out, err = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "other"), "--budget", "1e-9")
     assert (status, out) == (2, "")
     assert "budget = 1e-09: must be at least" in err

@@ -73,6 +73,13 @@ def test_what_is_recommended_is_the_tolerance_if_it_keeps_its_word(study: Study)
     assert instead.family == "Richardson pair"
 
 
+def test_a_looser_tolerance_is_not_recommended(study: Study) -> None:
+    # That of 1e-3 has an error of 5e-5 here, which it has not promised
+    assert recommended(study, 1e-4) is None
+    tighter = setting(0.6, 2e-6, TOLERANCE, "1e-05")
+    assert recommended(replace(study, settings=[*study.settings, tighter]), 1e-4) is tighter
+
+
 def test_the_level_of_model_is_measured_against_the_exact_lattice(study: Study) -> None:
     levels = {(s.family, s.name): s for s in models(study, repeats=1)}
     lattice = [s.worst for (family, _), s in levels.items() if family == LATTICE]
@@ -95,6 +102,13 @@ def test_the_table_names_what_gives_each_accuracy(study: Study) -> None:
     assert "1e-03 (tolerance, strip) 0.2 s" in lines["1e-03"]
     assert "0.05 (time step) 0.4 s" in lines["1e-03"]
     assert lines["1e-06"].split()[1:] == ["-"] * 5
+
+
+def test_the_table_cuts_no_number_off(study: Study) -> None:
+    levels = [setting(1.5e-4, 1e-3, FORMULA, "second-order"), setting(0.0123, 1e-7, LATTICE, "rtol 1e-08")]
+    (line,) = [line for line in accuracy.table(study, levels).splitlines() if line.startswith("1e-03")]
+    seconds = [float(number) for number in re.findall(r"\) (\S+) s(?:  |$)", line)]
+    assert seconds == [0.2, 0.4, 0.15, 0.012, 0.00015]  # two digits are printed
 
 
 @pytest.mark.parametrize("levels", [[], [setting(1e-4, 1e-3, FORMULA, "second-order")]])
