@@ -289,10 +289,8 @@ deck.CHECKPOINT_INTERVAL = 24 * 997
 from granular_lmp.cli import main
 sys.exit(main({words!r}))
 """
-WHOLE: dict[str, Any] = {
-    "time.duration": 4000.0,
-    "time.sample": 0.5,
-}  # 80 000 steps of 24 spheres, half a second or more
+# 80 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
+WHOLE: dict[str, Any] = {"time.duration": 4000.0, "time.sample": 0.5}
 
 
 def run_and_kill(scene: Path, folder: Path, reached: Reached, *route: str) -> None:
