@@ -40,7 +40,7 @@ def at_the_resonance(cycles: int, rows: int, step: float, duration: float, strid
                 "the exchange of energy between TR and L is a phase of the slow detuning, which the time step shifts",
                 float(error.max() / truth.max()),
                 "required. Verlet shifts 2Ω − w̃ by (2Ω³ − w̃³)Δτ²/24 = −0.031Δτ², by the end "
-                f"{0.031 * step**2 * duration:.1g} rad: the scale of the figure, not a bound on it",
+                f"{0.031 * step**2 * duration:.1g} rad of phase; how far the amplitude follows is not known",
                 most=0.02,
             )
         )
@@ -75,7 +75,7 @@ def blow_up(cycles: int, rows: int, size: float, step: float, end: float, edits:
     return [
         Case(
             f"τ at which a contact opens, ξ = {wave.wavenumber:.4f}, a = {size:g} (exact lattice: {expected:.4g})",
-            "the model itself blows up: no integrator can prevent it, and none may hide it",
+            "the exact solution opens it: no integrator can prevent it, and none may hide it",
             found,
             "required: 2 % of the time, as of the amplitudes",
             least=0.98 * expected,
