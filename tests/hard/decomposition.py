@@ -11,7 +11,7 @@ from granular_lmp.deck import DUMP, LOG
 from granular_lmp.launch import core_count
 from granular_lmp.locate import lmp_command
 from tests.hard.case import Case, Cases, Edits
-from tests.hard.cell import Floats
+from tests.hard.cell import Floats, edited
 from tests.hard.waves import scene
 
 RANKS = (2, 3, 4)
@@ -21,13 +21,10 @@ def course(ranks: int, steps: int, edits: Edits = ()) -> Floats:
     """p, q, φ (3, T) of a short cell in D0, run on a number of ranks, also on more than there are cores."""
     wave = scene("TR", 2, 16, 0.2, 0.05, 0.05 * steps)
     deck = build(wave)
-    text = deck.input_text
-    for old, new in edits:
-        text = text.replace(old, new)
     with TemporaryDirectory() as place:
         folder = Path(place)
         deck.write(folder, force=True)
-        (folder / deck.input_name).write_text(text, encoding="utf-8")
+        (folder / deck.input_name).write_text(edited(deck.input_text, edits), encoding="utf-8")
         command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none", "-nocite"]
         subprocess.run(command, cwd=folder, check=True, capture_output=True, timeout=100)
         record = Record.from_dump(folder, deck.scene, DUMP)

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import build
-from granular_lmp.rules import Case
 from granular_lmp.sphere import INERTIA_RATIO
 from tests.hard.cell import Cell, Floats
 
@@ -71,7 +70,7 @@ def _look(cell: Cell, near: NDArray[np.intp]) -> _Look:
     slip2[pair] = (contacts.shear / (kappa * root[pair])) ** 2
     kinetic = (kappa + 3) * (velocity**2).sum(axis=1) @ [1, 1, INERTIA_RATIO]
     normal = ((4 / 15) * (d**2.5 - 1) - (2 / 3) * (d - 1)).sum() + 0.4 * (len(near) - len(d))  # 2/5: open, d = 0
-    friction = Case(cell.scene).friction
+    friction = float(cell.instance.extract_variable("friction"))  # the deck's own, whatever the scene says
     return _Look(
         energy=float(kinetic + normal + 0.5 * kappa * root @ slip2),
         lever=float(eta * (d * contacts.shear) @ velocity[2][contacts.spheres].sum(axis=1)),

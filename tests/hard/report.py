@@ -14,8 +14,15 @@ HEAD = """\
 
 Hard cases for LAMMPS as the decks use it, what was measured, and the bound, which is decided by physics or arithmetic
 and not by the measurement. The references are the exact lattice of `analysis/lattice.py` in LAMMPS's contact geometry,
-symmetry, and conservation. Written by `make stability`; the fast half is asserted by `make test`, where each
-measurement is also made on a broken deck or against a wrong reference and has to say so (`tests/hard/test_hard.py`).
+symmetry, and conservation. Written by `make stability`; the fast half is asserted by `make test`, where each kind of
+figure in it is also measured on a broken deck or against a wrong reference, and has to miss its bound
+(`tests/hard/test_hard.py`).
+
+Tested elsewhere: restart and ranks in `tests/test_launch.py`, contact law and collisions in `tests/validation/`, bad
+input, broken decks, kills, full disks and honest status in `tests/hard/test_*.py`.
+
+Two limits are known: `**` as a word of a deck aborts LAMMPS itself, and the process with it (an uncaught `std::stol`);
+and a run that is killed before its first checkpoint, at 1e8 particle-steps, starts anew.
 
 Units: lengths in D0, times in τ; spheres of the paper. "The works" is what the secant law, which has no potential, and
 LAMMPS's lever arm do on the wave (`tests/hard/ledger.py`).

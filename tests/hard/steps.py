@@ -19,8 +19,8 @@ SMALLEST = (1, 4)  # cycles and rows: ξ = π/2, 12 spheres
 CHUNK = 1000  # steps between two looks
 
 
-def refused(factors: tuple[float, ...] = (1.0, 1.0 + 1e-9, 1.5)) -> Cases:
-    """Steps at and beyond 2/Ω_max that are let pass, and one below that it must."""
+def refused(factors: tuple[float, ...] = (1.0, 1.0 + 1e-9, 1.5), allowed: float = 0.999) -> Cases:
+    """Steps at and beyond 2/Ω_max that are let pass, and one below that must be."""
 
     def passes(factor: float) -> bool:
         step = LIMIT * factor
@@ -39,9 +39,9 @@ def refused(factors: tuple[float, ...] = (1.0, 1.0 + 1e-9, 1.5)) -> Cases:
             most=0,
         ),
         Case(
-            "a step of 0.999 of 2/Ω_max is refused",
+            f"a step of {allowed:g} of 2/Ω_max is refused",
             "a limit too low costs runs",
-            float(not passes(0.999)),
+            float(not passes(allowed)),
             "no",
             most=0,
         ),
@@ -66,7 +66,7 @@ def growth(share: float, steps: int, amplitude: float = 0.02, edits: Edits = ())
     return largest
 
 
-def at_the_limit(steps: int, share: float = 0.95) -> Cases:
+def at_the_limit(steps: int, share: float = 0.95, beyond: float = 1.02) -> Cases:
     """Bounded below the limit, and unbounded just beyond it."""
     return [
         Case(
@@ -77,9 +77,9 @@ def at_the_limit(steps: int, share: float = 0.95) -> Cases:
             most=1 / sqrt(1 - 0.95**2),
         ),
         Case(
-            f"largest displacement in D0, RT, Δτ = 1.02 of the limit, {steps:.0e} steps (inf: past 1000)",
+            f"largest displacement in D0, RT, Δτ = {beyond:g} of the limit, {steps:.0e} steps (inf: past 1000)",
             "the limit has to be that of the lattice, not a guess below it",
-            growth(1.02, steps),
+            growth(beyond, steps),
             "the mode at ξ = 0 grows by e^{0.4} a step from rounding, 1e-13, on",
             least=1e3,
         ),

@@ -1,10 +1,14 @@
 """Nothing lies: what went wrong is in the exit status, in ``run.json``, and refused by `compare` unless forced."""
 
 import errno
+import fcntl
 import io
 import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -291,23 +295,36 @@ def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
     refused(tmp_path / "sweep" / done.rows[1]["run"])
 
 
-# --- a run killed at any moment ---
+# --- a run killed ---
 
-KILLED = """
-import os, signal, sys, threading
+Reached = Callable[[Path], bool]
+OFTEN = """
+import sys
 from granular_lmp import deck
 deck.CHECKPOINT_INTERVAL = 24 * 997
 from granular_lmp.cli import main
-threading.Timer({delay}, os.kill, (os.getpid(), signal.SIGKILL)).start()
 sys.exit(main({words!r}))
 """
-WHOLE: dict[str, Any] = {"time.duration": 800.0, "time.sample": 0.5}  # 16 000 steps of 24 spheres, some 0.2 s
+# 80 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
+WHOLE: dict[str, Any] = {"time.duration": 4000.0, "time.sample": 0.5}
 
 
-def killed_after(delay: float, *words: str) -> None:
-    code = KILLED.format(delay=delay, words=list(words))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode in (0, -9), done.stderr
+def run_and_kill(scene: Path, folder: Path, reached: Reached, *route: str) -> None:
+    """A run killed, with the LAMMPS that it started, as soon as something is so of its folder."""
+    command = [sys.executable, "-c", OFTEN.format(words=["run", str(scene), "-o", str(folder), *route])]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        while not reached(folder) and process.poll() is None:
+            time.sleep(0.001)
+        listed = subprocess.run(["ps", "-A", "-o", "ppid=,pid="], capture_output=True, text=True, check=True).stdout
+        process.kill()  # first, so that it cannot say how its LAMMPS ended
+        for parent, child in map(str.split, listed.splitlines()):
+            if int(parent) == process.pid:
+                os.killpg(int(child), signal.SIGKILL)  # it has a session of its own
+        _, error = process.communicate()
+    assert process.returncode == -signal.SIGKILL, error
+    lock = os.open(folder, os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)  # what was killed ends a little later
+    os.close(lock)
 
 
 @pytest.fixture(scope="module")
@@ -329,24 +346,58 @@ def resumed(folder: Path) -> str:
     return ""
 
 
-@pytest.mark.parametrize("delay", [0.1, 0.5, 0.7, 0.9])
-def test_a_run_killed_at_any_moment_is_not_finished_or_is_whole_and_resumes_to_the_same_bytes(
-    delay: float, whole: tuple[Path, Record], tmp_path: Path
-) -> None:
-    scene, expected = whole
+def records(folder: Path) -> int:
+    """How many records are on disk."""
+    path = folder / DUMP
+    return path.read_bytes().count(b"ITEM: TIMESTEP") if path.exists() else 0
+
+
+BEFORE: dict[str, Reached] = {
+    "folder": Path.exists,
+    "run.json": lambda folder: (folder / STATUS).exists(),
+    "first checkpoint begun": lambda folder: (folder / CHECKPOINTS[0]).exists(),
+}
+AFTER: dict[str, Reached] = {  # a checkpoint is whole when the next is begun
+    "second checkpoint begun": lambda folder: (folder / CHECKPOINTS[1]).exists(),
+    "1000 records": lambda folder: records(folder) >= 1000,  # every 10 steps: 10 checkpoints
+}
+
+
+def same(folder: Path, expected: Record) -> None:
+    """The run ended as one that nobody killed."""
     assert expected.folder is not None
-    folder = tmp_path / "run"
-    killed_after(delay, "run", str(scene), "-o", str(folder))
-    if not (folder / STATUS).exists() or read_status(folder)["status"] != "finished":
-        refused(folder)
-        said = resumed(folder)
-        if said:  # too early: the run starts anew
-            assert "not a run folder" in said or "run it again with --force" in said
-            run(expected.scene, folder, force=True)
     for name in (DUMP, TRAJECTORY):
         assert (folder / name).read_bytes() == (expected.folder / name).read_bytes()
     assert Record.load(folder).info["guards"].keys() == expected.info["guards"].keys()
     assert [path.name for path in folder.glob("*.part")] == []
+
+
+@pytest.mark.parametrize("reached", BEFORE.values(), ids=BEFORE.keys())
+def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_same_bytes(
+    reached: Reached, whole: tuple[Path, Record], tmp_path: Path
+) -> None:
+    scene, expected = whole
+    folder = tmp_path / "run"
+    run_and_kill(scene, folder, reached)
+    refused(folder)
+    said = resumed(folder)
+    if said:
+        assert "not a run folder" in said or "run it again with --force" in said
+        run(expected.scene, folder, force=True)
+    same(folder, expected)
+
+
+@pytest.mark.parametrize("reached", AFTER.values(), ids=AFTER.keys())
+@pytest.mark.parametrize("route", [[], ["--lmp"]], ids=["module", "lmp"])
+def test_a_run_killed_after_a_checkpoint_is_not_finished_and_resumes_to_the_same_bytes(
+    reached: Reached, route: list[str], whole: tuple[Path, Record], tmp_path: Path
+) -> None:
+    scene, expected = whole
+    folder = tmp_path / "run"
+    run_and_kill(scene, folder, reached, *route)
+    refused(folder)
+    assert resumed(folder) == ""
+    same(folder, expected)
 
 
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
