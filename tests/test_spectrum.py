@@ -189,7 +189,7 @@ def folder(tmp_path: Path) -> Callable[[Iterable[Record]], Path]:
             place.mkdir(parents=True)
             (place / "scene.toml").write_text(record.scene.to_toml(), encoding="utf-8")
             record.write_csv(place / TRAJECTORY)
-            write_status(place, {"status": "finished"} | record.info)
+            write_status(place, {"status": "finished", "samples": len(record.tau)} | record.info)
         return tmp_path / "sweep"
 
     return make

@@ -39,7 +39,8 @@ def whole_dump(name: str) -> bytes:
     """What the run of the deck that is not broken records."""
     with tempfile.TemporaryDirectory() as folder:
         deck(name).write(folder, force=True)
-        launch.run_input(Path(folder), deck(name).input_name)
+        with launch.locked(Path(folder)) as lock:
+            launch.run_input(Path(folder), deck(name).input_name, lock)
         return (Path(folder) / DUMP).read_bytes()
 
 

@@ -10,7 +10,6 @@ from analysis.second_harmonic import mode as linear_mode
 from analysis.second_harmonic import ratios
 from granular_lmp import Scene
 from granular_lmp.errors import SceneError
-from granular_lmp.rounding import noise_floor
 from granular_lmp.scene import LARGEST_OVERLAP_RATIO
 from granular_lmp.sphere import Sphere
 from tests.hard.case import Case, Cases
