@@ -404,7 +404,7 @@ def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None
     """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
     monkeypatch.setattr("granular_lmp.deck.CHECKPOINT_INTERVAL", 24 * 997)
     broken(monkeypatch, scene, (END, "run 10000"))
-    with pytest.raises(LammpsError, match="1001 records instead of 1601"):
+    with pytest.raises(LammpsError, match="1001 records instead of 8001"):
         run(scene, folder)
     monkeypatch.undo()
     write_status(folder, read_status(folder) | {"status": "running"})
