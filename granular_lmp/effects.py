@@ -113,7 +113,7 @@ ROWS = (
         },
         off={"motion": "nve"},
         guard="largest_torque",
-        cost="1.03",
+        cost="1.02",
         loss=rules.without_rotation,
     ),
     Row(
@@ -133,7 +133,7 @@ ROWS = (
             "angle_name": " colname v_theta theta",
         },
         off={"atom_style": "sphere"},
-        cost="1.02",
+        cost="1.03",
         loss="the angle is not in the record",
     ),
     Row(
@@ -143,7 +143,7 @@ ROWS = (
         refuse=rules.no_dashpot,
         first_order=lambda scene: True,
         in_all=False,
-        cost="1.03",
+        cost="1.00",
         loss=rules.without_damping,
     ),
     Row(
