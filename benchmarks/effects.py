@@ -118,11 +118,6 @@ def lean(scene: Scene) -> Scene:
     return scene.with_values({"packing.rows": "auto", "packing.columns": "auto"})
 
 
-def everything(scene: Scene) -> Scene:
-    """Every effect on, on as many rows as the scene declares."""
-    return with_all(scene)
-
-
 def same(repeats: int) -> str:
     """Table of auto against everything, for each shipped scene."""
     lines = [
@@ -133,7 +128,7 @@ def same(repeats: int) -> str:
         scene = Scene.load(path)
         # in a cell the wave number depends on the rows: the same rows for both
         few = scene if scene.shape.ends == "periodic" else lean(scene)
-        decks = {"auto": build(few), "all": build(everything(scene))}
+        decks = {"auto": build(few), "all": build(with_all(scene))}
         times = timed(decks, repeats)
         auto, full = decks["auto"], decks["all"]
         lines.append(

@@ -244,11 +244,8 @@ def _sweep(options: argparse.Namespace) -> int:
     scene, over = _scene(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
 
-    def progress(done: int, runs: int, left: float) -> None:
-        _progress(done, runs, "run", f", {left:.0f} s left")
-
     with _interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
-        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress)
+        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and _progress_of_runs)
     for row in done.having("failed"):
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
         print(f"failed: {point}: {row['message']} ({folder}/{row['run']})", file=sys.stderr)
@@ -269,11 +266,8 @@ def _cost(options: argparse.Namespace) -> int:
         print(f"left out: {setting}: {reason}", file=sys.stderr)
     sys.stdout.flush()
 
-    def progress(done: int, runs: int, left: float) -> None:
-        _progress(done, runs, "run", f", {left:.0f} s left")
-
     with _interruptible() as bar:
-        result = measure(planned, progress=bar and progress)
+        result = measure(planned, progress=bar and _progress_of_runs)
     print(text(result))
     print(f"{folder}: cost.json, cost.csv")
     return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
@@ -315,6 +309,10 @@ def _progress(done: int, total: int, what: str = "step", more: str = "") -> None
     filled = _BAR * done // max(total, 1)
     bar = "#" * filled + "." * (_BAR - filled)
     print(f"\r\033[K{bar} {what} {done} of {total}{more}", end="", file=sys.stderr, flush=True)
+
+
+def _progress_of_runs(done: int, runs: int, left: float) -> None:
+    _progress(done, runs, "run", f", {left:.0f} s left")
 
 
 def _effects(options: argparse.Namespace) -> int:

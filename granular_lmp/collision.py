@@ -17,6 +17,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.fields import (
     NOT_TOML,
     between,
+    checked_name,
     choice,
     declared,
     file_text,
@@ -25,7 +26,6 @@ from granular_lmp.fields import (
     plain,
     record,
     refuse_unknown,
-    shown,
     toml_lines,
 )
 from granular_lmp.scene import LARGEST_OVERLAP_RATIO, SHIPPED, SPHERE_RULES
@@ -139,9 +139,7 @@ class Collision:
     def from_dict(cls, tables: Mapping[str, Any]) -> Self:
         """Collision from nested mappings; every key and value is checked."""
         refuse_unknown(tables, ("name", *_TABLES), "")
-        name = tables.get("name", "collision")
-        if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
-            raise SceneError(f"name = {shown(name)}: must be ASCII letters, digits, '-' and '_' (it names the deck)")
+        name = checked_name(tables, "collision", "the deck")
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive

@@ -135,7 +135,7 @@ def build(scene: Scene) -> Deck:
         mode=mode,
         effects=chosen,
         input_text=_text(_BLOCKS, _values(scene, chosen, units)),
-        data=_data(scene, packing, mode, chosen, units),
+        data=_data(scene, packing, mode, units),
     )
 
 
@@ -147,12 +147,11 @@ def _title(scene: Scene) -> str:
     )
 
 
-def _data(scene: Scene, packing: ase.Atoms, mode: Mode, chosen: list[Effect], units: Units) -> DataFile:
+def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
     to_deck = units.number(scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
     fields = plane_wave(packing, mode, scene.wave.phase)
-    on = {effect.name: effect.on for effect in chosen}
     moving = Physics.of(scene).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
@@ -163,7 +162,7 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, chosen: list[Effect], un
         # 13 decimals of D0: finer than a double resolves a position of the lattice, coarser than what one machine's
         # cosine differs from another's, so that a scene gives the same bytes everywhere
         wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
-        directed=on["tracking"],
+        directed=scene.effects.tracking is True,
     )
 
 

@@ -69,9 +69,7 @@ class Row:
     law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}  # arguments of `granular_lmp.contact.model`
     needs: str = ""
     refuse: Callable[[Case], str] = lambda case: ""  # why it cannot be as it is chosen
-    first_order: Callable[[Scene], bool] = lambda scene: (
-        False
-    )  # does it make LAMMPS's error one of first order in the step
+    first_order: Callable[[Scene], bool] = lambda scene: False  # is LAMMPS's error then of first order in the step
     guard: str = ""
     always: bool = False  # the guard measures, but does not judge, also while the effect is on
     in_all: bool = True  # does `with_all` switch it on

@@ -157,6 +157,14 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
             raise SceneError(f"{prefix}{cut(key)}: unknown key; {allowed_names(key, names)}")
 
 
+def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
+    """``name`` of what was read, which becomes that of files on any system; `what` says what it names."""
+    name = tables.get("name", default)
+    if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
+        raise SceneError(f"name = {shown(name)}: must be ASCII letters, digits, '-' and '_' (it names {what})")
+    return name
+
+
 def allowed_names(key: str, names: Iterable[str]) -> str:
     """The name that was meant, if one is close; else all that are allowed."""
     close = get_close_matches(key, list(names), n=1)

@@ -22,6 +22,7 @@ from granular_lmp.fields import (
     Rule,
     allowed_names,
     between,
+    checked_name,
     choice,
     cut,
     declared,
@@ -31,7 +32,6 @@ from granular_lmp.fields import (
     plain,
     record,
     refuse_unknown,
-    shown,
     switch,
     toml_lines,
 )
@@ -291,11 +291,7 @@ class Scene:
     def from_dict(cls, tables: Mapping[str, Any]) -> Self:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
         refuse_unknown(tables, ("name", *_TABLES), "")
-        name = tables.get("name", "scene")
-        if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
-            raise SceneError(
-                f"name = {shown(name)}: must be ASCII letters, digits, '-' and '_' (it names the files of the run)"
-            )
+        name = checked_name(tables, "scene", "the files of the run")
         records = {
             _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))
             for key, kind in _TABLES.items()
