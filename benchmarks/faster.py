@@ -23,7 +23,7 @@ from granular_lmp import Scene, build
 from granular_lmp.datafile import DataFile, read
 from granular_lmp.deck import DUMP, LOG
 from granular_lmp.locate import lmp_command
-from granular_lmp.record import read_dump, read_log
+from granular_lmp.outputs import read_dump, read_log
 from granular_lmp.shape import quiet_rows
 from granular_lmp.units import units_for
 

@@ -62,7 +62,14 @@ def error_budget(scene: Scene, estimate: dict[str, float] | None = None) -> list
     scene : Scene
     estimate : dict, optional
         Relative errors of the p, q, φ of an extrapolated record, which take the place of those of a single run.
+
+    Returns
+    -------
+    list of Source
+        Empty for waves whose errors have no law here: other than running plane waves along y.
     """
+    if not scene.plane_along_y:
+        return []
     w = waves(scene)
     stepped, remedy = _time_step(scene, estimate)
     nothing = dict.fromkeys(stepped, 0.0)

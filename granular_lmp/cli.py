@@ -38,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="granular-lmp",
-        description="Plane waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
+        description="Waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
         epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
@@ -92,9 +92,9 @@ def _parser() -> argparse.ArgumentParser:
     effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     _scene_arguments(effects)
 
-    modes = _add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave number")
+    modes = _add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
     _scene_arguments(modes)
-    modes.add_argument("--plot", metavar="FILE", help="draw the dispersion along y into a PNG, PDF or SVG file")
+    modes.add_argument("--plot", metavar="FILE", help="draw the dispersion in its direction, as PNG, PDF or SVG")
 
     view = _add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
     view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder")
@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
     )
     view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
-    view.add_argument("--colour", help="of a run: rotation or energy (default: rotation, where spheres turn)")
+    view.add_argument("--colour", help="of a run: rotation, energy, p or q (default: rotation, where spheres turn)")
     view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
     view.add_argument(
         "--rows", type=_positive, metavar="N", help="of a run: draw N rows around the centre (default: 25)"
@@ -335,17 +335,21 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import Physics, mode_along_y
+    from granular_lmp.modes import Physics, bloch_mode
     from granular_lmp.packing import unit_lattice
 
     scene = _scene(options)
     packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
-    print(f"xi = {scene.wavenumber!r} rad per row; t0 = {scene.sphere.time_scale:.6g} s; shapes with p2 + q2 + f2 = 1")
+    along = "" if scene.vector.axis == "y" else f" at {scene.direction:.6g} degrees"
+    print(
+        f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
+        "shapes with p2 + q2 + f2 = 1"
+    )
     print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
     for name in physics.modes:
-        mode = mode_along_y(packing, scene.sphere, scene.wavenumber, name, physics)
+        mode = bloch_mode(packing, scene.sphere, scene.vector, name, physics)
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
-        print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.uy:12.8f}{-mode.ux + 0.0:12.8f}{mode.f:12.8f}")
+        print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
         from granular_lmp.plots import dispersion_figure, save
 

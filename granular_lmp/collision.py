@@ -28,8 +28,9 @@ from granular_lmp.fields import (
     refuse_unknown,
     toml_lines,
 )
-from granular_lmp.scene import LARGEST_OVERLAP_RATIO, SHIPPED, SPHERE_RULES
+from granular_lmp.scene import LARGEST_OVERLAP_RATIO, SHIPPED
 from granular_lmp.sphere import Sphere
+from granular_lmp.tables import SPHERE_RULES
 from granular_lmp.units import units_for
 
 DUMP = "dump.collision"

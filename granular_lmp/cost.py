@@ -27,7 +27,8 @@ from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunI
 from granular_lmp.grid import scene_hash
 from granular_lmp.knobs import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.launch import core_count, locked, run_deck
-from granular_lmp.record import STATUS, read_status, replace_text, write_status
+from granular_lmp.outputs import replace_text
+from granular_lmp.record import STATUS, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.tally import collect, is_done, place, taken, to_csv
 

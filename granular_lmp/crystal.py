@@ -1,10 +1,10 @@
 """The crystal of a run with p, q and φ of its centre sphere beside it, still or moving.
 
 Displacements of a wave are 1e-4 of a radius: they are drawn magnified, and so are the angles, by one factor that stands
-in the picture. The wave runs up. A cell is 3 columns wide and periodic: it is drawn again and again beside itself.
+in the picture. A wave along y runs up. A cell of 3 columns is periodic: it is drawn again and again beside itself.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import floor, inf, log10
 from pathlib import Path
@@ -21,14 +21,16 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.packing import ROW_SPACING, lattice_constant
+from granular_lmp.packing import lattice_constant
 from granular_lmp.particles import Particles, Spheres
 from granular_lmp.plots import Picture, draw_signals, moving, title
 from granular_lmp.record import Record
+from granular_lmp.wavevector import ROW_SPACING, WaveVector
 
 ROWS = 25  # that are drawn unless told otherwise: three wavelengths of the paper's first case
 LARGEST_SHIFT = 0.5  # radii, of an amplitude D0 that is magnified as the picture chooses
 FEWEST_DRAWN = 8  # columns
+MOST_WITH_EDGES = 1500  # spheres; of more, edges and hands would hide the colours
 FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
 _MOVIE_DPI = 80
@@ -38,17 +40,28 @@ _DARK = 0.6  # of the largest value: from there on the colours of both maps are 
 
 @dataclass(frozen=True)
 class Colouring:
-    """Which number of a sphere is its colour, what it is called, its map, and whether 0 is in the middle."""
+    """Which number of a sphere, given the wave vector, is its colour; its name, its map, and is 0 in the middle."""
 
-    attribute: str
+    value: Callable[[Spheres, WaveVector], NDArray[np.float64]]
     label: str
     colours: str
     symmetric: bool
 
 
 COLOURINGS = {
-    "rotation": Colouring("rotation", r"rotation $R\theta/D_0$", "RdBu_r", symmetric=True),
-    "energy": Colouring("energy", r"kinetic energy ($m\,D_0^2/t_0^2$)", "YlOrRd", symmetric=False),
+    "rotation": Colouring(lambda spheres, k: spheres.rotation, r"rotation $R\theta/D_0$", "RdBu_r", symmetric=True),
+    "energy": Colouring(
+        lambda spheres, k: spheres.energy, r"kinetic energy ($m\,D_0^2/t_0^2$)", "YlOrRd", symmetric=False
+    ),
+    "p": Colouring(
+        lambda spheres, k: k.along(*spheres.displacement.T), r"displacement along $k$ ($D_0$)", "RdBu_r", symmetric=True
+    ),
+    "q": Colouring(
+        lambda spheres, k: k.across(*spheres.displacement.T),
+        r"displacement across $k$ ($D_0$)",
+        "RdBu_r",
+        symmetric=True,
+    ),
 }
 
 
@@ -69,8 +82,8 @@ def run_figure(
     particles : Particles
     tau : float, optional
         The snapshot nearest to it; the last one when not given.
-    colour : "rotation" or "energy", optional
-        Rotation, where spheres turn, when not given.
+    colour : "rotation", "energy", "p" or "q", optional
+        p and q are the displacements along and across the wave vector. Rotation, where spheres turn, when not given.
     magnify : float, optional
         By which displacements and angles are multiplied; when not given 1, 2 or 5 times a power of ten, by which D0
         becomes at most half a radius.
@@ -182,7 +195,7 @@ class _Scenery:
         for panel in panels[:-1]:
             panel.sharex(panels[-1])
             panel.tick_params(labelbottom=False)
-        draw_signals(panels, record.tau, record.signals, names)
+        draw_signals(panels, record.tau, record.signals, names, record.scene)
         panels[0].set_title("centre sphere", fontsize="medium")
         self.marks = [
             panel.plot([], [], "o", color=_MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels
@@ -233,18 +246,20 @@ class _Crystal:
         first = max(0, min(shape.centre_row - count // 2, shape.rows - count))
         self.drawn = slice(first * shape.columns, (first + count) * shape.columns)
         self.stretch = amplitude * factor
-        self.colouring = colouring
+        self.colouring, self.vector = colouring, scene.vector
         self.copies = -(-FEWEST_DRAWN // shape.columns)
         width = shape.columns * lattice_constant(scene.sphere)
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
         self.rest = (particles.rest[self.drawn] + beside).reshape(-1, 2)
-        self.turns = scene.effects.tracking is True
+        crowded = len(self.rest) > MOST_WITH_EDGES
+        self.turns = scene.effects.tracking is True and not crowded
 
         held = np.tile(particles.held[self.drawn], self.copies)
         diameters = np.full(len(self.rest), 2.0)
         self.discs = EllipseCollection(
             diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,
-            cmap=colouring.colours, edgecolors=np.where(held, "black", "0.3"), linewidths=np.where(held, 1.5, 0.4),
+            cmap=colouring.colours, edgecolors=np.where(held, "black", "none" if crowded else "0.3"),
+            linewidths=np.where(held, 1.5, 0.4),
         )  # fmt: skip
         largest = reach = 0.0
         for moment in moments:
@@ -260,7 +275,8 @@ class _Crystal:
         low, high = self.rest.min(axis=0) - 1.2 - reach, self.rest.max(axis=0) + 1.2 + reach
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], ylabel="row")
         ends = (first - shape.centre_row, first + count - 1 - shape.centre_row)
-        ticks = [row for row in range(-5 * shape.rows, 5 * shape.rows, 5) if ends[0] <= row <= ends[1]]
+        apart = 5 * -(-count // 60)
+        ticks = [row for row in range(-apart * shape.rows, apart * shape.rows, apart) if ends[0] <= row <= ends[1]]
         axes.set_yticks(np.array(ticks) * spacing, [str(row).replace("-", "\N{MINUS SIGN}") for row in ticks])
         moved = "displacements and angles" if self.turns else "displacements"
         again = f"\n{shape.columns} columns, drawn {self.copies} times" if self.copies > 1 else ""
@@ -270,7 +286,7 @@ class _Crystal:
         figure.colorbar(self.discs, ax=axes, label=colouring.label, fraction=0.05, pad=0.02)
 
     def _values(self, moment: Spheres) -> NDArray[np.float64]:
-        return np.tile(getattr(moment, self.colouring.attribute)[self.drawn], self.copies)
+        return np.tile(self.colouring.value(moment, self.vector)[self.drawn], self.copies)
 
     def show(self, moment: Spheres) -> None:
         centres = self.rest + self.stretch * np.tile(moment.displacement[self.drawn], (self.copies, 1))

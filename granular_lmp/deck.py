@@ -19,16 +19,17 @@ from granular_lmp import effects, guards
 from granular_lmp.datafile import DataFile
 from granular_lmp.effects import Effect
 from granular_lmp.errors import RunFolderError
-from granular_lmp.modes import Mode, Physics, mode_along_y
-from granular_lmp.packing import hexagonal, unit_lattice
+from granular_lmp.modes import Mode, Physics, mode_of
+from granular_lmp.packing import hexagonal
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import step_for, with_step
 from granular_lmp.units import Units, units_for
-from granular_lmp.wave import plane_wave
+from granular_lmp.wave import initial_fields
 
 SCENE = "scene.toml"
 DUMP = "dump.centre"
 PARTICLES = "dump.particles"
+PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
 LOG = "log.lammps"
 STATUS = "run.json"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
@@ -125,7 +126,7 @@ def build(scene: Scene) -> Deck:
     scene, chosen = effects.resolve(declared)
     if scene.time.tolerance is not None:
         scene = with_step(scene, step_for(scene) / 2)
-    mode = mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, Physics.of(scene))
+    mode = mode_of(scene)
     packing = hexagonal(scene.sphere, scene.shape)
     units = units_for(scene.sphere.radius)
     return Deck(
@@ -134,24 +135,21 @@ def build(scene: Scene) -> Deck:
         packing=packing,
         mode=mode,
         effects=chosen,
-        input_text=_text(_BLOCKS, _values(scene, chosen, units)),
+        input_text=_text(_blocks(scene), _values(scene, chosen, mode, units)),
         data=_data(scene, packing, mode, units),
     )
 
 
 def _title(scene: Scene) -> str:
-    wave, shape = scene.wave, scene.shape
-    return (
-        f"{scene.name}: {wave.mode} wave along y, xi = {scene.wavenumber!r} rad per row, "
-        f"D0 = {wave.amplitude!r} Delta0, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
-    )
+    shape = scene.shape
+    return f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
 
 
 def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
     to_deck = units.number(scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
-    fields = plane_wave(packing, mode, scene.wave.phase)
+    fields = initial_fields(scene, packing, mode)
     moving = Physics.of(scene).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
@@ -179,6 +177,7 @@ variable amplitude index <amplitude>  # D0/Delta0
 variable timestep  index <timestep>  # tau; rounded down to fit a whole number of steps into a sample
 variable sample    index <sample>  # tau between records
 variable duration  index <duration>  # tau
+<ramp>
 <friction>
 variable data      index data.<name>
 variable dump      index <dump>
@@ -194,7 +193,10 @@ variable step   equal v_sample/v_every*v_t0
 variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
 variable tau    equal step*v_step/v_t0"""
 
-_LATTICE = """\
+_FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
+
+_LATTICE = (
+    """\
 # --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        <style>
 dimension    2
@@ -202,11 +204,14 @@ boundary     p <along_y> p
 atom_style   <atom_style>
 atom_modify  map array
 comm_modify  vel yes
-fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>
+"""
+    + _FIELD
+    + """
 read_data    ${data} fix wave NULL wave
 <mass>
 group        mobile type 1
 neighbor     <skin> bin"""
+)
 
 _CONTACTS = """\
 # --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
@@ -238,6 +243,29 @@ velocity     all set v_vx v_vy NULL units box
 <start_spin>
 <start_angle>"""
 
+_REST = """\
+# --- all spheres are at rest
+compute      u all displace/atom
+fix          plane all enforce2d
+timestep     $(v_step:%.17g)"""
+
+_DRIVE = """\
+# --- drive: the first row is moved by D0 r cos(Omega tau - phase), r rising from 0 to 1, along the d_u of each sphere.
+#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the step
+group        driven id 1:<columns>
+variable     Omega  equal <frequency>  # rad per tau
+variable     s      equal ternary(v_tau<v_ramp,v_tau/v_ramp,1.0)
+variable     swing  equal v_D0*v_s^3*(10-15*v_s+6*v_s^2)*cos(v_Omega*v_tau-<phase>)
+variable     before equal v_tau-v_step/v_t0
+variable     s_was  equal ternary(v_before<v_ramp,(v_before>0)*v_before/v_ramp,1.0)
+variable     was    equal v_D0*v_s_was^3*(10-15*v_s_was+6*v_s_was^2)*cos(v_Omega*v_before-<phase>)
+variable     speed  equal (v_swing-v_was)/v_step
+variable     swing_x atom v_swing*d_ux
+variable     swing_y atom v_swing*d_uy
+variable     speed_x atom v_speed*d_ux
+variable     speed_y atom v_speed*d_uy
+fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box"""
+
 _MOTION = """\
 # --- motion of the spheres that are not held
 fix          move mobile <motion>"""
@@ -255,6 +283,8 @@ dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column
 dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
 <particles_dump>"""
 
+_RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
+
 # Of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
 _PARTICLES = {
     "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
@@ -266,19 +296,28 @@ _PARTICLES = {
     "particles_append": "dump_modify  particles append yes",
 }
 
-_BLOCKS = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, _PRELOAD, _WAVE, _MOTION, _GUARDS, _RECORD, "run ${steps}")
+_STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_REST, _DRIVE)}
 
-_RESUMED = (
-    "# <title>: continues from <from>\nlog <log> append",
-    _VARIABLES,
-    "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
-    _CONTACTS,
-    "timestep     $(v_step:%.17g)\ncompute      u all displace/atom\nfix          plane all enforce2d",
-    _MOTION,
-    _GUARDS,
-    _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
-    "run ${steps} upto",
-)
+
+def _blocks(scene: Scene) -> tuple[str, ...]:
+    start = _STARTS[scene.wave.form]
+    return (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD, "run ${steps}")
+
+
+def _resumed(scene: Scene) -> tuple[str, ...]:
+    drive = (_FIELD, _DRIVE) if scene.wave.form == "driven" else ()
+    return (
+        "# <title>: continues from <from>\nlog <log> append",
+        _VARIABLES,
+        "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
+        _CONTACTS,
+        _REST,
+        *drive,
+        _MOTION,
+        _GUARDS,
+        _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
+        "run ${steps} upto",
+    )
 
 
 def resume_text(deck: Deck, checkpoint: str) -> str:
@@ -287,11 +326,11 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
     ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
     """
-    values = _values(deck.scene, deck.effects, units_for(deck.scene.sphere.radius))
-    return _text(_RESUMED, values | {"from": checkpoint, "log": LOG})
+    values = _values(deck.scene, deck.effects, deck.mode, units_for(deck.scene.sphere.radius))
+    return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG})
 
 
-def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
+def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dict[str, str]:
     """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
     watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
@@ -308,6 +347,7 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres)),
         "checkpoints": " ".join(CHECKPOINTS),
+        "columns": str(scene.shape.columns),
         "centre": str(scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2 + 1),
     }
     measured = {
@@ -322,6 +362,9 @@ def _values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "skin": units.number(sphere.radius / 10, length=1),
     }
     optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
+    driven = scene.wave.form == "driven"
+    optional = optional | {"ramp": _RAMP if driven else ""}
+    measured |= {"frequency": mode.frequency, "phase": scene.wave.phase, "switch_on": scene.envelope.ramp}
     numbers = {name: repr(value) for name, value in measured.items()}
     return plain | optional | numbers | effects.values(scene, chosen, units)
 

@@ -185,9 +185,9 @@ ROWS = (
         rules.width,
         guard="row_spread",
         cost="columns",
-        loss="waves that are not plane",
+        loss="waves whose rows do not move alike",
         switch="packing.columns",
-        declared=lambda scene: scene.shape.columns > FEWEST_COLUMNS,
+        declared=lambda scene: scene.shape.columns > FEWEST_COLUMNS or not scene.uniform_rows,
     ),
 )
 

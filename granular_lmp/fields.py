@@ -25,17 +25,17 @@ LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 @dataclass(frozen=True)
 class Rule:
-    """What a key may hold: a value of this kind that passes the check, or where that makes sense ``"auto"``."""
+    """What a key may hold: a value of this kind that passes the check, or one of some words."""
 
     kind: type
     note: str
     allowed: str
     check: Callable[[Any], bool]
-    auto: bool = False
+    words: tuple[str, ...] = ()
 
     def value(self, value: Any, key: str) -> Any:
         """`value` as this rule's kind; SceneError with the key, the value and what is allowed if it is not."""
-        if self.auto and value == AUTO:
+        if value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
@@ -43,7 +43,8 @@ class Rule:
         if right and self.kind is float:
             right = isfinite(value)
         if not right or not self.check(value):
-            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}" + ', or "auto"' * self.auto)
+            allowed = "".join([self.allowed, *(f', or "{word}"' for word in self.words)])
+            raise SceneError(f"{key} = {shown(value)}: must be {allowed}")
         return value
 
 
@@ -51,10 +52,10 @@ Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry n
 
 
 def declared(
-    kind: type, note: str, allowed: str, check: Callable[[Any], bool], auto: bool = False, **default: Any
+    kind: type, note: str, allowed: str, check: Callable[[Any], bool], words: tuple[str, ...] = (), **default: Any
 ) -> Any:
     """A dataclass field with its rule."""
-    return field(metadata={"rule": Rule(kind, note, allowed, check, auto)}, **default)
+    return field(metadata={"rule": Rule(kind, note, allowed, check, words)}, **default)
 
 
 def choice(note: str, options: tuple[str, ...], **default: Any) -> Any:
@@ -65,7 +66,7 @@ def choice(note: str, options: tuple[str, ...], **default: Any) -> Any:
 
 def switch(note: str) -> Any:
     """A dataclass field that is true, false or "auto", the default."""
-    return declared(bool, note, "true, false", lambda value: True, auto=True, default=AUTO)
+    return declared(bool, note, "true, false", lambda value: True, words=(AUTO,), default=AUTO)
 
 
 def between(low: float, high: float) -> Callable[[float], bool]:

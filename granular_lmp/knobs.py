@@ -12,7 +12,7 @@ from typing import Any
 
 from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import largest_step, resolve, warnings, with_all
-from granular_lmp.errors import GranularError, LaunchError
+from granular_lmp.errors import GranularError, LaunchError, SceneError
 from granular_lmp.grid import scene_hash
 from granular_lmp.launch import core_count
 from granular_lmp.scene import Scene
@@ -63,8 +63,17 @@ def base(scene: Scene) -> Scene:
     """The scene that every setting changes: a step in place of a tolerance, and ξ as its periodic cell snaps it.
 
     It has no snapshots of all spheres: what a run writes down is one of the knobs.
+
+    Raises
+    ------
+    SceneError
+        For a wave that is not a running plane wave along y.
     """
     resolve(scene)
+    if not scene.plane_along_y:
+        raise SceneError(
+            f"wave: {scene.wave_words}: must be a running plane wave along y; accuracy and steps of others have no law"
+        )
     if scene.time.tolerance is not None:
         scene = with_step(scene, step_for(scene) / 2)
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})

@@ -32,17 +32,8 @@ from granular_lmp.errors import (
 )
 from granular_lmp.guards import GUARDS, interval
 from granular_lmp.locate import lammps_module, lmp_command
-from granular_lmp.record import (
-    TRAJECTORY,
-    Record,
-    mend_dump,
-    mend_log,
-    read_log,
-    read_status,
-    refuse_other_scene,
-    replace_text,
-    write_status,
-)
+from granular_lmp.outputs import mend_dump, mend_log, read_log, replace_text
+from granular_lmp.record import TRAJECTORY, Record, read_status, refuse_other_scene, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome, woken
 

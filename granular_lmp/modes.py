@@ -26,28 +26,49 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.errors import SceneError
-from granular_lmp.packing import ROW_SPACING, centre, contacts, lattice_constant
+from granular_lmp.packing import centre, contacts, lattice_constant, unit_lattice
 from granular_lmp.scene import MODES, Scene
 from granular_lmp.sphere import INERTIA_RATIO, Sphere
+from granular_lmp.wavevector import WaveVector
 
 _UX, _UY, _F = range(3)
-# A wave along y keeps the mirror x → −x of the packing: L lives in u_y, TR and RT in (u_x, f); sorted by frequency.
-_SUBSPACE = {"L": ([_UY], 0), "TR": ([_UX, _F], 0), "RT": ([_UX, _F], 1)}
+# A wave along an axis keeps the mirror of the packing that holds the axis: L lives in the one displacement, TR and RT
+# in the other and the rotation; each sorted by frequency.
+_SUBSPACE = {
+    "y": {"L": ([_UY], 0), "TR": ([_UX, _F], 0), "RT": ([_UX, _F], 1)},
+    "x": {"L": ([_UX], 0), "TR": ([_UY, _F], 0), "RT": ([_UY, _F], 1)},
+}
 
 
 @dataclass(frozen=True)
 class Mode:
     """One Bloch mode: displacement (ux, uy) and rotation φ = Rθ = i f, with ux² + uy² + f² = 1, and frequency in 1/t0.
 
-    Along y the field's names hold: p = uy, q = −ux, Q = −ux > 0 for TR and RT, p > 0 for L.
+    p is the displacement along the wave vector k, q that along ẑ × k: along y p = uy, q = −ux, the field's names. The
+    larger of the two is positive, so p > 0 for L, and q = Q > 0 for TR and RT along y.
     """
 
     name: str
-    wavenumber: float
+    vector: WaveVector
     frequency: float
     ux: float
     uy: float
     f: float
+
+    @property
+    def wavenumber(self) -> float:
+        """ξ, rad per row."""
+        return self.vector.wavenumber
+
+    @property
+    def p(self) -> float:
+        """Displacement along k."""
+        return self.vector.along(self.ux, self.uy)
+
+    @property
+    def q(self) -> float:
+        """Displacement along ẑ × k."""
+        return self.vector.across(self.ux, self.uy)
 
     def shape(self) -> NDArray[np.complex128]:
         """Complex amplitudes (ux, uy, φ)."""
@@ -106,31 +127,50 @@ def bloch_modes(
     return _solve(packing, sphere, np.asarray(wavevector, dtype=float), physics, physics.coordinates)
 
 
-def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: str, physics: Physics = FULL) -> Mode:
-    """The mode L, TR or RT at ξ (rad per row) along y, with the signs that `Mode` gives.
+def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
+    """The mode L, TR or RT at a wave vector, with the signs that `Mode` gives.
 
-    At ξ = π translation and rotation part: of TR and RT one is pure u_x, the other pure rotation, and the sign of the
-    latter is the one that continues ξ < π (f > 0 for TR, f < 0 for RT).
+    L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
+    a mirror holds the wave, L is purely longitudinal and these do not move along k; elsewhere all three move in every
+    way, and the names pass from mode to mode where two come near each other.
+
+    At ξ = π along y translation and rotation part: of TR and RT one is pure u_x, the other pure rotation, and the sign
+    of the latter is the one that continues ξ < π (f > 0 for TR, f < 0 for RT).
 
     Raises
     ------
     SceneError
         For another name, and for RT where spheres do not turn.
     """
-    if name not in _SUBSPACE:
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(_SUBSPACE)}")
-    columns, index = _SUBSPACE[name]
-    columns = [column for column in columns if column in physics.coordinates]
-    if index >= len(columns):
+    if name not in MODES:
+        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(MODES)}")
+    if name not in physics.modes:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
-    frequencies, shapes = _solve(packing, sphere, _along_y(sphere, wavenumber), physics, columns)
-    shape = shapes[index] * _sign(name, shapes[index]) + 0.0  # + 0.0: no minus zero
-    return Mode(name, wavenumber, float(frequencies[index]), *map(float, shape))
+    columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
+    columns = [column for column in columns if column in physics.coordinates]
+    frequencies, shapes = _solve(packing, sphere, _wavevector(sphere, vector), physics, columns)
+    if index is None:
+        longitudinal = int(np.argmax(np.abs(vector.along(*shapes[:, :2].T))))
+        others = [branch for branch in range(len(shapes)) if branch != longitudinal]
+        index = longitudinal if name == "L" else others[MODES.index(name) - 1]
+    shape = shapes[index] * _sign(name, vector, shapes[index]) + 0.0  # + 0.0: no minus zero
+    return Mode(name, vector, float(frequencies[index]), *map(float, shape))
+
+
+def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: str, physics: Physics = FULL) -> Mode:
+    """`bloch_mode` at ξ (rad per row) along y."""
+    return bloch_mode(packing, sphere, WaveVector(0.0, wavenumber), name, physics)
+
+
+def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
+    """The mode of a scene's wave in its lattice, or in one with other physics."""
+    sphere = scene.sphere
+    return bloch_mode(unit_lattice(sphere), sphere, scene.vector, scene.wave.mode, physics or Physics.of(scene))
 
 
 def contact_stretches(packing: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Amplitudes of δN and δS of three contacts, (3,) each, in units of D0, in phase; the other three mirror them."""
-    normal, sideways, turn = _stretch_rows(packing, _along_y(sphere, mode.wavenumber))
+    normal, sideways, turn = _stretch_rows(packing, _wavevector(sphere, mode.vector))
     shape = np.array([mode.ux, mode.uy, mode.f])
     return normal @ shape, (sideways + turn) @ shape
 
@@ -169,8 +209,9 @@ def decay_rate(packing: ase.Atoms, sphere: Sphere, mode: Mode, viscosity: float,
     return float(viscosity * squares / (2 * (mode.ux**2 + mode.uy**2 + INERTIA_RATIO * mode.f**2)))
 
 
-def _along_y(sphere: Sphere, wavenumber: float) -> NDArray:
-    return np.array([0.0, wavenumber / (ROW_SPACING * lattice_constant(sphere))])
+def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:
+    """k in 1/R."""
+    return np.array(vector.components) / lattice_constant(sphere)
 
 
 def _contact_frames(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -181,14 +222,12 @@ def _contact_frames(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, N
     return n, np.column_stack([-n[:, 1], n[:, 0]]), vectors @ wavevector / 2
 
 
-def _sign(name: str, shape: NDArray) -> float:
-    """+1 or −1: p > 0 for L; ux < 0, or where ux vanishes (ξ = π) the sign of f next to it, for TR and RT."""
-    ux, uy, f = shape
-    if name == "L":
-        return float(np.sign(uy))
-    if abs(ux) > 1e-9:  # ux is proportional to sin ξ where it vanishes, so this is ξ = π to rounding
-        return -float(np.sign(ux))
-    return float(np.sign(f)) * (1 if name == "TR" else -1)
+def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
+    """+1 or −1: the larger of p and q becomes positive; where both vanish f is negative, but that of TR along y."""
+    larger = max(vector.along(*shape[:2]), vector.across(*shape[:2]), key=abs)
+    if abs(larger) > 1e-9:  # along y q is proportional to sin ξ where it vanishes, so this is ξ = π to rounding
+        return float(np.sign(larger))
+    return float(np.sign(shape[_F])) * (1 if name == "TR" and vector.axis == "y" else -1)
 
 
 def _stretch_rows(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:

@@ -1,12 +1,11 @@
 """Hexagonal 2D packings of touching spheres at rest, as `ase.Atoms`.
 
-Rows are stacked along y, the direction of propagation; within a row the spheres touch along x. Lattice constant
+Rows are stacked along y; within a row the spheres touch along x. Lattice constant
 a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. **Lengths are in radii R**: ASE, which thinks in Å
 and draws cells in steps of a fraction of one, then shows spheres of 5 mm as well as of 50 nm.
 """
 
 from functools import cache
-from math import sqrt
 
 import ase
 import numpy as np
@@ -14,8 +13,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.shape import Shape
 from granular_lmp.sphere import Sphere
-
-ROW_SPACING = sqrt(3) / 2  # in lattice constants
+from granular_lmp.wavevector import ROW_SPACING
 
 
 def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
@@ -75,6 +73,13 @@ def lattice_constant(sphere: Sphere) -> float:
 def unit_lattice(sphere: Sphere) -> ase.Atoms:
     """The smallest periodic packing whose centre sphere stands for the infinite lattice; not to be changed."""
     return hexagonal(sphere, Shape(rows=4, columns=3, ends="periodic"))
+
+
+def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Where the spheres are, from the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
+    row, column = packing.arrays["row"], packing.arrays["column"]
+    n = row - row.max() // 2
+    return column - (column.max() + 1) // 2 + 0.5 * (n % 2), n
 
 
 def centre(packing: ase.Atoms) -> int:

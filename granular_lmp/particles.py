@@ -15,13 +15,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import PARTICLES
+from granular_lmp.deck import PARTICLES, PER_SAMPLE
 from granular_lmp.errors import RunFolderError
+from granular_lmp.outputs import Snapshot, snapshots
 from granular_lmp.packing import hexagonal
-from granular_lmp.record import Snapshot, snapshots
 from granular_lmp.scene import Scene
 from granular_lmp.sphere import INERTIA_RATIO
-from granular_lmp.tolerance import SUFFIX
 from granular_lmp.units import units_for
 
 
@@ -78,7 +77,7 @@ class Particles:
             When the run has none.
         """
         folder = Path(folder)
-        finer = sorted(folder.glob(f"*{SUFFIX}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
+        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
         path = next(filter(Path.is_file, [folder / PARTICLES, *reversed(finer)]), None)
         if path is None:
             raise RunFolderError(

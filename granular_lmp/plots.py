@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.modes import Physics, mode_along_y
+from granular_lmp.modes import Physics, bloch_mode, mode_of
 from granular_lmp.scene import Scene
+from granular_lmp.wavevector import WaveVector, zone_edge
 
 # Told apart by colour, and without it by the dashes.
 LINES = {
@@ -21,7 +22,9 @@ LINES = {
     "RT": {"color": "tab:red", "linestyle": "-."},
 }
 
-SIGNALS = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$", "phi": r"$\varphi = R\theta/D_0$"}
+ROTATION = {"phi": r"$\varphi = R\theta/D_0$"}
+ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION
+OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION
 # Of the largest signal: what a symmetry makes zero is rounding, 1e-9, and would fill a panel of its own with noise
 _STILL = 1e-7
 
@@ -43,22 +46,29 @@ def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
 
 
 def draw_signals(
-    panels: Sequence[Axes], tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], names: Sequence[str]
+    panels: Sequence[Axes],
+    tau: NDArray[np.float64],
+    signals: Mapping[str, NDArray[np.float64]],
+    names: Sequence[str],
+    scene: Scene,
 ) -> None:
     """A signal over τ in each panel."""
+    labels = ALONG_Y if scene.direction == 90 else OBLIQUE
     for panel, name in zip(panels, names, strict=True):
         panel.plot(tau, signals[name], color="black", linewidth=0.9)
         panel.axhline(0, color="0.8", linewidth=0.6, zorder=0)
-        panel.set(ylabel=SIGNALS[name])
+        panel.set(ylabel=labels[name])
         panel.margins(x=0)
     panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
 
 
 def title(scene: Scene) -> str:
-    """Name, mode, ξ that is used and amplitude."""
+    """Name, mode, ξ and direction that are used, and amplitude."""
     wave = scene.wave
+    along = "" if scene.vector.axis == "y" else rf" at {scene.direction:.4g}$\degree$"
     return (
-        rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row, $D_0$ = {wave.amplitude:g} $\Delta_0$"
+        rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 
 
@@ -67,30 +77,39 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
     names = moving(signals)
     figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
-    draw_signals(panels, tau, signals, names)
+    draw_signals(panels, tau, signals, names, scene)
     panels[0].set_title(title(scene), fontsize="medium")
     return figure
 
 
 def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
-    """Ω(ξ) of the modes along y with the scene's wave marked; a second axis in MHz."""
-    wavenumbers = np.linspace(0.01, np.pi, 200)
+    """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in MHz.
+
+    Along y and x the branches have their names; in between these pass from branch to branch, and they are drawn alike.
+    """
+    vector, physics = scene.vector, Physics.of(scene)
+    edge = zone_edge(vector.direction)
+    wavenumbers = np.linspace(0.01, edge, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    physics = Physics.of(scene)
-    for name in physics.modes:
-        branch = [mode_along_y(packing, scene.sphere, xi, name, physics).frequency for xi in wavenumbers]
-        axes.plot(wavenumbers, branch, label=name, **LINES[name])  # type: ignore[arg-type]
-    wave = mode_along_y(packing, scene.sphere, scene.wavenumber, scene.wave.mode, physics)
+    along = [WaveVector.of(xi, vector.direction) for xi in wavenumbers]
+    modes = [[bloch_mode(packing, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
+    for index, name in enumerate(physics.modes):
+        if vector.axis:
+            axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **LINES[name])  # type: ignore[arg-type]
+        else:
+            axes.plot(wavenumbers, [sorted(mode.frequency for mode in three)[index] for three in modes], color="black")
+    wave = mode_of(scene, physics)
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
-    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
+    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
     per_mhz = 2e6 * np.pi * scene.sphere.time_scale
     right = axes.secondary_yaxis(
         "right", functions=(lambda x: np.divide(x, per_mhz), lambda x: np.multiply(x, per_mhz))
     )
     right.set_ylabel("frequency (MHz)")
-    axes.legend(title=scene.name)
+    where = "" if vector.axis == "y" else rf", {vector.direction:.4g}$\degree$"
+    axes.legend(title=scene.name + where)
     return figure
 
 

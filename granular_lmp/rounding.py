@@ -6,11 +6,11 @@ are left for the displacement of the farthest sphere.
 
 import numpy as np
 
-from granular_lmp.modes import Physics, mode_along_y
-from granular_lmp.packing import ROW_SPACING, unit_lattice
+from granular_lmp.modes import mode_of
 from granular_lmp.scene import Scene
 from granular_lmp.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.units import units_for
+from granular_lmp.wavevector import ROW_SPACING
 
 
 def position_rounding(scene: Scene, lattice_constants: float) -> float:
@@ -53,8 +53,7 @@ def grain(scene: Scene) -> float:
     doubles at its position, the sum rounds back to where it was and p is not simulated: its error is p itself. Small
     steps make it worse.
     """
-    mode = mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, Physics.of(scene))
-    return _spacing(scene) / (4 * mode.frequency * scene.time.step)
+    return _spacing(scene) / (4 * mode_of(scene).frequency * scene.time.step)
 
 
 def _spacing(scene: Scene) -> float:

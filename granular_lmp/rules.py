@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.fields import AUTO
-from granular_lmp.modes import Mode, Physics, contact_stretches, decay_rate, mode_along_y
+from granular_lmp.modes import Mode, Physics, contact_stretches, decay_rate, mode_of
 from granular_lmp.packing import unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.shape import FEWEST_COLUMNS
@@ -50,8 +50,7 @@ class Case:
 
     def mode_with(self, physics: Physics) -> Mode:
         """The mode of the scene's wave in a lattice with other physics."""
-        scene = self.scene
-        return mode_along_y(unit_lattice(scene.sphere), scene.sphere, scene.wavenumber, scene.wave.mode, physics)
+        return mode_of(self.scene, physics)
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
@@ -138,6 +137,8 @@ def rotation(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
     said = f"of the kinetic energy of {_wave(case)} is rotation"
+    if case.scene.envelope.width > 0:
+        return Finding(True, share, said + ", but at the sides of a beam spheres turn")
     if share <= NOTHING and case.mode.name == "TR" and case.scene.shape.ends == "fixed":  # at ξ = π
         return Finding(True, share, said + ", but the held rows turn their neighbours")
     return Finding(share > NOTHING, share, said)
@@ -177,9 +178,10 @@ def walls(case: Case) -> Finding:
 
 
 def width(case: Case) -> Finding:
-    return Finding(
-        False, float(case.scene.shape.columns), f"columns; {FEWEST_COLUMNS} stand for any number in a plane wave"
-    )
+    columns = float(case.scene.shape.columns)
+    if case.scene.uniform_rows:
+        return Finding(False, columns, f"columns; {FEWEST_COLUMNS} stand for any number where all of a row move alike")
+    return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")
 
 
 def _wave(case: Case) -> str:

@@ -1,9 +1,9 @@
 """What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[time]``, ``[effects]`` and ``[output]``; each is a
-frozen record whose fields carry their own range (`granular_lmp.fields`). Times are in units of t0 (τ), wave numbers in
-rad per row, amplitudes in units of the static overlap Δ0. What is declared "auto" is decided here where it concerns
-the packing (`Scene.shape`), and in `granular_lmp.effects` where it concerns the physics.
+A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[envelope]``, ``[time]``, ``[effects]`` and
+``[output]`` (`granular_lmp.tables`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of
+the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing (`Scene.shape`), and in
+`granular_lmp.effects` where it concerns the physics.
 """
 
 import sys
@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from math import ceil, floor, inf, pi
+from math import ceil, hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,208 +19,45 @@ from granular_lmp.errors import SceneError
 from granular_lmp.fields import (
     AUTO,
     NOT_TOML,
-    Rule,
     allowed_names,
-    between,
     checked_name,
-    choice,
     cut,
-    declared,
     file_text,
     first_file,
     one_line,
     plain,
     record,
     refuse_unknown,
-    switch,
+    shown,
     toml_lines,
 )
 from granular_lmp.fields import assignment as assignment
-from granular_lmp.shape import FEWEST_COLUMNS, LARGEST_CELL, SNAP, Auto, Shape, decide, echo_time, snapped
+from granular_lmp.shape import LARGEST_CELL, SNAP, Shape, decide, echo_time
 from granular_lmp.sphere import Sphere
+from granular_lmp.tables import MODES as MODES
+from granular_lmp.tables import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
+from granular_lmp.wavevector import ROW_SPACING, WaveVector, zone_edge
 
 SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
-MODES = ("L", "TR", "RT")
-ENDS = ("fixed", "periodic", AUTO)
-SHEAR_LAWS = ("secant", "incremental")
-
-
-@dataclass(frozen=True)
-class Packing:
-    """Hexagonal packing: rows along y, the direction of propagation, columns along x, where it is periodic."""
-
-    rows: int | Auto = declared(
-        int,
-        "along y, the direction of propagation",
-        "a whole number from 4 to 10000000",
-        between(4, 10_000_000),
-        auto=True,
-        default=AUTO,
-    )
-    columns: int | Auto = declared(
-        int,
-        "along x, periodic",
-        "a whole number of at least 3 (with 1 or 2 columns a sphere touches two images of the same neighbour, "
-        "which share one shear history in LAMMPS) and at most 1000000",
-        between(FEWEST_COLUMNS, 1_000_000),
-        auto=True,
-        default=FEWEST_COLUMNS,
-    )
-    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
-    contact_force: float = declared(
-        float,
-        "N, presses the contacts at rest together from outside",
-        "a number in [0, 1e12], N",
-        between(0, 1e12),
-        default=0.0,
-    )
-
-
-@dataclass(frozen=True)
-class Wave:
-    """Plane wave cos(ξn − Ωτ + phase) along +y in one Bloch mode, n = 0 at the centre row, amplitude D0/Δ0."""
-
-    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
-    wavenumber: float = declared(float, "xi, rad per row", "a number in [1e-9, pi], rad per row", between(1e-9, pi))
-    amplitude: float = declared(
-        float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
-    )
-    phase: float = declared(
-        float, "rad, at the centre row", "a number in [-2 pi, 2 pi], rad", between(-2 * pi, 2 * pi), default=0.0
-    )
-
-
-FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18
-# Of each pair a scene holds one; `with_values` of one replaces the other.
-EXCLUSIVE = {"time.tolerance": "time.timestep", "time.timestep": "time.tolerance"}
-
-
-@dataclass(frozen=True)
-class Time:
-    """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
-
-    With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
-    """
-
-    duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
-    timestep: float = declared(
-        float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
-    )
-    tolerance: float | None = declared(
-        float,
-        "relative L2 error of p, q and phi each, in place of a timestep",
-        "a number in [1e-9, 0.1], the relative error of p, q and phi each",
-        between(1e-9, 0.1),
-        default=None,
-    )
-    sample: float = declared(
-        float, "tau between records", f"a number in [{FINEST:g}, 1e7], in tau", between(FINEST, 1e7), default=0.5
-    )
-    allow_echo: bool = declared(
-        bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
-    )
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Whole steps between two records; the step is rounded down so that they fit.
-
-        Raises
-        ------
-        SceneError
-            With a tolerance: `granular_lmp.steplaw.with_step` gives the scene that has a step.
-        """
-        if self.tolerance is not None:
-            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
-        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
-
-    @property
-    def step(self) -> float:
-        """Step that is used, in τ: ``sample / steps_per_sample``, at most ``timestep``."""
-        return self.sample / self.steps_per_sample
-
-    @property
-    def samples(self) -> int:
-        """Records after the one at τ = 0."""
-        return floor(self.duration / self.sample + 1e-9)
-
-    @property
-    def steps(self) -> int:
-        """Time steps of the whole run."""
-        return self.samples * self.steps_per_sample
-
-
-@dataclass(frozen=True)
-class Effects:
-    """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
-
-    What "auto" comes to, and why, is the business of `granular_lmp.effects`. Walls and width of the packing are effects
-    too; their switches are ``packing.ends`` and ``packing.columns``.
-    """
-
-    adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")
-    shear: bool | Auto = switch("Mindlin shear force")
-    rotation: bool | Auto = switch("spheres turn")
-    tracking: bool | Auto = switch("the angle is recorded")
-    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
-    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
-    contact_opening: bool | Auto = switch("contacts part and meet again")
-    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
-    friction: float | Auto = declared(
-        float,
-        "coefficient; auto: none slides",
-        "a number in (0, 1e4]",
-        lambda value: 0 < value <= 1e4,
-        auto=True,
-        default=AUTO,
-    )
-    viscosity: float = declared(
-        float, "N s/m, dashpot of a contact", "a number in [0, 1e12], N s/m", between(0, 1e12), default=0.0
-    )
-    restitution: float = declared(
-        float, "of a Hertz contact; 1: none lost", "a number in (0, 1]", lambda value: 0 < value <= 1, default=1.0
-    )
-
-
-@dataclass(frozen=True)
-class Output:
-    """What a run records beside the centre sphere."""
-
-    particles: float = declared(
-        float,
-        "tau between snapshots of all spheres; 0: none",
-        "a number in [0, 1e7], in tau",
-        between(0, 1e7),
-        default=0.0,
-    )
-
-
-# The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
-# those in which the numbers of the deck stay far from under- and overflow.
-SPHERE_RULES = {
-    name: Rule(float, note, allowed, check)
-    for name, note, allowed, check in (
-        ("radius", "m", "a number in [1e-9, 1], m", between(1e-9, 1.0)),
-        ("youngs_modulus", "Pa", "a number in [1e3, 1e13], Pa", between(1e3, 1e13)),
-        ("poisson_ratio", "", "a number in (-1, 0.5]", lambda value: -1 < value <= 0.5),
-        (
-            "work_of_adhesion",
-            "J/m2",
-            "0 or a number in [1e-6, 100], J/m2",
-            lambda value: value == 0 or 1e-6 <= value <= 100,
-        ),
-        ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
-    )
-}
 _TABLES: dict[str, type] = {
     "sphere": Sphere,
     "packing": Packing,
     "wave": Wave,
+    "envelope": Envelope,
     "time": Time,
     "effects": Effects,
     "output": Output,
 }
 _RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
+# Keys that a scene does not hold beside another; `with_values` of one takes the others out.
+EXCLUSIVE = {
+    "time.tolerance": ("time.timestep",),
+    "time.timestep": ("time.tolerance",),
+    "wave.wavevector": ("wave.wavenumber", "wave.direction"),
+}
+FEWEST_ROOM = 6.0  # standard deviations of the envelope that a packing must have room for
+ENVELOPE_ROOM = 10.0  # and those that "auto" gives: what is cut off is then below 4e-6
 
 
 def note(key: str) -> str:
@@ -241,7 +78,7 @@ FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or n
 
 @dataclass(frozen=True, repr=False)
 class Scene:
-    """One simulation: spheres, packing, wave, time, effects and output.
+    """One simulation: spheres, packing, wave and its envelope, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
     ``packing.contact_force``, and without work of adhesion where ``effects.adhesion`` is off.
@@ -259,6 +96,7 @@ class Scene:
     packing: Packing
     wave: Wave
     time: Time
+    envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
 
@@ -292,6 +130,7 @@ class Scene:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
         refuse_unknown(tables, ("name", *_TABLES), "")
         name = checked_name(tables, "scene", "the files of the run")
+        tables = _without_wavevector(tables)
         records = {
             _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))
             for key, kind in _TABLES.items()
@@ -327,16 +166,17 @@ class Scene:
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change put a value in the table's place, which is what is wrong
-            if key in EXCLUSIVE and EXCLUSIVE[key] not in changes:
-                inner.pop(EXCLUSIVE[key].rpartition(".")[2], None)
+            for other in EXCLUSIVE.get(key, ()):
+                if other not in changes:
+                    inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return Scene.from_dict(tables)
 
     def __repr__(self) -> str:
-        wave, shape = self.wave, self.shape
+        shape = self.shape
         return (
-            f"<Scene {self.name}: {wave.mode} xi={self.wavenumber:g} a={wave.amplitude:g}, "
-            f"{shape.rows} x {shape.columns} spheres, {shape.ends} ends, tau 0..{self.time.duration:g}>"
+            f"<Scene {self.name}: {self.wave_label}, {shape.rows} x {shape.columns} spheres, {shape.ends} ends, "
+            f"tau 0..{self.time.duration:g}>"
         )
 
     # --- what follows from the values ---
@@ -351,26 +191,79 @@ class Scene:
     def shape(self) -> Shape:
         """Rows, columns and ends, every "auto" decided."""
         packing = self.packing
-        return decide(packing.rows, packing.columns, packing.ends, self.wave.wavenumber, self.time.duration)
+        return decide(
+            packing.rows,
+            packing.columns,
+            packing.ends,
+            self.wave.vector,
+            self.time.duration,
+            room=self._room,
+            driven=self.wave.form == "driven",
+        )
+
+    @property
+    def _room(self) -> tuple[float, float]:
+        """Rows and columns that the envelope takes; between walls also with its offset, in a cell it goes round."""
+        along_x, along_y = self.wave.vector.unit
+        length, width = self.envelope.length, self.envelope.width
+        away = 0.0 if self.packing.ends == "periodic" else 2 * abs(self.envelope.offset)
+        rows = hypot(length * along_y, width * along_x) * ENVELOPE_ROOM + away
+        return rows, hypot(length * along_x, width * along_y) * ENVELOPE_ROOM * ROW_SPACING
+
+    @cached_property
+    def vector(self) -> WaveVector:
+        """The wave vector that is used: as declared between fixed ends, the nearest one that a periodic cell holds."""
+        if self.shape.ends == "fixed":
+            return self.wave.vector
+        return self.wave.vector.snapped(self.shape.rows, self.shape.columns)
 
     @property
     def wavenumber(self) -> float:
-        """ξ that is used, rad per row: as declared between fixed ends, the nearest 2πk/rows in a periodic cell."""
-        if self.shape.ends == "fixed":
-            return self.wave.wavenumber
-        return snapped(self.wave.wavenumber, self.shape.rows)
+        """ξ that is used, rad per row."""
+        return self.vector.wavenumber
+
+    @property
+    def direction(self) -> float:
+        """The direction that is used, degrees from x towards y."""
+        return self.vector.direction
+
+    @property
+    def plane_along_y(self) -> bool:
+        """Whether the wave is the paper's: a running plane wave up the rows, to which the error laws apply."""
+        running = self.wave.form == "running" and not self.envelope.finite
+        return running and self.vector.axis == "y" and self.vector.per_row > 0
+
+    @property
+    def uniform_rows(self) -> bool:
+        """Whether all spheres of a row move alike, so that 3 columns stand for any number."""
+        return self.vector.axis == "y" and self.envelope.width == 0
+
+    @property
+    def wave_label(self) -> str:
+        """The wave in the fewest words, for a repr: "TR xi=0.802 a=0.2"."""
+        form = "" if self.wave.form == "running" else f" {self.wave.form}"
+        along = "" if self.direction == 90 else f" at {self.direction:.4g} deg"
+        return f"{self.wave.mode}{form} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+
+    @property
+    def wave_words(self) -> str:
+        """The wave in a few words, for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
+        form = "" if self.wave.form == "running" else f" {self.wave.form}"
+        shape = {(True, False): "packet", (False, True): "beam", (True, True): "pulse"}
+        kind = shape.get((self.envelope.length > 0, self.envelope.width > 0), "wave")
+        along = {0.0: "x", 90.0: "y"}.get(self.direction, f"{self.direction:.6g} degrees")
+        return (
+            f"{self.wave.mode}{form} {kind} along {along}, xi = {self.wavenumber!r} rad per row, "
+            f"D0 = {self.wave.amplitude!r} Delta0"
+        )
 
     def remarks(self) -> list[str]:
         """What was changed to make the scene fit, a sentence each; nothing when it is used as declared."""
         said = []
         if AUTO in (self.packing.rows, self.packing.columns, self.packing.ends):
             said.append(f"the packing is {self.shape.rows} rows x {self.shape.columns} columns, {self.shape.ends} ends")
-        if self.wavenumber != self.wave.wavenumber:
-            cycles = round(self.wavenumber * self.shape.rows / (2 * pi))
-            said.append(
-                f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
-                f"2 pi {cycles}/{self.shape.rows}, which fits the periodic cell"
-            )
+        if self.vector != self.wave.vector:
+            said.append(self._snap_remark())
         if self.time.tolerance is None and self.time.step < self.time.timestep * (1 - 1e-9):
             said.append(
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
@@ -378,13 +271,29 @@ class Scene:
             )
         return said
 
+    def _snap_remark(self) -> str:
+        rows, columns = self.shape.rows, self.shape.columns
+        in_rows = round(self.vector.per_row * rows / (2 * pi))
+        in_columns = round(self.vector.per_column * columns / (2 * pi))
+        if self.wave.vector.axis == "y":
+            return (
+                f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
+                f"2 pi {in_rows}/{rows}, which fits the periodic cell"
+            )
+        return (
+            f"wave.wavenumber {self.wave.wavenumber!r} at {self.wave.degrees!r} degrees is snapped to "
+            f"{self.wavenumber!r} at {self.direction!r}, which fits the periodic cell: its phase advances by "
+            f"2 pi {in_columns}/{columns} per column and 2 pi {in_rows}/{rows} per row"
+        )
+
     @property
     def echo_time(self) -> float:
         """τ until which the centre sphere does not hear the walls (`echo_time`); infinite in a periodic cell."""
-        return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows)
+        return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:
         self._check_sphere()
+        self._check_wave()
         self._check_packing()
         time = self.time
         if time.sample > time.duration:
@@ -427,13 +336,65 @@ class Scene:
         if self.wave.amplitude > largest:
             raise SceneError(f"wave.amplitude = {self.wave.amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
 
+    def _check_wave(self) -> None:
+        wave, envelope, edge = self.wave, self.envelope, zone_edge(self.wave.degrees)
+        if wave.wavenumber > edge * (1 + EPSILON * 8):
+            raise SceneError(
+                f"wave.wavenumber = {wave.wavenumber!r}: must be a number in [1e-9, {edge:.6g}], rad per row; the "
+                f"Brillouin zone ends there in wave.direction = {wave.direction!r}"
+            )
+        along_y = wave.vector.axis == "y"
+        if not along_y and self.shape.ends == "fixed":
+            raise SceneError(
+                f'wave.direction = {wave.direction!r}: must be "y" between fixed ends; other directions need '
+                'packing.ends = "periodic" or "auto"'
+            )
+        if wave.vector.axis is None and (envelope.length > 0) != (envelope.width > 0):
+            raise SceneError(
+                f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
+                f"both above in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
+            )
+        if wave.form == "driven":
+            self._check_drive()
+        if self.time.tolerance is not None and not self.plane_along_y:
+            raise SceneError(
+                f"time.tolerance = {self.time.tolerance!r}: must be a time.timestep for this wave; the law by which "
+                "the step is chosen holds for a running plane wave along y"
+            )
+
+    def _check_drive(self) -> None:
+        """A driven row is the first of a strip."""
+        needed = {
+            "wave.direction": (self.wave.direction, self.wave.degrees == 90, '"y"'),
+            "packing.ends": (self.packing.ends, self.shape.ends == "fixed", '"fixed" or "auto"'),
+            "envelope.length": (self.envelope.length, self.envelope.length == 0, "0"),
+            "envelope.offset": (self.envelope.offset, self.envelope.offset == 0, "0"),
+        }
+        for key, (value, right, allowed) in needed.items():
+            if not right:
+                raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"')
+
     def _check_packing(self) -> None:
         rows, columns, ends = self.shape.rows, self.shape.columns, self.shape.ends
-        if self.packing.rows == AUTO and abs(self.wavenumber - self.wave.wavenumber) > SNAP:
-            raise SceneError(
-                f'packing.rows = "auto": no periodic cell of at most {LARGEST_CELL} rows carries wave.wavenumber = '
-                f'{self.wave.wavenumber!r} to {SNAP:g}; must be a number, or packing.ends = "fixed"'
-            )
+        declared, used = self.wave.vector, self.vector
+        missed = {
+            "rows": abs(used.per_row - declared.per_row) if self.packing.rows == AUTO else 0.0,
+            "columns": abs(used.per_column - declared.per_column) if self.packing.columns == AUTO else 0.0,
+        }
+        for name, miss in missed.items():
+            if miss > SNAP:
+                raise SceneError(
+                    f'packing.{name} = "auto": no periodic cell of at most {LARGEST_CELL} {name} carries '
+                    f"wave.wavenumber = {self.wave.wavenumber!r} to {SNAP:g}; must be a number"
+                    + ', or packing.ends = "fixed"'
+                    * (declared.axis == "y")
+                )
+        for name, count, room in zip(("rows", "columns"), (rows, columns), self._room, strict=True):
+            if count < FEWEST_ROOM / ENVELOPE_ROOM * room:
+                raise SceneError(
+                    f"packing.{name} = {count}: must be at least {ceil(FEWEST_ROOM / ENVELOPE_ROOM * room)}, "
+                    f"{FEWEST_ROOM:g} standard deviations of the envelope"
+                )
         if ends == "fixed" and rows % 2 == 0:
             raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
         if ends == "periodic" and rows % 2:
@@ -452,6 +413,30 @@ class Scene:
             )
         if self.wavenumber == 0:
             raise SceneError(
-                f"wave.wavenumber = {self.wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows; "
-                f"the smallest is 2 pi/{rows} = {2 * pi / rows:.6g}, rad per row"
+                f"wave.wavenumber = {self.wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows x {columns} "
+                f"columns; the smallest is 2 pi/{rows} = {2 * pi / rows:.6g}, rad per row, along y"
             )
+
+
+def _without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
+
+    Raises
+    ------
+    SceneError
+        For one that is none, or stands beside what it replaces.
+    """
+    wave = tables.get("wave")
+    if not isinstance(wave, Mapping) or "wavevector" not in wave:
+        return tables
+    pair, rest = wave["wavevector"], {key: value for key, value in wave.items() if key != "wavevector"}
+    for key in ("wavenumber", "direction"):
+        if key in rest:
+            raise SceneError(f"wave.wavevector = {shown(pair)}: excludes wave.{key} = {shown(rest[key])}; give one")
+    numbers = isinstance(pair, list | tuple) and [isinstance(x, int | float) and abs(x) < 1e3 for x in pair]
+    if numbers != [True, True] or not any(pair):
+        raise SceneError(
+            f"wave.wavevector = {shown(pair)}: must be two numbers [kx, ky], not both 0, rad per lattice constant"
+        )
+    vector = WaveVector(float(pair[0]), ROW_SPACING * float(pair[1]))
+    return {**tables, "wave": rest | {"wavenumber": vector.wavenumber, "direction": vector.direction}}

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from granular_lmp.deck import LOG, SCENE, Deck, build, writable
 from granular_lmp.errors import EffectError, RunFolderError
 from granular_lmp.launch import locked, run_input
+from granular_lmp.outputs import read_log
 from granular_lmp.packing import lattice_constant
-from granular_lmp.record import read_log
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
 

@@ -12,7 +12,8 @@ from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import LOG, Deck
 from granular_lmp.effects import warnings
 from granular_lmp.guards import GUARDS
-from granular_lmp.record import Record, read_log, scene_digest
+from granular_lmp.outputs import read_log
+from granular_lmp.record import Record, scene_digest
 from granular_lmp.scene import Scene
 
 
@@ -30,6 +31,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "steps": time_.steps,
         "timestep_used": time_.step,
         "wavenumber_used": scene.wavenumber,
+        "direction_used": scene.direction,
         "frequency": deck.mode.frequency,
         "amplitude": scene.wave.amplitude,
         "epsilon": sphere.nonlinearity(scene.wave.amplitude),

@@ -17,6 +17,8 @@ full this is right to a few percent where a² ≪ 1 (docs/accuracy.md). One erro
 of a contact with the contact's direction at the end of the step, which leaves ½h (t·v)(n·v)/ℓ in the rate of the slip;
 it is of the order of h Δ0/R, survives the extrapolation, and counts where p is small, near the antiresonance.
 
+It is the law of a running plane wave along y (`Scene.plane_along_y`), and of no other.
+
 Breaks when contacts open, for long times near the resonance, and where p is of fourth order (antiresonance), whose
 waves are faster: `granular_lmp.tolerance` finds that out from the runs.
 """
@@ -29,8 +31,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.effects import largest_step
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import Mode, Physics, mode_along_y
-from granular_lmp.packing import unit_lattice
+from granular_lmp.modes import Mode, mode_of
 from granular_lmp.rounding import farthest_rounding, grain, noise_floor, position_rounding
 from granular_lmp.scene import Scene
 
@@ -101,7 +102,7 @@ class Waves:
 def waves(scene: Scene) -> Waves:
     """The waves of a scene, in LAMMPS's contact geometry."""
     sphere, a, xi = scene.sphere, scene.wave.amplitude, scene.wavenumber
-    mode = mode_along_y(unit_lattice(sphere), sphere, xi, scene.wave.mode, Physics.of(scene))
+    mode = mode_of(scene)
     drive = second_harmonic_drive(scene, mode, sphere.overlap_ratio)
     kappa, q, sine = sphere.stiffness_ratio, -mode.ux, sin(xi)
     unit = sphere.nonlinearity(a) / 2 * sine * _s2(xi)
@@ -296,8 +297,11 @@ def rounding(scene: Scene) -> dict[str, float]:
 def drowned(scene: Scene) -> list[str]:
     """A sentence for each signal that second order predicts to be below what rounding leaves of it.
 
-    For p of TR and RT that is `granular_lmp.rounding.noise_floor` or `grain`, whichever is larger.
+    For p of TR and RT that is `granular_lmp.rounding.noise_floor` or `grain`, whichever is larger. Nothing is predicted
+    of waves that are not plane and along y.
     """
+    if not scene.plane_along_y:
+        return []
     predicted = sizes(scene)
     if scene.wave.mode == "L" or "p" not in predicted or scene.time.tolerance is not None:
         return []  # p of L is the wave itself; a tolerance has its own refusal

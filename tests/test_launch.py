@@ -16,7 +16,8 @@ import pytest
 from granular_lmp import Record, Scene, build, launch, locate, run
 from granular_lmp.effects import ROWS, resolve
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.record import mend_dump, mend_log, read_dump, read_log, read_status, write_status
+from granular_lmp.outputs import mend_dump, mend_log, read_dump, read_log
+from granular_lmp.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
 

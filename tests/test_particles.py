@@ -9,8 +9,8 @@ import pytest
 from granular_lmp import Record, Scene, build, launch, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
 from granular_lmp.knobs import base
+from granular_lmp.outputs import mend_dump, read_dump, snapshots
 from granular_lmp.particles import Particles, Spheres
-from granular_lmp.record import mend_dump, read_dump, snapshots
 from granular_lmp.units import units_for
 from granular_lmp.wave import plane_wave
 

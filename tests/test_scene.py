@@ -1,7 +1,7 @@
 """Scenes: what is read, what is refused and with which words, what follows from the values."""
 
 import re
-from math import inf, nan, pi
+from math import atan2, degrees, hypot, inf, nan, pi, sqrt
 from typing import Any
 
 import pytest
@@ -42,7 +42,7 @@ def test_a_scene_survives_the_way_through_toml() -> None:
 def test_defaults_are_filled_in_and_written_out() -> None:
     text = Scene.loads(PAPER_MINIMAL).to_toml()
     for line in (
-        "columns = 3",
+        'columns = "auto"',
         'ends = "fixed"',
         "timestep = 0.05",
         "sample = 0.5",
@@ -67,8 +67,8 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"sphere.density": inf}, r"sphere\.density = inf"),
     ({"sphere.work_of_adhesion": "0.06"}, r"sphere\.work_of_adhesion = '0\.06': must be 0 or a number"),
     ({"sphere.youngs_modulus": 1e4}, r"sphere: the static overlap is .* at most 0\.05 is allowed"),
-    ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \[1e-9, pi\], rad per row"),
-    ({"wave.wavenumber": 3.2}, r"wave\.wavenumber = 3\.2: must be a number in \[1e-9, pi\]"),
+    ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \[1e-9, 3\.6276\], rad per row"),
+    ({"wave.wavenumber": 3.2}, r"wave\.wavenumber = 3\.2: must be a number in \[1e-9, 3\.14159\]"),
     ({"wave.wavenumber": 10**400}, r"wave\.wavenumber = inf"),
     ({"wave.amplitude": True}, r"wave\.amplitude = True: must be a number"),
     ({"wave.mode": "S"}, r"wave\.mode = 'S': must be one of \"L\", \"TR\", \"RT\""),
@@ -90,6 +90,31 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"wave.lenght": 1}, r"wave\.lenght: unknown key; allowed: mode, wavenumber"),
     ({"wave.wavenumer": 1}, r"wave\.wavenumer: unknown key; did you mean 'wavenumber'\?"),
     ({"waves.mode": "L"}, r"waves\.mode: unknown key; did you mean 'wave'\?"),
+    ({"wave.direction": 30.0}, r"wave\.direction = 30\.0: must be \"y\" between fixed ends; .*packing\.ends"),
+    ({"wave.direction": "z"}, r"wave\.direction = 'z': must be a number in \(-180, 180\].*, or \"x\", or \"y\""),
+    ({"wave.direction": 200}, r"wave\.direction = 200\.0: must be a number in \(-180, 180\]"),
+    ({"wave.form": "still"}, r"wave\.form = 'still': must be one of \"running\", \"standing\", \"driven\""),
+    ({"wave.wavevector": [1.0]}, r"wave\.wavevector = \[1\.0\]: must be two numbers \[kx, ky\], not both 0"),
+    ({"wave.wavevector": [0, 0]}, r"wave\.wavevector = \[0, 0\]: must be two numbers"),
+    ({"wave.wavevector": [nan, 1]}, r"wave\.wavevector = \[nan, 1\]: must be two numbers"),
+    (
+        {"wave.wavevector": [0.5, 0.5], "wave.direction": "x"},
+        r"wave\.wavevector = \[0\.5, 0\.5\]: excludes wave\.direction = 'x'",
+    ),
+    ({"envelope.length": 2.0}, r"envelope\.length = 2\.0: must be 0 or a number in \[3, 1e5\], rows"),
+    ({"envelope.length": 50.0}, r"packing\.rows = 201: must be at least 300, 6 standard deviations of the envelope"),
+    ({"envelope.width": 5.0}, r"packing\.columns = 3: must be at least 26, 6 standard deviations"),
+    (
+        {"wave.direction": 30, "packing.ends": "periodic", "packing.rows": "auto", "packing.columns": "auto"}
+        | {"envelope.width": 5.0},
+        r"envelope\.length = 0\.0 and envelope\.width = 5\.0: must be both 0 or both above",
+    ),
+    (
+        {"wave.form": "driven", "packing.ends": "periodic", "packing.rows": 20},
+        r"packing\.ends = 'periodic': must be \"fixed\" or \"auto\" with wave\.form = \"driven\"",
+    ),
+    ({"wave.form": "driven", "envelope.length": 9.0}, r"envelope\.length = 9\.0: must be 0 with wave\.form"),
+    ({"wave.form": "standing", "time.tolerance": 1e-3}, r"time\.tolerance = 0\.001: must be a time\.timestep"),
     ({"name": "../escape"}, r"name = '\.\./escape': must be ASCII letters, digits"),
     ({"name": ""}, r"name = ''"),
 ]
@@ -97,8 +122,9 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("changes", "message"), REFUSED, ids=lambda value: str(value)[:60])
 def test_a_wrong_value_is_named_with_what_is_allowed(changes: dict[str, Any], message: str) -> None:
+    step = {} if "time.tolerance" in changes else {"time.timestep": 0.05}
     with pytest.raises(SceneError) as caught:
-        PAPER.with_values({"time.duration": 120, "time.timestep": 0.05, "time.sample": 0.5} | changes)
+        PAPER.with_values({"time.duration": 120, "time.sample": 0.5} | step | changes)
     assert re.search(message, str(caught.value)), caught.value
     assert "\n" not in str(caught.value)
 
@@ -115,7 +141,7 @@ def test_a_missing_key_and_a_missing_table_are_named() -> None:
 
 
 def test_unreadable_files_are_named(tmp_path: Any) -> None:
-    with pytest.raises(SceneError, match="no such scene file; shipped scenes: l_opening, l_wave, rt_wave"):
+    with pytest.raises(SceneError, match="no such scene file; shipped scenes: l_beam, l_opening, l_wave, rt_wave"):
         Scene.load("nowhere")
     for impossible in ("a" * 300, "a\0b"):
         with pytest.raises(SceneError, match="no such scene file"):
@@ -176,3 +202,71 @@ def test_an_assignment_is_read_as_toml_or_as_a_bare_word() -> None:
     for wrong in ("wave.mode", "=3", "wave.mode="):
         with pytest.raises(SceneError, match="must be KEY=VALUE"):
             assignment(wrong)
+
+
+ANYWHERE = {"packing.ends": "auto", "packing.rows": "auto", "packing.columns": "auto"}
+
+
+def test_a_wave_vector_is_another_way_to_write_wave_number_and_direction() -> None:
+    oblique = PAPER.with_values(ANYWHERE | {"wave.wavevector": [0.5, 0.8]})
+    assert oblique.wave.wavenumber == pytest.approx(sqrt(3) / 2 * hypot(0.5, 0.8), rel=1e-15)
+    assert oblique.wave.degrees == pytest.approx(degrees(atan2(0.8, 0.5)), rel=1e-15)
+    assert Scene.loads(oblique.to_toml()) == oblique
+    again = PAPER.with_values(ANYWHERE | {"wave.wavenumber": oblique.wave.wavenumber, "wave.direction": 57.99461679})
+    assert again.vector == oblique.vector
+
+
+def test_an_oblique_wave_gets_the_smallest_cell_that_carries_it_and_the_scene_says_so() -> None:
+    scene = PAPER.with_values(ANYWHERE | {"wave.wavenumber": 1.1, "wave.direction": 20.0})
+    shape = scene.shape
+    assert shape.ends == "periodic"
+    assert shape.rows % 2 == 0
+    assert abs(scene.vector.per_row - scene.wave.vector.per_row) < 1e-3
+    assert abs(scene.vector.per_column - scene.wave.vector.per_column) < 1e-3
+    remarks = scene.remarks()
+    assert any(
+        "at 20.0 degrees is snapped to" in remark and f"/{shape.columns} per column" in remark for remark in remarks
+    )
+    along_x = PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4 * sqrt(3) / 2, "wave.direction": "x"})
+    assert (along_x.shape.rows, along_x.shape.columns) == (4, 8)
+
+
+@pytest.mark.parametrize("direction", ["y", 90.0])
+def test_a_wave_along_y_is_the_papers_however_it_is_written(direction: str | float) -> None:
+    scene = PAPER.with_values({"wave.direction": direction})
+    assert scene.plane_along_y
+    assert scene.uniform_rows
+    assert scene.vector == PAPER.vector
+    for other in ({"wave.form": "standing"}, {"envelope.length": 9.0}, {"wave.direction": -90.0}):
+        assert not PAPER.with_values(other).plane_along_y
+
+
+def test_the_zone_ends_elsewhere_in_other_directions() -> None:
+    corner = PAPER.with_values(ANYWHERE | {"wave.wavenumber": 3.6275, "wave.direction": "x"})
+    assert corner.shape.columns == 3  # 4π/3 a column at K
+    with pytest.raises(
+        SceneError, match=r"must be a number in \[1e-9, 3\.14159\], .* ends there in wave\.direction = 30"
+    ):
+        corner.with_values({"wave.direction": 30})
+
+
+def test_an_envelope_has_room_in_a_packing_that_is_left_to_us() -> None:
+    pulse = PAPER.with_values(ANYWHERE | {"wave.direction": 35.0, "envelope.length": 8.0, "envelope.width": 6.0})
+    along, across = 10 * 8.0, 10 * 6.0
+    x, y = pulse.wave.vector.unit
+    assert pulse.shape.rows >= hypot(along * y, across * x)
+    assert pulse.shape.columns >= hypot(along * x, across * y) * sqrt(3) / 2
+    packet = PAPER.with_values({"packing.rows": "auto", "time.duration": 10.0, "envelope.length": 20.0})
+    assert packet.shape.rows == 201  # not the 21 whose walls are silent
+    assert packet.shape.columns == 3
+    farther = packet.with_values({"envelope.offset": -30.0})
+    assert farther.shape.rows == 261
+
+
+def test_the_centre_of_a_driven_strip_hears_the_far_end_late() -> None:
+    driven = PAPER.with_values({"wave.form": "driven", "packing.rows": "auto"})
+    rows = driven.shape.rows
+    distance = 1.5 * (rows - 1)
+    assert driven.echo_time == pytest.approx(2 * (distance - 3.5 * distance ** (1 / 3)))
+    assert driven.echo_time >= driven.time.duration
+    assert PAPER.with_values({"wave.form": "driven", "packing.rows": rows - 2, "time.allow_echo": True}).echo_time < 120

@@ -1,0 +1,154 @@
+"""What LAMMPS writes into a run folder, and how to read and mend it: text dumps and logs, in the units of the deck."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+
+# Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
+DUMP_COLUMNS = (
+    ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],
+    ["id", "ux", "uy", "vx", "vy", "omegaz"],
+    ["id", "ux", "uy", "vx", "vy"],
+)
+_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
+_SNAPSHOT = b"ITEM: TIMESTEP\n"
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a file in one piece: a reader, and a machine that stops, see the old or the new one, never half of it."""
+    draft = _draft(path)
+    draft.write_text(text, encoding="utf-8")
+    os.replace(draft, path)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Columns of a one-particle LAMMPS text dump, by name, with ``step``; a snapshot cut short at the end is left out.
+
+    Raises
+    ------
+    RunFolderError
+        When the file cannot be read or has other columns than a deck of ours writes.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
+        size = _LINES_BEFORE_ATOMS + 1
+        whole = len(lines) // size * size
+        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS[0]
+        if names not in DUMP_COLUMNS:
+            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS[0]} or those without theta and omegaz")
+        steps = np.array(lines[1:whole:size], dtype=float)
+        rows = np.array([line.split() for line in lines[_LINES_BEFORE_ATOMS:whole:size]], dtype=float)
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: not a dump of one sphere: {error}") from error
+    return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A whole snapshot of a LAMMPS text dump: its step, its number of particles, and where in the file it stands."""
+
+    step: int
+    particles: int
+    begin: int
+    end: int
+
+
+def snapshots(path: str | Path) -> Iterator[Snapshot]:
+    """The whole snapshots of a LAMMPS text dump, in the order of the file, without those of no particles."""
+    begin = end = lines = 0
+    head: list[bytes] = []
+    last = b""
+    with Path(path).open("rb") as stream:
+        for line in chain(stream, [_SNAPSHOT]):
+            cut = line.find(_SNAPSHOT)
+            if cut > 0:  # the one before was cut off within its last line
+                lines, last = lines + 1, line[:cut]
+            if cut >= 0:
+                end += cut
+                if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
+                    yield Snapshot(int(head[1]), int(head[3]), begin, end)
+                begin, lines, head = end, 0, []
+            last = line[max(cut, 0) :]
+            if lines < _LINES_BEFORE_ATOMS:
+                head.append(last)
+            lines += 1
+            end += len(last)
+
+
+def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
+    numbers = [line.strip() for line in head[1:4:2]]
+    return particles > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == particles and last.endswith(b"\n")
+
+
+def mend_dump(path: str | Path) -> None:
+    """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
+
+    A snapshot cut off in the middle goes, and one without particles, which were lost; of those that the continuation
+    wrote again, the first. A file that is already that of one run is left alone.
+    """
+    path = Path(path)
+    kept: list[Snapshot] = []
+    for snapshot in snapshots(path):
+        while kept and kept[-1].step >= snapshot.step:
+            kept.pop()
+        kept.append(snapshot)
+    if sum(each.end - each.begin for each in kept) == path.stat().st_size:
+        return
+    draft = _draft(path)
+    with path.open("rb") as source, draft.open("wb") as target:
+        for each in kept:
+            source.seek(each.begin)
+            target.write(source.read(each.end - each.begin))
+    os.replace(draft, path)
+
+
+def mend_log(path: str | Path) -> None:
+    """Take the last line off a log that a killed run wrote if it was cut off, so that the continuation starts a new."""
+    text = Path(path).read_bytes()
+    os.truncate(path, text.rfind(b"\n") + 1)
+
+
+def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
+    """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
+
+    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended. A
+    last line without its end is left out.
+    """
+    tables: dict[tuple[str, ...], list[list[float]]] = {}
+    seconds: dict[tuple[str, ...], float] = {}
+    names: tuple[str, ...] = ()
+    try:
+        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    inside = False
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["Step"]:
+            names, inside = tuple(words), True
+            tables.setdefault(names, [])
+        elif words[:3] == ["Loop", "time", "of"]:
+            seconds[names] = seconds.get(names, 0.0) + float(words[3])
+            inside = False
+        elif inside and len(words) == len(names):
+            try:
+                row = [float(word) for word in words]
+            except ValueError:
+                continue  # a warning between two thermo lines
+            while tables[names] and tables[names][-1][0] >= row[0]:
+                tables[names].pop()  # a continuation writes again what came after its checkpoint
+            tables[names].append(row)
+    rows = tables.get(names, [])
+    table = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return dict(zip(names, table.T, strict=True)), seconds.get(names, float("nan"))
