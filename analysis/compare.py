@@ -6,7 +6,7 @@ Two references stand side by side. Against a *theory* (a formula) the error says
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Each run gets a figure ``compare.png`` in its folder. A theory that leaves out what the scene has is
 refused; a run with physics that none here holds, contacts that slide or open, is compared with nothing, and a note says
-so.
+so. So is a run that is no running plane wave; the note names the script that compares it.
 """
 
 import argparse
@@ -24,8 +24,11 @@ from analysis.norms import relative_error
 from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theories import (
+    ALONG_Y,
     BEYOND_ALL,
     LEAVES_OUT,
+    OBLIQUE,
+    SCRIPTS,
     THEORIES,
     TheoryError,
     Wave,
@@ -38,6 +41,8 @@ from granular_lmp.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
+OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
+FORMS = {"standing": "a standing wave", "driven": "a driven wave", "envelope": "a wave with an envelope"}
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
 
@@ -48,6 +53,8 @@ class Comparison:
 
     Attributes
     ----------
+    direction : float
+        Of k, degrees from a close-packed row; 90 is y.
     theory : str or None
         None if no theory holds what the run has.
     error, lattice_error : dict
@@ -55,7 +62,7 @@ class Comparison:
         component is zero by symmetry. Empty without a theory.
     predicted : float or None
         Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
-        the run has.
+        the run has, and for waves that do not run along y.
     measured, fit_error : float or None
         The same from the run by least squares, and the standard error of the fit, which knows nothing of what theory
         leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
@@ -66,6 +73,7 @@ class Comparison:
     name: str
     mode: str
     wavenumber: float
+    direction: float
     amplitude: float
     theory: str | None
     error: dict[str, float | None]
@@ -90,6 +98,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         name=record.scene.name,
         mode=wave.mode.name,
         wavenumber=wave.mode.wavenumber,
+        direction=wave.mode.direction,
         amplitude=wave.amplitude,
         theory=name,
         error=errors(record, trajectory(name, wave, record.tau)) if name else {},
@@ -109,9 +118,13 @@ def notes(record: Record) -> list[str]:
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     physics = Wave.of(record).physics
-    if not holding(physics):
-        present = " and ".join(sorted(physics.beyond_the_paper & BEYOND_ALL))
-        loud.append(f"{present} of contacts is in no theory here: the run is compared with nothing")
+    present = physics.beyond_the_paper & BEYOND_ALL - set(SCRIPTS)
+    if present:
+        named = " and ".join(sorted(present))
+        loud.append(f"{named} of contacts is in no theory here: the run is compared with nothing")
+    if physics.form in SCRIPTS:
+        script = f"python -m {SCRIPTS[physics.form]}"
+        loud.append(f"{FORMS[physics.form]} is compared by `{script}`, here with nothing")
     echo = record.scene.echo_time
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
@@ -121,9 +134,10 @@ def notes(record: Record) -> list[str]:
 def predicted_amplitude(wave: Wave) -> float | None:
     """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form.
 
-    None where second order leaves out what the wave's contacts do.
+    None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
+    harmonic is three waves, in p, q and φ, not one amplitude.
     """
-    if LEAVES_OUT["second-order"] & wave.physics.beyond_the_paper:
+    if (LEAVES_OUT["second-order"] | {OBLIQUE}) & wave.physics.beyond_the_paper:
         return None
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
@@ -152,8 +166,10 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     no closed form for it.
     """
     predicted = predicted_amplitude(wave)
+    if predicted is None:
+        return None, None
     shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
-    if predicted is None or drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
+    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
         return None, None
     columns = [shape]
     if wave.mode.p:
@@ -214,13 +230,15 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     if comparison.theory is None:
         raise TheoryError(f"theory = None: {comparison.name} is compared with nothing")
     theory = trajectory(comparison.theory, Wave.of(record), record.tau)
+    along_y = comparison.direction == ALONG_Y
+    labels = LABELS if along_y else OBLIQUE_LABELS
     result = Figure(figsize=(7.5, 7.0), layout="constrained")
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
     for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, theory, strict=True):
         run = getattr(record, name)
         signal.plot(record.tau, run, color="black", label="LAMMPS")
         signal.plot(record.tau, values, color="tab:red", linestyle="--", label=comparison.theory)
-        signal.set_ylabel(LABELS[name])
+        signal.set_ylabel(labels[name])
         signal.set_title(_title(comparison.error, name), fontsize="small", pad=2)
         difference.plot(record.tau, run - values, color="tab:grey", linewidth=0.8)
         difference.set_ylabel("difference", fontsize="x-small")
@@ -228,7 +246,8 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     panels[-1].set_xlabel(r"time $\tau$")
     panels[-1].margins(x=0)
     c = comparison
-    result.suptitle(rf"{c.name}: {c.mode}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$")
+    heading = "" if along_y else rf" at {c.direction:g}$^\circ$"
+    result.suptitle(rf"{c.name}: {c.mode}{heading}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$")
     return result
 
 

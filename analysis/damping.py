@@ -22,7 +22,7 @@ harmonic of a damped wave is in the lattice and the hierarchy only.
 
 import numpy as np
 
-from analysis.second_harmonic import Mode, Ratios
+from analysis.second_harmonic import Mode, Ratios, refuse_oblique
 
 
 def restitution_viscosity(restitution: float, kappa: float) -> float:
@@ -53,7 +53,10 @@ def decay_rate(mode: Mode, ratios: Ratios, viscosity: float) -> float:
     mode : the wave.
     ratios : constants the mode was made with.
     viscosity : c in m/t0, of every contact.
+
+    Raises ValueError for a mode that is not along y.
     """
+    refuse_oblique(mode)
     s, c = np.sin(mode.wavenumber / 2), np.cos(mode.wavenumber / 2)
     Dp, Dq = 2 * s * mode.p, 2 * s * mode.q
     T = np.sqrt(3) / 2 * Dq - 2 * c * mode.f

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from analysis.compare import measured_amplitude
 from analysis.plotting import load, parser, save
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
-from analysis.theories import Physics, Wave, holding, trajectory
+from analysis.theories import OBLIQUE, Physics, Wave, holding, trajectory
 from granular_lmp.record import STATUS, Record
 
 # Told apart by marker and dashes without colour.
@@ -86,7 +86,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
         label = name(wave.physics)
         xis = [record.scene.wavenumber for record in records]
         exact = [trajectory("exact-lattice", Wave.of(record), record.tau)[0] for record in records]
-        closed = "second-order" in holding(wave.physics)
+        closed = "second-order" in holding(wave.physics) and OBLIQUE not in wave.physics.beyond_the_paper
         if closed:
             above.semilogy(*curve(wave), **line, linewidth=1.2, label=label)
             above.semilogy(*amplitudes(records), **marks, markerfacecolor="white")

@@ -7,17 +7,17 @@ at a shear δ_S changes the stored energy ½ k_S δ_S² by work that no force of
 
 E − W is constant, with + for the secant law and − for the incremental one; a shear force derived from a potential does
 no such work. Here, per row (one sphere and three contacts), averaged over the phase torus, in units of k1Δ0², with the
-stretch x = 1 − δ/Δ0 and slip t of `analysis.lattice`:
+stretch x = 1 − δ/Δ0 and slip s of `analysis.lattice`:
 
-    kinetic (κ+3)(p'² + q'² + Ĩφ'²),   normal Σ (2/3)[x + (2/5)((1−x)^{5/2} − 1)],   shear Σ ½κ(1−x)^{1/2} t² + 2κφ²
-    dW/dτ = ∓Σ ¼κ(1−x)^{−1/2} t² x'        (sums over the right and left contact; 2κφ² is the contact within the row)
+    kinetic (κ+3)(p'² + q'² + Ĩφ'²),   normal Σ (2/3)[x + (2/5)((1−x)^{5/2} − 1)],   shear Σ ½κ(1−x)^{1/2} s²
+    dW/dτ = ∓Σ ¼κ(1−x)^{−1/2} s² x'        (sums over the three contacts ahead)
 
 W is integrated as a further state: no sampling step enters. Simpson's rule on the power agrees with it to 2e-11 of E,
 but only from 16 samples per τ on. What limits the ledger is the trajectory, its accumulated error and its interpolation
 between the integrator's steps: 1e-11 to 5e-10 of E for rtol = 1e-11, a = 0.2, τ ≤ 400.
 
-The next row and the one before are transposed shifts, so the K points of the torus obey this ledger exactly. It proves
-the law and the integration in time; that K harmonics are enough it cannot see.
+The shifts to the neighbours ahead and behind are transposed, so the K points of the torus obey this ledger exactly. It
+proves the law and the integration in time; that K harmonics are enough it cannot see.
 
 Breaks when a contact opens: ½S²/k_S of the incremental law has no bound there.
 """
@@ -36,8 +36,6 @@ from analysis.lattice import (
     initial_state,
     integrate,
     rhs,
-    slip,
-    stretch_and_normal,
     torus_neighbours,
     torus_phases,
 )
@@ -84,7 +82,7 @@ class Ledger:
 
 
 def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
-    """Energy per row of states (..., 6 or 8, K) of the lattice: the equations at the top of this module.
+    """Energy per row of states (..., 6 or 9, K) of the lattice: the equations at the top of this module.
 
     Arguments as of `lattice.rhs`. Raises ValueError for overlap_ratio > 0, whose normals turn, and for dashpots.
     """
@@ -96,8 +94,8 @@ def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
     kinetic = (contact.kappa + 3) * (p_rate**2 + q_rate**2 + contact.inertia * phi_rate**2)
     return Energy(
         kinetic=kinetic.mean(axis=-1),
-        normal=normal.sum(axis=-2).mean(axis=-1),
-        shear=(shear.sum(axis=-2) + 2 * contact.shear_stiffness * states[..., 2, :] ** 2).mean(axis=-1),
+        normal=normal.sum(axis=0).mean(axis=-1),
+        shear=shear.sum(axis=0).mean(axis=-1),
     )
 
 
@@ -107,7 +105,7 @@ def law_power(states: Floats, contact: Contact, neighbours: Neighbours) -> Float
     closing = -_stretch(states[..., 3:5, :], neighbours)
     root = np.sqrt(overlap)
     softening = np.divide(contact.shear_stiffness, 2 * root, out=np.zeros_like(root), where=root > 0)  # dk_S/dδ
-    power: Floats = WORK_SIGN[contact.law] * 0.5 * (softening * tangential**2 * closing).sum(axis=-2)
+    power: Floats = WORK_SIGN[contact.law] * 0.5 * (softening * tangential**2 * closing).sum(axis=0)
     return power
 
 
@@ -127,7 +125,7 @@ def ledger(
     The gap of the ledger is about 10 rtol at the resonance (ξ=1.475, a=0.2, τ ≤ 400).
     """
     laws = contact(poisson_ratio, law=law, inertia=inertia)
-    neighbours = torus_neighbours(mode.wavenumber, points)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
     start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
 
     def derivative(state: Floats) -> Floats:
@@ -155,7 +153,7 @@ def opening_time(
     Past it the laws of the lattice are no longer those of a contact: this is where a wave that gains energy blows up.
     """
     laws = contact(poisson_ratio, law=law, inertia=inertia)
-    neighbours = torus_neighbours(mode.wavenumber, points)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
     start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
 
     def closed(_: float, y: Floats) -> float:
@@ -176,23 +174,33 @@ def opening_time(
     return float(solution.t[-1]) if solution.status == 1 else None
 
 
+def _apart(values: Floats, neighbours: Neighbours) -> tuple[Floats, Floats]:
+    """Differences ahead − here and sums ahead + here of values (..., C, K), each (C, 3, ..., K)."""
+    ahead = neighbours.ahead(values.reshape(-1, values.shape[-1])).reshape(3, *values.shape)
+    return np.moveaxis(ahead - values, -2, 0), np.moveaxis(ahead + values, -2, 0)
+
+
+def _along(components: tuple[Floats, Floats], difference: Floats) -> Floats:
+    """n·d of the three contacts, (3, ..., K), from the (p, q) components of n and the differences (2 or more, ...)."""
+    n_p, n_q = (component.reshape(3, *[1] * (difference.ndim - 2)) for component in components)
+    return n_p * difference[0] + n_q * difference[1]
+
+
 def _stretch(p_and_q: Floats, neighbours: Neighbours) -> Floats:
-    """Elongation (..., 2, K) of the right and left contacts from p, q (..., 2, K), or its rate from p', q'."""
-    difference = np.moveaxis(neighbours[0](p_and_q) - p_and_q, -2, 0)[..., None, :]
-    return stretch_and_normal(difference[0], difference[1], 0.0)[0]
+    """Elongation (3, ..., K) of the contacts ahead from p, q (..., 2, K), or its rate from p', q'."""
+    return _along(neighbours.normal, _apart(p_and_q, neighbours)[0])
 
 
 def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Floats, Floats, Floats]:
-    """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the right and left contacts, each (..., 2, K)."""
+    """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (3, ..., K)."""
     if contact.overlap_ratio:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
     if contact.viscosity:
         raise ValueError(f"viscosity = {contact.viscosity} is not 0: the ledger has no entry for what dashpots take")
-    stretch = _stretch(states[..., :2, :], neighbours)
+    difference, sums = _apart(states[..., :3, :], neighbours)
+    stretch = _along(neighbours.normal, difference)
     overlap = np.maximum(1 - stretch, 0)
     if contact.has_history:
-        return stretch, states[..., 6:8, :] / (contact.shear_stiffness * np.sqrt(overlap)), overlap
-    here = np.moveaxis(states[..., :3, :], -2, 0)[..., None, :]
-    ahead = np.moveaxis(neighbours[0](states[..., :3, :]), -2, 0)[..., None, :]
-    _, n_p, n_q = stretch_and_normal(here[0], here[1], 0.0)
-    return stretch, slip(n_p, n_q, ahead, here), overlap
+        return stretch, np.moveaxis(states[..., 6:9, :], -2, 0) / (contact.shear_stiffness * np.sqrt(overlap)), overlap
+    n_p, n_q = neighbours.normal
+    return stretch, _along((-n_q, n_p), difference) - sums[2], overlap

@@ -13,8 +13,9 @@ at once, in the paper's geometry or with contacts of true direction and length, 
 with dashpots or without shear or rotation, and these are integrated in time.
 
 In units of D0 the displacement to order n is y1 + a y2 + … + aⁿ⁻¹ yn. Order k holds the harmonics k, k−2, … of ϑ, so
-2n+1 points of phase are exact. For TR and RT, p has even orders only, q and φ odd ones only. Order 2 is
-`second_harmonic.second_order`. The relative error of p falls as aⁿ, that of q and φ (n odd) as aⁿ⁺¹.
+2n+1 points of phase are exact. Order 2 is `second_harmonic.second_order`, in any direction `directions.second_order`.
+For TR and RT along y, p has even orders only, q and φ odd ones only: the relative error of p falls as aⁿ, that of q and
+φ (n odd) as aⁿ⁺¹.
 
 **Antiresonance.** There y2 is next to nothing in p, and p is of order a⁴: error of p at ξ=2.127, a=0.2, τ≤120, ν=0.17
 
@@ -63,8 +64,8 @@ class Series(np.ndarray[Any, np.dtype[np.float64]]):
         out = options.pop("out", (None,))[0]
         if ufunc is np.add and method == "reduce":  # a sum over an axis, which must be counted from the front
             result = np.add.reduce(np.asarray(self), **options)
-        elif ufunc is np.matmul and method == "__call__":  # only Series @ matrix
-            result = inputs[1].T @ np.asarray(inputs[0])
+        elif ufunc is np.matmul and method == "__call__":  # only Series @ matrices, one per bond
+            result = np.swapaxes(inputs[1], -1, -2)[..., None, :, :] @ np.asarray(inputs[0])
         elif ufunc in RULES and method == "__call__" and not options:
             result = RULES[ufunc](*(_coefficients(value, self.shape[-1]) for value in inputs))
         else:
@@ -170,7 +171,7 @@ def hierarchy_orders(
     if contact.law == "potential":
         raise ValueError("law = 'potential' has no hierarchy here; 'secant' and 'incremental' do")
     points = 2 * order + 1
-    neighbours = lattice.torus_neighbours(mode.wavenumber, points)
+    neighbours = lattice.torus_neighbours(mode.wavenumber, points, mode.direction)
     amplitude = Series.variable(order)
     start = lattice.initial_state(mode, amplitude, lattice.torus_phases(points), contact, neighbours)
 
@@ -193,10 +194,11 @@ def hierarchy(
     rtol: float = 1e-10,
     **effects: Unpack[lattice.Effects],
 ) -> tuple[Floats, Floats, Floats]:
-    """Displacements p, q, φ (T,) of one row to order n in units of D0: Σ aᵏ⁻¹ yk, where ϑ = ξ·row + phase at τ=0.
+    """Displacements p, q, φ (T,) of one sphere to order n in units of D0: Σ aᵏ⁻¹ yk, where ϑ = ξ·row + phase at τ=0.
 
-    For TR and RT, orders 2 and 3 differ in q and φ only, orders 3 and 4 in p only. amplitude is a = D0/Δ0; the other
-    arguments are those of `hierarchy_orders`, which serves all amplitudes, rows and phases at once.
+    row is as in `lattice.torus`, amplitude a = D0/Δ0; the other arguments are those of `hierarchy_orders`, which serves
+    all amplitudes, rows and phases at once. For TR and RT along y, orders 2 and 3 differ in q and φ only, orders 3 and
+    4 in p only.
     """
     orders = hierarchy_orders(mode, tau, poisson_ratio, order=order, rtol=rtol, **effects)
     points = orders.shape[-1]

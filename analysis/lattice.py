@@ -1,33 +1,32 @@
 """The paper's lattice with its full contact laws, integrated in time: the witness that knows no perturbation theory.
 
-Displacements are in units of Δ0, with p along the wave, q = −u, φ = Rθ. A row is bound to the next by two contacts,
-right (R, upper sign) and left (L), with dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1}:
+Displacements are in units of Δ0: p along the wave, q along ẑ × k (q = −u for a wave along y), φ = Rθ. A sphere has
+three contacts ahead, in the directions n of 0°, 60° and 120° from a close-packed row, and three behind. With d = ahead
+− here of (p, q), σ = φ₊ + φ, the tangent t = ẑ × n, D X = X_n − X_{n−1} and S X = X_n + X_{n−1} along each bond,
 
-    stretch x = (√3 dp ∓ dq)/2          normal force  N = (2/3)(1 − (1−x)₊^{3/2})     [springN; in units of k1Δ0]
-    slip    t = (√3/2)dq ± dp/2 − σ     shear force   S = κ t (1−x)₊^{1/2}            [springS]
+    stretch x = n·d          normal force  N = (2/3)(1 − (1−x)₊^{3/2})     [springN; in units of k1Δ0]
+    slip    s = t·d − σ      shear force   S = κ s (1−x)₊^{1/2}            [springS]
 
-    p''  = C D[(√3/2)(N_R + N_L) + (S_R − S_L)/2]
-    q''  = C D[−(N_R − N_L)/2 + (√3/2)(S_R + S_L)]                                   C = 1/(2(κ+3))
-    Ĩφ'' = C{S[S_R + S_L] − 4κφ}                 (the last term: the two neighbours in the same row)
+    (p, q)'' = C Σ_bonds D[n N + t S],    Ĩφ'' = C Σ_bonds S[S],    C = 1/(2(κ+3))
 
-These are equ, eqv, eqphi of the paper for plane waves along y. The paper prints √(3/2) for the factor √3/2 and
-v6 − v6 for v6 − v0 in δ_6,S.
+Along y the bonds of 60° and 120° lead to the next row, with n = (√3, ∓1)/2, and that of 0° stays within the row: these
+are equ, eqv, eqphi of the paper. The paper prints √(3/2) for the factor √3/2 and v6 − v6 for v6 − v0 in δ_6,S.
 
-Three departures can be asked for. `incremental`: the shear force grows with the slip, dS = κ(1−x)₊^{1/2} dt, and does
-not follow later changes of the overlap (LAMMPS mindlin/force). `potential`: the shear energy ½κt²(1−x)₊^{1/2} also acts
-on the normal force, N → N − ¼κt²(1−x)^{−1/2} while the contact is closed, which makes the lattice conservative.
+Three departures can be asked for. `incremental`: the shear force grows with the slip, dS = κ(1−x)₊^{1/2} ds, and does
+not follow later changes of the overlap (LAMMPS mindlin/force). `potential`: the shear energy ½κs²(1−x)₊^{1/2} also acts
+on the normal force, N → N − ¼κs²(1−x)^{−1/2} while the contact is closed, which makes the lattice conservative.
 `overlap_ratio` η = Δ0/2R > 0: contacts have their true direction and length, as in LAMMPS. Slip is then no function of
 the configuration (so it has no `potential`) and is integrated as a state,
 
-    dt/dτ = (tangent of now)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
+    ds/dτ = (tangent of now)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
 
 Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
 
 And the physics a scene calls for (`Effects`). `prestress`: adhesion holds the lattice at 0, compression at 1; the
 contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn (η > 0). `shear`,
 `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'². `viscosity` c (in
-m/t0, t0 the unit of τ): every closed contact, also that within the row, has a dashpot along its normal and, if it
-resists shear, one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c dt/dτ (LAMMPS damping velocity).
+m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear, one along its
+tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
 `restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
 
 Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
@@ -43,14 +42,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.damping import restitution_viscosity
+from analysis.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.second_harmonic import SOLID_SPHERE, Mode
 
 Floats = NDArray[np.float64]
 Law = Literal["secant", "incremental", "potential"]
-Neighbours = tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]  # (…, K) → values of row n+1; of row n−1
-
-SIDE = np.array([[1.0], [-1.0]])  # right, left contact
-NORMAL = (np.sqrt(3) / 2, -SIDE / 2)  # (p, q) components at equilibrium
 
 
 class Effects(TypedDict, total=False):
@@ -143,25 +139,23 @@ def contact(
     )
 
 
-def stretch_and_normal(dp: Floats, dq: Floats, overlap_ratio: float) -> tuple[Floats, Floats | float, Floats]:
-    """Elongation x (2, K) of the right and left contacts to the next row, and the (p, q) components of their normals.
+def stretch_and_normal(
+    dp: Floats, dq: Floats, normal: tuple[Floats, Floats], overlap_ratio: float
+) -> tuple[Floats, Floats, Floats]:
+    """Elongation x of contacts with the directions `normal` at rest, and the (p, q) components of their normals.
 
-    With η > 0 the vector between centres is r = ℓ n0 + (dp, dq), ℓ = 1/η − 1, and x = |r| − ℓ.
+    dp, dq (…, 3, K) are the displacements of their far ends less those of the near ones. With η > 0 the vector between
+    centres is r = ℓ n0 + (dp, dq), ℓ = 1/η − 1, and x = |r| − ℓ.
     """
-    along = NORMAL[0] * dp + NORMAL[1] * dq
+    along = normal[0] * dp + normal[1] * dq
     if overlap_ratio == 0:
-        return along, *NORMAL
+        return along, *normal
     length = 1 / overlap_ratio - 1
-    r_p, r_q = length * NORMAL[0] + dp, length * NORMAL[1] + dq
+    r_p, r_q = length * normal[0] + dp, length * normal[1] + dq
     distance = np.hypot(r_p, r_q)
     # |r| − ℓ itself would lose the four digits by which ℓ exceeds x.
     stretch = (2 * length * along + dp**2 + dq**2) / (distance + length)
     return stretch, r_p / distance, r_q / distance
-
-
-def slip(n_p: Floats | float, n_q: Floats, ahead: Floats, here: Floats) -> Floats:
-    """Tangential displacement (2, K) of the contacts from p, q, φ (3, K) of two rows, or its rate from p', q', φ'."""
-    return n_p * (ahead[1] - here[1]) - n_q * (ahead[0] - here[0]) - (ahead[2] + here[2])
 
 
 def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
@@ -169,54 +163,46 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
 
     Parameters
     ----------
-    state : (6, K): p, q, φ, p', q', φ' of K rows, displacements in Δ0; (8, K) for a contact with history, whose last
-        two are the slip t (secant) or shear force S (incremental, in k1Δ0) of the right and left contacts to row n+1.
+    state : (6, K): p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (9, K) for a contact with history, whose last
+        three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
     contact : the contact's constants.
-    neighbours : two functions, values → values one row on, and one row back.
+    neighbours : the contacts' directions and far ends.
     """
-    after, before = neighbours
     dashpot = 2 * (contact.kappa + 3) * contact.viscosity
     # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
-    moving = state[: 6 if contact.has_history or contact.viscosity else 3]
-    here, ahead = moving, after(moving)
-    dp, dq = ahead[:2] - here[:2]
-    x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
+    here = state[: 6 if contact.has_history or contact.viscosity else 3]
+    apart = neighbours.ahead(here)
+    sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
+    apart -= here
+    x, n_p, n_q = stretch_and_normal(apart[:, 0], apart[:, 1], neighbours.normal, contact.overlap_ratio)
     overlap = np.maximum(1 - x, 0)
     root = np.sqrt(overlap)
     normal = (1 - contact.prestress - overlap * root) / 1.5
 
     rate = np.empty_like(state)
     stiffness = contact.shear_stiffness * root
+    if here.shape[0] == 6:
+        slip_rate = n_p * apart[:, 4] - n_q * apart[:, 3] - sums[:, 1]
     if contact.has_history:
-        slip_rate = slip(n_p, n_q, ahead[3:], here[3:])
         rate[6:] = stiffness * slip_rate if contact.incremental else slip_rate
         shear = state[6:] if contact.incremental else stiffness * state[6:]
     else:
-        tangential = slip(n_p, n_q, ahead[:3], here[:3])
-        shear = stiffness * tangential
+        slip = n_p * apart[:, 1] - n_q * apart[:, 0] - sums[:, 0]
+        shear = stiffness * slip
         if contact.law == "potential":
-            normal -= np.divide(shear * tangential, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
-    turning = contact.shear_stiffness * state[2]  # the slip −2φ of the contacts within the row, over −2
+            normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
     if contact.viscosity:
         closed = np.sqrt(root) if contact.hertzian else np.sign(overlap)
-        p_rate, q_rate = ahead[3:5] - here[3:5]
-        normal = normal + dashpot * closed * (n_p * p_rate + n_q * q_rate)
+        normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
         if contact.shear:
-            shear = shear + dashpot * closed * slip(n_p, n_q, ahead[3:], here[3:])
-            turning = turning + dashpot * state[5]
+            shear = shear + dashpot * closed * slip_rate
 
-    eta = contact.overlap_ratio
-    force = np.stack(
-        [
-            (n_p * normal - n_q * shear).sum(axis=0),
-            (n_q * normal + n_p * shear).sum(axis=0),
-            ((1 - eta * overlap) * shear).sum(axis=0),
-        ]
-    )
-    behind = before(force)
+    lever = shear - contact.overlap_ratio * overlap * shear if contact.overlap_ratio else shear
+    force = np.stack([n_p * normal - n_q * shear, n_q * normal + n_p * shear, lever], axis=1)
+    onward, behind = force.sum(axis=0), neighbours.behind(force)
     rate[:3] = state[3:6]
-    rate[3:5] = force[:2] - behind[:2]
-    rate[5] = (force[2] + behind[2] - 4 * (1 - eta) * turning) / contact.inertia if contact.rotation else 0.0
+    rate[3:5] = onward[:2] - behind[:2]
+    rate[5] = (onward[2] + behind[2]) / contact.inertia if contact.rotation else 0.0
     rate[3:6] /= 2 * (contact.kappa + 3)
     return rate
 
@@ -237,13 +223,18 @@ def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floa
     """The state (6, K), with the rows of the contacts' shear appended where the contact has a history."""
     if not contact.has_history:
         return moving
-    here, ahead = moving[:3], neighbours[0](moving[:3])
-    dp, dq = ahead[:2] - here[:2]
-    x, n_p, n_q = stretch_and_normal(dp, dq, contact.overlap_ratio)
-    start = slip(n_p, n_q, ahead, here)
+    x, start = stretch_and_slip(moving[:3], contact.overlap_ratio, neighbours)
     if contact.incremental:
         start *= contact.shear_stiffness * np.sqrt(np.maximum(1 - x, 0))
     return np.concatenate([moving, start])
+
+
+def stretch_and_slip(places: Floats, overlap_ratio: float, neighbours: Neighbours) -> tuple[Floats, Floats]:
+    """Elongation x and tangential displacement (3, K) of the contacts ahead, from p, q, φ (3, K)."""
+    ahead = neighbours.ahead(places)
+    dp, dq = ahead[:, 0] - places[0], ahead[:, 1] - places[1]
+    x, n_p, n_q = stretch_and_normal(dp, dq, neighbours.normal, overlap_ratio)
+    return x, n_p * dq - n_q * dp - (ahead[:, 2] + places[2])
 
 
 def integrate(
@@ -270,35 +261,6 @@ def integrate(
     return solution.y.T.reshape(-1, *start.shape)
 
 
-def periodic_kernel(angle: Floats, points: int) -> Floats:
-    """Weight with which a sample at distance `angle` enters the trigonometric interpolation through K odd points.
-
-    sin(Kα/2)/(K sin(α/2)), the Dirichlet kernel, summed as cosines to be regular at α=0.
-    """
-    orders = np.arange(1, (points + 1) // 2)
-    return (1 + 2 * np.cos(np.multiply.outer(angle, orders)).sum(axis=-1)) / points
-
-
-def torus_phases(points: int) -> Floats:
-    """K equidistant phases on [0, 2π); ValueError unless K is odd (only then is a shift invertible) and at least 5."""
-    if points < 5 or points % 2 == 0:
-        raise ValueError(f"points = {points} must be odd and at least 5")
-    return 2 * np.pi * np.arange(points) / points
-
-
-def torus_neighbours(wavenumber: float, points: int) -> Neighbours:
-    """On the phase torus the next row is a shift of the phase by ξ: two K×K matrices, each the other's transpose."""
-    phases = torus_phases(points)
-    shift = periodic_kernel(phases[:, None] + wavenumber - phases, points)
-    back = np.ascontiguousarray(shift.T)
-    return (lambda values: values @ back), (lambda values: values @ shift)
-
-
-def ring_neighbours() -> Neighbours:
-    """Rows on a ring: the exact infinite lattice for waves with ξN a multiple of 2π."""
-    return (lambda values: np.roll(values, -1, axis=-1)), (lambda values: np.roll(values, 1, axis=-1))
-
-
 def torus_trajectory(
     mode: Mode,
     amplitude: float,
@@ -311,23 +273,25 @@ def torus_trajectory(
 ) -> Floats:
     """P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
 
-    A wave p_n(τ) = P(ξn + phase, τ) with P 2π-periodic in its first argument obeys the equations of the lattice with
-    "next row" = a shift of that argument by ξ. One period of K points thus holds every row and every phase at once:
-    no boundaries, and ξ need not be commensurate.
+    A wave p(r, τ) = P(k·r + phase, τ) with P 2π-periodic in its first argument obeys the equations of the lattice with
+    "neighbour at d" = a shift of that argument by k·d. One period of K points thus holds every sphere and every phase
+    at once: no boundaries, in any direction, and k need not be commensurate.
 
     Parameters
     ----------
-    mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects.
+    mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects, or of
+        `analysis.directions.mode` in any direction.
     amplitude : a = D0/Δ0.
     tau : (T,) ascending times.
     poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.
     points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
     rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
+        From 1e-9 on small waves are stepped at the edge of stability: φ of L, zero by symmetry, grows to 4e-7.
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
     laws = contact(poisson_ratio, **effects)
-    neighbours = torus_neighbours(mode.wavenumber, points)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
     start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
     states = integrate(lambda state: rhs(state, laws, neighbours), start, tau, rtol, amplitude)
     return states[:, :3] / amplitude
@@ -345,7 +309,10 @@ def torus(
     rtol: float = 1e-11,
     **effects: Unpack[Effects],
 ) -> tuple[Floats, Floats, Floats]:
-    """Displacements p, q, φ (T,) of one row in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`."""
+    """Displacements p, q, φ (T,) of one sphere in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`.
+
+    row is the place along k in row spacings (√3/2 lattice constants): along y the number of the row.
+    """
     trajectory = torus_trajectory(mode, amplitude, tau, poisson_ratio, points=points, rtol=rtol, **effects)
     weights = periodic_kernel(mode.wavenumber * row + phase - torus_phases(points), points)
     p, q, phi = (trajectory @ weights).T

@@ -45,7 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
-from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency
+from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency, refuse_oblique
 from analysis.second_harmonic import mode as linear_mode
 
 Floats = NDArray[np.float64]
@@ -143,6 +143,7 @@ def normal_form(mode: Mode, ratios: Ratios) -> NormalForm:
 
     Breaks where one of the waves that are not of the three happens to resonate too: W is then large.
     """
+    refuse_oblique(mode)
     every = waves(mode, ratios)
     m, omega = every.harmonic, every.frequency
     everyone = np.arange(m.size)

@@ -144,7 +144,8 @@ class Mode:
     """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
 
     L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if. It
-    normalises by "the sum of squares", which must be that of the moduli, because Φ̃/Q̃ is imaginary.
+    normalises by "the sum of squares", which must be that of the moduli, because Φ̃/Q̃ is imaginary. That is along y,
+    direction = 90 (degrees from a close-packed row); for any other see `directions.mode`.
     """
 
     name: ModeName
@@ -153,6 +154,7 @@ class Mode:
     p: float
     q: float
     f: float
+    direction: float = 90.0
 
 
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
@@ -222,8 +224,15 @@ def _source(mode: Mode, ratios: Ratios) -> float:
     return float(mode.q * (alpha * s**2 * mode.q - beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f))
 
 
+def refuse_oblique(mode: Mode) -> None:
+    """Raise ValueError for a mode of another direction than y, whose closed forms these are not."""
+    if mode.direction != 90.0:
+        raise ValueError(f"direction = {mode.direction} of the mode is not 90: the closed forms are those of y")
+
+
 def doubled_frequency(mode: Mode, ratios: Ratios) -> float:
     """w̃ = Ω_L(2ξ) = speed·sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
+    refuse_oblique(mode)  # here, since every closed form of a second harmonic asks for this
     return float(ratios.speed * np.sin(mode.wavenumber))
 
 
@@ -236,10 +245,10 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     with w̃ = speed·sin ξ = Ω_L(2ξ). On resonance it grows without bound and changes sign; where the denominator rounds
     to 0 it is ±inf, never nan.
     """
+    w = doubled_frequency(mode, ratios)
     if mode.name == "L":  # w̃² − 4Ω² = −4 speed² sin⁴(ξ/2), which a difference loses at small ξ
         return float(ratios.longitudinal / ratios.speed**2 / np.tan(mode.wavenumber / 2) / 2)
     strength = float(np.sin(mode.wavenumber) * _source(mode, ratios))
-    w = doubled_frequency(mode, ratios)
     denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
     return strength / denominator if denominator else float(np.copysign(np.inf, strength))
 

@@ -12,7 +12,8 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 
 A scene may call for other physics than the paper's (`Physics`). All five hold compression in place of adhesion, no
 rotation and no shear; what else one leaves out is in `LEAVES_OUT`. With compression, frequency shift and three waves
-lack corrections of relative order η, as they do without. Contacts that slide or open are in none.
+lack corrections of relative order η, as they do without; they are for waves along y only. Contacts that slide or open
+are in none, and what is no running plane wave is compared elsewhere (`SCRIPTS`).
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -26,12 +27,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import directions
 from analysis.frequency_shift import shifted_second_order
 from analysis.hierarchy import hierarchy, hierarchy_orders
 from analysis.lattice import Effects, Law, torus
 from analysis.laws import shear_law_ratios
 from analysis.resonance import three_mode
-from analysis.second_harmonic import Mode, Ratios, mode, second_order
+from analysis.second_harmonic import Mode, ModeName, Ratios, mode, second_order
 from granular_lmp.record import Record
 
 Floats = NDArray[np.float64]
@@ -42,11 +44,19 @@ class TheoryError(ValueError):
     """A theory asked for that there is not, or that leaves out what the run has."""
 
 
+ALONG_Y = 90.0  # degrees
+OBLIQUE = "another direction than y"
+# Which script compares what is no running plane wave. This is the place of a standing wave along y, too: one more start
+# on the torus. Who adds it takes it out of here, so out of BEYOND_ALL, and into LEAVES_OUT of what lacks it.
+SCRIPTS = {"standing": "analysis.standing", "driven": "analysis.driven", "envelope": "analysis.sheets"}
+
+
 @dataclass(frozen=True)
 class Physics:
-    """The physics of a run, in the words of `lattice.contact`, and whether contacts were let slide or open.
+    """The physics of a run, in the words of `lattice.contact`, whether contacts were let slide or open, and what waves.
 
-    prestress is F0/(F0 + adhesive force); viscosity is in m/t0.
+    prestress is F0/(F0 + adhesive force); viscosity is in m/t0; direction is that of k, degrees from a close-packed row
+    (90: the paper's y); form is that of the scene, or "envelope" for a running wave with one.
     """
 
     poisson_ratio: float
@@ -59,6 +69,8 @@ class Physics:
     restitution: float | None = None
     sliding: bool = False
     opening: bool = False
+    direction: float = ALONG_Y
+    form: str = "running"
 
     @property
     def effects(self) -> Effects:
@@ -71,6 +83,17 @@ class Physics:
             "rotation": self.rotation,
             "viscosity": self.viscosity,
             "restitution": self.restitution,
+        }
+
+    @property
+    def springs(self) -> directions.Contacts:
+        """The arguments of `springs.springs` beyond ν and Ĩ, for waves of any direction."""
+        return {
+            "law": "incremental" if self.law == "incremental" else "secant",
+            "overlap_ratio": self.overlap_ratio,
+            "prestress": self.prestress,
+            "shear": self.shear,
+            "rotation": self.rotation,
         }
 
     @property
@@ -93,6 +116,8 @@ class Physics:
             "incremental": self.law == "incremental",
             "sliding": self.sliding,
             "opening": self.opening,
+            OBLIQUE: self.direction != ALONG_Y,
+            **{form: self.form == form for form in SCRIPTS},
         }
         return frozenset(name for name, there in present.items() if there)
 
@@ -102,7 +127,8 @@ def physics_of(record: Record) -> Physics:
 
     A record without ``run.json`` has what its scene has and every effect at its usual.
     """
-    sphere, declared = record.scene.sphere, record.scene.effects
+    scene, sphere, declared = record.scene, record.scene.sphere, record.scene.effects
+    enveloped = scene.envelope.length > 0 or scene.envelope.width > 0
     effects = record.info.get("effects", {})
     on = {name: effect["on"] for name, effect in effects.items()}
     damped = on.get("damping", True)
@@ -117,6 +143,8 @@ def physics_of(record: Record) -> Physics:
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
         sliding=on.get("sliding", False),
         opening=effects.get("contact_opening", {}).get("called_for", False),
+        direction=scene.direction,
+        form="envelope" if enveloped and scene.wave.form == "running" else scene.wave.form,
     )
 
 
@@ -135,8 +163,15 @@ class Wave:
         """The wave that a run started with, in LAMMPS's contact geometry."""
         wave, physics = record.scene.wave, physics_of(record)
         constants = physics.ratios
-        linear = mode(wave.mode, record.scene.wavenumber, constants)  # type: ignore[arg-type]  # checked by the scene
+        linear = linear_mode(wave.mode, record.scene.wavenumber, physics)  # type: ignore[arg-type]  # checked by the scene
         return cls(linear, constants, wave.amplitude, wave.phase, physics)
+
+
+def linear_mode(name: ModeName, wavenumber: float, physics: Physics) -> Mode:
+    """The mode of the linear lattice, in the closed form along y."""
+    if physics.direction == ALONG_Y:
+        return mode(name, wavenumber, physics.ratios)
+    return directions.mode(name, wavenumber, physics.direction, physics.poisson_ratio, **physics.springs)
 
 
 def _closed(formula: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Trajectory]:
@@ -146,6 +181,16 @@ def _closed(formula: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Traj
         return formula(wave.mode, wave.ratios, wave.amplitude, tau, phase=wave.phase)
 
     return theory
+
+
+def _second_order(wave: Wave, tau: Floats) -> Trajectory:
+    """The paper's order, in closed form along y."""
+    if wave.physics.direction == ALONG_Y:
+        return second_order(wave.mode, wave.ratios, wave.amplitude, tau, phase=wave.phase)
+    physics = wave.physics
+    return directions.trajectory(
+        wave.mode, wave.amplitude, tau, physics.poisson_ratio, phase=wave.phase, **physics.springs
+    )
 
 
 def _integrated(method: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Trajectory]:
@@ -161,7 +206,7 @@ def _integrated(method: Callable[..., Trajectory]) -> Callable[[Wave, Floats], T
 
 
 THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
-    "second-order": _closed(second_order),
+    "second-order": _second_order,
     "frequency-shift": _closed(shifted_second_order),
     "three-mode": _closed(three_mode),
     "hierarchy": _integrated(hierarchy),
@@ -169,12 +214,12 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
 }
 
 # A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
-BEYOND_ALL = frozenset({"sliding", "opening"})
+BEYOND_ALL = frozenset({"sliding", "opening", *SCRIPTS})
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 LEAVES_OUT: dict[str, frozenset[str]] = {
     "second-order": frozenset({"damping", *BEYOND_ALL}),
-    "frequency-shift": frozenset({"damping", "incremental", *BEYOND_ALL}),
-    "three-mode": frozenset({"damping", "incremental", *BEYOND_ALL}),
+    "frequency-shift": frozenset({"damping", "incremental", OBLIQUE, *BEYOND_ALL}),
+    "three-mode": frozenset({"damping", "incremental", OBLIQUE, *BEYOND_ALL}),
     "hierarchy": BEYOND_ALL,
     "exact-lattice": BEYOND_ALL,
 }
@@ -226,8 +271,11 @@ def drive_cancels(wave: Wave) -> bool:
     """Whether the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
 
     The two terms of the drive, αs²Q and (β/√3) sin ξ f, cancel there. What is left of them is to be compared with the
-    next order, which is smaller by a². From a = 1 on contacts open, and no order means anything.
+    next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other directions
+    the second harmonic has three components, which do not vanish together.
     """
+    if wave.physics.direction != ALONG_Y:
+        return False
     return wave.mode.name == "TR" and wave.amplitude < 1 and cancellation(wave) < wave.amplitude**2
 
 

@@ -132,6 +132,24 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
         assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
 
 
+@pytest.mark.parametrize(("name", "direction"), [("TR", 37.0), ("L", 0.0)])
+def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
+    name: str, direction: float, paper_run: Callable[..., Record]
+) -> None:
+    sheet = {"packing.ends": "periodic", "packing.rows": 12, "packing.columns": 12}
+    wave = {"wave.mode": name, "wave.direction": direction, "time.duration": 20.0, "time.timestep": 0.0125}
+    record = paper_run(sheet | wave)
+    result = compare.compare(record)
+    assert (result.theory, result.direction) == ("hierarchy", record.scene.direction)
+    assert (result.predicted, result.measured) == (None, None)
+    for error in result.lattice_error.values():
+        # Of the time step: (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
+        assert error is None or error < 5e-5
+    turned = replace(Wave.of(record), mode=replace(Wave.of(record).mode, direction=record.scene.direction + 5))
+    off = compare.errors(record, THEORIES["exact-lattice"](turned, record.tau))
+    assert max(error or 0.0 for error in off.values()) > 2e-3  # five degrees are seen
+
+
 @pytest.mark.parametrize("changes", [{"wave.wavenumber": 2.127}, {"wave.wavenumber": np.pi}, {"wave.wavenumber": 1e-9}])
 def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dict[str, float]) -> None:
     result = compare.compare(from_theory(PAPER.with_values(changes), "second-order", TAU), "second-order")

@@ -8,20 +8,24 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from analysis import directions, second_harmonic
+from analysis import bloch, directions, lattice, laws, second_harmonic, springs
 from analysis import map as zone_map
 from analysis.directions import (
     BONDS,
     SOLID_SPHERE,
     bloch_matrix,
     branch_index,
+    doubled_wave,
     mean_rotation,
     modes,
     nonlinearity,
     second_harmonic_amplitude,
     second_order,
     stiffness_ratio,
+    trajectory,
+    wavevector_of,
 )
+from analysis.hierarchy import hierarchy_orders
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
 OBLIQUE = {"19 degrees": (1.10, 0.38), "66 degrees": (0.55, 1.25)}  # off both mirror lines (multiples of 30 degrees)
@@ -177,11 +181,21 @@ def test_two_derivations_agree_along_y(name, poisson_ratio):
         assert abs(amplitude - expected) < 1e-12 * max(1.0, abs(expected) ** 2)  # as above
 
 
+def imported_from(module, other: str) -> set[str]:
+    """Names that a module takes from another of `analysis`."""
+    tree = ast.parse(Path(module.__file__).read_text(encoding="utf-8"))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module == f"analysis.{other}"]
+    return {alias.name for node in nodes for alias in node.names}
+
+
 def test_neither_derivation_imports_the_other():
-    tree = ast.parse(Path(directions.__file__).read_text(encoding="utf-8"))
-    imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
-    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    assert imported == {"numpy", "numpy.typing"}
+    # Of the closed form, only what a mode is called and consists of.
+    assert imported_from(directions, "second_harmonic") == {"Mode", "ModeName"}
+    for module in (springs, bloch):
+        assert not imported_from(module, "second_harmonic")
+    for other in ("directions", "springs", "bloch"):
+        assert not imported_from(second_harmonic, other)
+        assert not imported_from(lattice, other)
 
 
 def test_the_paper_s_resonance_is_where_the_lower_branch_meets_the_middle_one():
@@ -330,6 +344,169 @@ def test_waves_of_the_zone_edge_stay_finite():
     assert largest_error(field, np.zeros(3)) < 1e-12
 
 
+# ---- the paper's variables, and LAMMPS's contact geometry -----------------------------------------
+
+# What a scene can call for, in the words of `springs.springs` and `lattice.contact` alike.
+CONTACTS = {
+    "paper": {},
+    "geometry": {"overlap_ratio": 0.01},
+    "compression": {"overlap_ratio": 0.05, "prestress": 1.0},
+    "incremental": {"overlap_ratio": 0.01, "law": "incremental"},
+    "no rotation": {"overlap_ratio": 0.02, "prestress": 0.5, "rotation": False},
+    "no shear": {"overlap_ratio": 0.02, "prestress": 1.0, "shear": False},
+}
+WAVES = [(key, name) for key in CONTACTS for name in ("L", "TR", "RT") if name != "RT" or not key.startswith("no ")]
+DEGREES = (17.0, -41.0, 0.0)  # two oblique ones, and along a row
+
+
+@pytest.mark.parametrize(("contacts", "name"), WAVES)
+@pytest.mark.parametrize("xi", [0.5, 1.3, 2.2])
+def test_along_y_modes_and_second_order_are_the_closed_form_for_all_contacts(contacts, name, xi):
+    options = CONTACTS[contacts]
+    law = options.get("law", "secant")
+    ratios = laws.shear_law_ratios(SILICA, law, **{key: v for key, v in options.items() if key != "law"})
+    expected = second_harmonic.mode(name, xi, ratios)
+    found = directions.mode(name, xi, 90.0, SILICA, **options)
+    assert (found.name, found.wavenumber, found.direction) == (name, xi, 90.0)
+    for component in ("frequency", "p", "q", "f"):
+        assert getattr(found, component) == pytest.approx(getattr(expected, component), rel=0, abs=1e-13)  # rounding
+    tau = np.linspace(0.0, 30.0, 31)
+    # Phase 0.4: what the start leaves in the contacts is there too. Rounding of Ωτ, and of terms a few times larger.
+    fields = trajectory(found, 0.2, tau, SILICA, phase=0.4, **options)
+    closed = second_harmonic.second_order(expected, ratios, 0.2, tau, phase=0.4)
+    assert largest_error(np.array(fields), np.array(closed)) < 1e-12
+
+
+@pytest.mark.parametrize("direction", DEGREES)
+@pytest.mark.parametrize(("contacts", "name"), WAVES)
+def test_the_exact_lattice_runs_in_the_modes_of_any_direction(contacts, name, direction):
+    options = CONTACTS[contacts]
+    mode = directions.mode(name, 1.1, direction, SILICA, **options)
+    tau = np.linspace(0.0, 10.0, 11)
+    order = hierarchy_orders(mode, tau, SILICA, order=2, rtol=1e-11, **options)[0]
+    theta = lattice.torus_phases(order.shape[-1]) - mode.frequency * tau[:, None]
+    wave = np.stack([mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)], axis=1)
+    assert largest_error(order, wave) < 1e-9  # 100 rtol
+
+
+def even_parts(name, direction, amplitude, theory=None, **options):
+    """Second order and the exact lattice, both less their odd part, (T, 3, K): p, q, φ in D0 at all phases.
+
+    theory : contacts of the second order, those of the lattice unless given; the mode is the lattice's.
+    """
+    mode = directions.mode(name, 1.1, direction, SILICA, **options)
+    tau, phases = np.linspace(0.0, 20.0, 21), lattice.torus_phases(15)
+    exact = lattice.torus_trajectory(mode, amplitude, tau, SILICA, points=15, rtol=1e-12, **options)
+    exact = (exact + exact @ lattice.periodic_kernel(phases[:, None] + np.pi - phases, 15)) / 2  # a → −a: a phase of π
+    k = wavevector_of(1.1, direction)
+    linear = {key: value for key, value in options.items() if key != "law"}
+    branch = int(branch_index(name, k, SILICA, **linear))
+    contacts = options if theory is None else theory
+    field = [second_order(k, branch, amplitude, tau, poisson_ratio=SILICA, phase=c, **contacts) for c in phases]
+    angle = np.radians(direction)
+    frame = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return np.einsum("ij,ktj->tik", frame, np.array(field)), exact
+
+
+@pytest.mark.parametrize("direction", DEGREES)
+@pytest.mark.parametrize(("contacts", "name"), WAVES)
+def test_the_relative_error_of_the_second_harmonic_falls_as_amplitude_squared_for_all_contacts(
+    contacts, name, direction
+):
+    errors = np.array(
+        [relative_error(*reversed(even_parts(name, direction, a, **CONTACTS[contacts]))) for a in AMPLITUDES]
+    )
+    # At most 7 a² (RT under the incremental law, whose own second harmonic is small).
+    assert errors[0] < 5e-3
+    assert abs(slope(AMPLITUDES, errors) - 2.0) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("left_out", "name"),
+    [("overlap_ratio", "L"), ("prestress", "TR"), ("law", "TR"), ("law", "L"), ("overlap_ratio", "RT")],
+)
+def test_contacts_left_out_are_seen_in_the_second_harmonic(left_out, name):
+    options = {"overlap_ratio": 0.05, "prestress": 1.0, "law": "incremental"}
+    wrong = {key: value for key, value in options.items() if key != left_out}
+    right, off = (relative_error(*even_parts(name, 17.0, 0.005, contacts, **options)) for contacts in (None, wrong))
+    assert right < 1e-3
+    assert off > 5 * right
+
+
+def test_doubled_wave_is_what_a_projection_on_2k_shows():
+    mode, tau = directions.mode("TR", 1.1, 17.0, SILICA, overlap_ratio=0.01), np.linspace(0.0, 20.0, 21)
+    phases = lattice.torus_phases(15)
+    exact = lattice.torus_trajectory(mode, 0.005, tau, SILICA, points=15, rtol=1e-12, overlap_ratio=0.01)
+    shown = 2.0 * np.mean(exact * np.exp(-2j * phases), axis=-1)
+    k = wavevector_of(1.1, 17.0)
+    factor = doubled_wave(k, 0, 0.005, tau, poisson_ratio=SILICA, overlap_ratio=0.01)
+    along = k / np.linalg.norm(k)
+    turned = np.stack([factor[:, :2] @ along, factor[:, :2] @ [-along[1], along[0]], factor[:, 2]], axis=-1)
+    assert relative_error(shown, turned) < 1e-4  # a² = 2.5e-5 times a number of order one
+    later = doubled_wave(k, 0, 0.005, tau, poisson_ratio=SILICA, overlap_ratio=0.01, phase=0.3)
+    assert largest_error(later, factor * np.exp(0.6j)) < 1e-15
+
+
+def test_a_phase_is_a_place():
+    k, tau = np.array(OBLIQUE["19 degrees"]), np.linspace(0.0, 20.0, 21)
+    by_site, by_phase = (
+        second_order(k, 1, 0.1, tau, poisson_ratio=SILICA, overlap_ratio=0.01, **where)
+        for where in ({"site": (3, -2)}, {"phase": float(k @ (3 * BONDS[0] - 2 * BONDS[1]))})
+    )
+    assert largest_error(by_site, by_phase) < 1e-14
+
+
+def test_modes_of_any_direction_are_named_and_signed_as_they_are_said_to_be():
+    for direction in np.arange(0.0, 360.0, 13.0):
+        found = {name: directions.mode(name, 1.3, direction, SILICA, overlap_ratio=0.01) for name in ("L", "TR", "RT")}
+        assert max(found.values(), key=lambda mode: abs(mode.p)).name == "L"
+        assert found["TR"].frequency < found["RT"].frequency
+        for mode in found.values():
+            assert max(mode.p, mode.q, key=abs) > 0
+            assert np.hypot(np.hypot(mode.p, mode.q), mode.f) == pytest.approx(1.0, rel=1e-14)
+
+
+def test_where_spheres_do_not_turn_there_are_two_modes():
+    frequencies, shapes = modes(OBLIQUE["19 degrees"], SILICA, rotation=False)
+    assert frequencies.shape == (2,)
+    assert np.all(shapes[:, 2] == 0)
+    with pytest.raises(ValueError, match="name is 'RT'; allowed: L, TR"):
+        directions.mode("RT", 1.0, 17.0, SILICA, shear=False)
+    with pytest.raises(ValueError, match="branch is 2; allowed: 0, 1 "):
+        second_harmonic_amplitude(OBLIQUE["19 degrees"], 2, SILICA, rotation=False)
+
+
+def test_the_forced_second_harmonic_without_rotation_is_that_of_the_sum_over_modes():
+    k = np.array(OBLIQUE["19 degrees"])
+    amplitude = second_harmonic_amplitude(k, 0, SILICA, rotation=False, overlap_ratio=0.02)
+    frequency = modes(k, SILICA, rotation=False, overlap_ratio=0.02)[0][0]
+    targets = modes(2 * k, SILICA, rotation=False, overlap_ratio=0.02)[0]
+    tau = np.linspace(0.0, 60.0, 601)
+    factor = doubled_wave(k, 0, 0.1, tau, poisson_ratio=SILICA, rotation=False, overlap_ratio=0.02)
+    # What of X turns with 2Ω, beside free waves at 2k and what the start leaves.
+    columns = np.exp(-1j * tau[:, None] * np.concatenate([[2 * frequency, 0.0], targets, -targets]))
+    forced = np.linalg.lstsq(columns, factor)[0][0]
+    assert largest_error(forced, 0.5 * nonlinearity(0.1, SILICA) * amplitude) < 1e-12
+    assert forced[2] == 0
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        second_harmonic.doubled_frequency,
+        second_harmonic.generated_amplitude,
+        lambda mode, ratios: second_harmonic.second_harmonic(mode, ratios, 0.2, [1.0]),
+        lambda mode, ratios: second_harmonic.second_harmonic_terms(mode, ratios, 0.2, [1.0]),
+        lambda mode, ratios: second_harmonic.second_order(mode, ratios, 0.2, [1.0]),
+    ],
+)
+@pytest.mark.parametrize("name", ["L", "TR"])
+def test_closed_forms_refuse_a_mode_of_another_direction(function, name):
+    mode, ratios = directions.mode(name, 1.0, 17.0, SILICA), second_harmonic.ratios(SILICA)
+    with pytest.raises(ValueError, match="direction = 17.0 of the mode is not 90"):
+        function(mode, ratios)
+
+
 # ---- the map -------------------------------------------------------------------------------------
 
 
@@ -393,6 +570,11 @@ def test_arrays_of_wave_vectors_give_what_single_ones_give():
         (lambda: stiffness_ratio(0.6), r"poisson_ratio is 0\.6; allowed: -1 to 0\.5"),
         (lambda: modes((1.0, 0.0), SILICA, 0.0), r"inertia is 0\.0; allowed: above 0"),
         (lambda: branch_index("T", (1.0, 0.0), SILICA), "name is 'T'; allowed: L, TR, RT"),
+        (lambda: modes((1.0, 0.0), SILICA, overlap_ratio=0.2), r"overlap_ratio is 0\.2; allowed: 0 to 0\.1"),
+        (lambda: modes((1.0, 0.0), SILICA, prestress=-1.0), r"prestress is -1\.0; allowed: 0 to 1"),
+        (lambda: modes((1.0, 0.0), SILICA, law="potential"), "law is 'potential'; allowed: secant, incremental"),
+        (lambda: wavevector_of(0.0, 90.0), r"wavenumber is 0\.0; allowed: above 0"),
+        (lambda: wavevector_of(1.0, np.nan), "direction is nan"),
         (lambda: mean_rotation((1.0, 0.0), 3, SILICA), "branch is 3; allowed: 0, 1, 2"),
     ],
 )

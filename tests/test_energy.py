@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from analysis import energy, lattice
+from analysis import directions, energy, lattice
 from analysis import second_harmonic as sh
 
 NU = 0.17
@@ -32,6 +32,12 @@ def test_energy_less_the_work_of_the_law_is_constant(law, name, xi):
 @pytest.mark.parametrize("law", LAWS)
 def test_the_ledger_closes_at_the_resonance_to_tau_400(law):
     assert ledger(law, end=400).gap < 1e-9
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("name", "direction"), [("TR", 17.0), ("RT", 17.0), ("L", 0.0)])
+def test_the_ledger_closes_in_any_direction(law, name, direction):
+    assert ledger(law, directions.mode(name, 1.1, direction, NU)).gap < 1e-9  # as along y
 
 
 def test_a_ledger_without_the_work_does_not_close():
@@ -161,7 +167,7 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
     opening = energy.opening_time(wave, 1.4, 40, NU)
     around = opening + np.array([-1e-3, 0, 1e-3])
     p = 1.4 * lattice.torus_trajectory(wave, 1.4, around, NU)[:, 0]
-    stretch = np.sqrt(3) / 2 * np.max(lattice.torus_neighbours(0.802, 31)[0](p) - p, axis=-1)
+    stretch = np.sqrt(3) / 2 * np.max(lattice.torus_neighbours(0.802, 31).ahead(p)[1] - p, axis=-1)
     assert stretch[1] == pytest.approx(1, abs=1e-8)
     assert stretch[0] < 1 < stretch[2]
 
@@ -189,4 +195,4 @@ def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
 def test_turning_normals_have_no_ledger():
     contact, neighbours = lattice.contact(NU, overlap_ratio=1e-3), lattice.ring_neighbours()
     with pytest.raises(ValueError, match="overlap_ratio"):
-        energy.energy(np.zeros((8, 5)), contact, neighbours)
+        energy.energy(np.zeros((9, 5)), contact, neighbours)

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from analysis import lattice
+from analysis import directions, lattice
 from analysis import second_harmonic as sh
 
 NU = 0.17
@@ -62,12 +63,16 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
     n0 = np.array([np.sqrt(3) / 2, -0.5])  # (p, q) of the right contact
     turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ n0
     dp, dq = length * (turned - n0)[:, None]
-    x, n_p, n_q = lattice.stretch_and_normal(dp, dq, contact.overlap_ratio)
+    rest = tuple(n0[:, None, None])  # one contact, one sphere
+    x, _, _ = lattice.stretch_and_normal(dp, dq, rest, contact.overlap_ratio)
     assert x[0, 0] == pytest.approx(0, abs=1e-12)
     turning = spin * (length + 1) / 2  # Rθ' of each
-    ahead = np.array([[-spin * length * turned[1], spin * length * turned[0], turning]]).T
-    rate = lattice.slip(n_p, n_q, ahead, np.array([[0.0, 0.0, turning]]).T)
-    assert rate[0, 0] == pytest.approx(-spin, abs=1e-11)  # rounding of numbers of order 70
+    far = np.array([dp[0], dq[0], 0.0, -spin * length * turned[1], spin * length * turned[0], turning])
+    near = np.array([0.0, 0.0, 0.0, 0.0, 0.0, turning])
+    pair = lattice.Neighbours(rest, lambda values: (far - near)[: len(values), None] + values[None], lambda f: 0 * f[0])
+    state = np.append(near, 0.0)[:, None]  # with the slip of its one contact
+    rate = lattice.rhs(state, contact, pair)[6]
+    assert rate[0] == pytest.approx(-spin, abs=1e-11)  # rounding of numbers of order 70
 
 
 @pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
@@ -245,6 +250,116 @@ def test_inertia_is_that_of_the_mode():
     right, wrong = (np.abs(np.subtract(lattice.torus(mode, a, tau, NU, inertia=i), theory)).max() for i in (2 / 3, 0.4))
     assert right < 0.5 * a**2
     assert wrong > 0.01
+
+
+# --- any direction ---
+
+
+SHEET = (5, 7)  # spheres along (1, 0) and along (1/2, √3/2), periodic
+TO_NEIGHBOURS = {0: (1, 0), 60: (0, 1), 120: (-1, 1)}  # the other three are their opposites
+
+
+def neighbour(values, step):
+    """The values (…, I, J) of the neighbour that lies `step` cells on."""
+    return np.roll(values, (-step[0], -step[1]), axis=(-2, -1))
+
+
+def sheet_rate(state, kappa, eta):
+    """Rate of u, v, φ, their velocities and three slips (9, I, J): the appendix in x and y, contact by contact."""
+    place, velocity, slips = state[:3], state[3:6], state[6:]
+    total, slip_rates = np.zeros_like(place), []
+    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):
+        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
+        d, d_rate = (neighbour(values, step)[:2] - values[:2] for values in (place, velocity))
+        if eta:
+            r = (1 / eta - 1) * n0 + d
+            distance = np.sqrt(r[0] ** 2 + r[1] ** 2)
+            n, overlap = r / distance, 1 / eta - distance
+        else:
+            n, overlap = n0 + 0 * d, 1 - (n0 * d).sum(axis=0)
+        t = np.stack([-n[1], n[0]])
+        slip_rates.append((t * d_rate).sum(axis=0) - neighbour(velocity, step)[2] - velocity[2])
+        slip = slips[bond] if eta else (t * d).sum(axis=0) - neighbour(place, step)[2] - place[2]
+        shear = kappa * slip * np.sqrt(overlap)
+        force = (2 / 3) * (1 - overlap**1.5) * n + shear * t
+        torque = shear * (1 - eta * overlap)
+        back = (-step[0], -step[1])
+        total[:2] += force - neighbour(force, back)
+        total[2] += torque + neighbour(torque, back)
+    return np.concatenate([velocity, total / [[[1.0]], [[1.0]], [[0.4]]] / (2 * (kappa + 3)), slip_rates])
+
+
+def on_a_sheet(mode, wavevector, amplitude, tau, eta):
+    """p, q, φ (T, 3) in D0 of the sphere at the origin of a periodic sheet, started as the mode."""
+    i, j = np.meshgrid(*(np.arange(size) for size in SHEET), indexing="ij")
+    theta = wavevector[0] * (i + j / 2) + wavevector[1] * j * np.sqrt(3) / 2
+    angle = np.radians(mode.direction)
+    to_xy = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    wave = amplitude * np.multiply.outer(to_xy @ [mode.p, mode.q, 1j * mode.f], np.exp(1j * theta))
+    moving = np.concatenate([wave.real, (-1j * mode.frequency * wave).real])
+    kappa = directions.stiffness_ratio(NU)
+    start = np.concatenate([moving, np.zeros((3, *SHEET))])
+    for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):  # loaded in one step along the final tangents
+        n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
+        d = neighbour(start[:3], step) - start[:3]
+        r = n0 + d[:2] * eta / (1 - eta)
+        n = r / np.sqrt(r[0] ** 2 + r[1] ** 2)
+        start[6 + bond] = n[0] * d[1] - n[1] * d[0] - d[2] - 2 * start[2]
+    solution = solve_ivp(
+        lambda _, y: sheet_rate(y.reshape(start.shape), kappa, eta).ravel(),
+        (0, tau[-1]), start.ravel(), method="DOP853", t_eval=tau, rtol=1e-11, atol=1e-12,
+    )  # fmt: skip
+    place = solution.y.reshape(*start.shape, -1)[:3, 0, 0]
+    return (to_xy.T @ place).T / amplitude
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.01])
+@pytest.mark.parametrize(("name", "cycles"), [("L", (1, 1)), ("TR", (1, 2)), ("RT", (-1, 2)), ("L", (2, 0))])
+def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
+    first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
+    k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
+    direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
+    mode = directions.mode(name, wavenumber, direction, NU, overlap_ratio=eta)
+    tau = np.linspace(0, 40, 41)
+    sheet = on_a_sheet(mode, k, 0.2, tau, eta)
+    infinite = np.stack(lattice.torus(mode, 0.2, tau, NU, overlap_ratio=eta, rtol=1e-12), axis=-1)
+    assert np.max(np.abs(sheet)) > 0.8  # something moves
+    assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
+    turned = replace(mode, direction=mode.direction + 1)
+    other = np.stack(lattice.torus(turned, 0.2, tau, NU, overlap_ratio=eta), axis=-1)
+    assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
+
+
+@pytest.mark.parametrize("direction", [17.0, 90.0])
+@pytest.mark.parametrize("effects", [{}, {"overlap_ratio": 0.02, "prestress": 1.0, "restitution": 0.95}], ids=str)
+def test_a_crystal_turned_by_60_degrees_is_the_same(direction, effects):
+    linear = {name: value for name, value in effects.items() if name != "restitution"}
+    tau, turned = np.linspace(0, 40, 41), []
+    for turn in (0.0, 60.0, -120.0, 180.0):
+        mode = directions.mode("TR", 1.1, direction + turn, NU, **linear)
+        turned.append(np.stack(lattice.torus(mode, 0.2, tau, NU, phase=0.3, **effects)))
+    assert np.allclose(turned[1:], turned[0], rtol=0, atol=1e-9)  # a hundred times rtol
+
+
+def test_a_mirror_turns_q_and_phi_round():
+    tau = np.linspace(0, 40, 41)
+    one, other = (directions.mode("TR", 1.1, direction, NU) for direction in (17.0, -17.0))
+    sign = np.sign(one.q * other.q)
+    p, q, phi = lattice.torus(one, 0.2, tau, NU)
+    mirrored = lattice.torus(other, 0.2, tau, NU, phase=0.0 if sign < 0 else np.pi)
+    assert np.allclose(mirrored, [p, -q, -phi], rtol=0, atol=1e-9)
+
+
+def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
+    # L along x: for k·d = ξ·2/√3 and its half, the frequency of central and shear springs written out.
+    mode, kappa = directions.mode("L", 0.9, 0.0, NU), directions.stiffness_ratio(NU)
+    whole, half = (4 * np.sin(c * 0.9 / np.sqrt(3)) ** 2 for c in (1, 0.5))
+    expected = (whole + 2 * half * (1 / 4 + 3 / 4 * kappa)) / (2 * (kappa + 3))
+    assert mode.frequency**2 == pytest.approx(expected, rel=1e-12)
+    tau = np.linspace(0, 20, 21)
+    p, q, phi = lattice.torus(mode, 1e-4, tau, NU)
+    assert p == pytest.approx(np.cos(mode.frequency * tau), abs=2e-4)  # of order a, the second harmonic
+    assert np.max(np.abs([q, phi])) < 1e-9
 
 
 @pytest.mark.parametrize("tau", [[1.0, 0.5], [-1.0, 0.0], [], [[0.0, 1.0]]])

@@ -6,20 +6,22 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from analysis import second_harmonic
+from analysis import directions, second_harmonic
 from granular_lmp.errors import SceneError
 from granular_lmp.modes import (
     FULL,
     Physics,
+    bloch_mode,
     bloch_modes,
     contact_stretches,
     decay_rate,
     highest_frequency,
     mode_along_y,
 )
-from granular_lmp.packing import ROW_SPACING, lattice_constant, unit_lattice
+from granular_lmp.packing import lattice_constant, unit_lattice
 from granular_lmp.scene import MODES
 from granular_lmp.sphere import Sphere
+from granular_lmp.wavevector import ROW_SPACING, WaveVector
 from tests.test_sphere import SILICA
 
 LATTICE = unit_lattice(SILICA)
@@ -87,6 +89,37 @@ def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> No
     # Contacts at 60° to x: δN = sin 60° Δv, δS = cos 60° Δv with Δv = 2 sin(ξ/2)
     assert normal == pytest.approx(sqrt(3) * np.sin(xi / 2), rel=1e-9)
     assert shear == pytest.approx(np.sin(xi / 2), rel=1e-9)
+
+
+@pytest.mark.parametrize("direction", [-110.0, 0.0, 17.0, 40.0, 63.0, 90.0, 150.0])
+@pytest.mark.parametrize("name", MODES)
+def test_modes_of_any_direction_equal_those_of_the_independent_theory(direction: float, name: str) -> None:
+    for xi in (0.05, 0.802, 2.0):
+        mode = bloch_mode(LATTICE, SILICA, WaveVector.of(xi, direction), name)
+        other = directions.mode(name, xi, direction, 0.17, overlap_ratio=SILICA.overlap_ratio)
+        assert mode.frequency == pytest.approx(other.frequency, rel=1e-11)
+        np.testing.assert_allclose([mode.p, mode.q, mode.f], [other.p, other.q, other.f], atol=1e-9)
+
+
+def test_names_and_shapes_turn_with_the_lattice() -> None:
+    for name in MODES:
+        up, turned = (bloch_mode(LATTICE, SILICA, WaveVector.of(1.2, degrees), name) for degrees in (90.0, 30.0))
+        assert turned.frequency == pytest.approx(up.frequency, rel=1e-12)
+        np.testing.assert_allclose([turned.p, turned.q, turned.f], [up.p, up.q, up.f], atol=1e-10)
+
+
+def test_along_x_too_a_mirror_keeps_the_longitudinal_wave_pure() -> None:
+    # A crossing of L with the others along x would mix them, were they solved for together
+    for xi in np.linspace(0.1, 3.6, 50):
+        longitudinal = bloch_mode(LATTICE, SILICA, WaveVector.of(xi, 0.0), "L")
+        assert (longitudinal.p, longitudinal.q, longitudinal.f) == (1, 0, 0)
+
+
+def test_the_modes_of_a_wave_vector_are_three_different_ones() -> None:
+    vector = WaveVector.of(1.9, 75.0)
+    frequencies = [bloch_mode(LATTICE, SILICA, vector, name).frequency for name in MODES]
+    expected, _ = bloch_modes(LATTICE, SILICA, np.array(vector.components) / lattice_constant(SILICA))
+    np.testing.assert_allclose(sorted(frequencies), expected, rtol=1e-12)
 
 
 def test_an_unknown_mode_is_refused() -> None:

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
+from analysis.damping import decay_rate
+from analysis.frequency_shift import shifted_second_order
+from analysis.resonance import three_mode
 
 SILICA = sh.ratios(0.17)
 SILICA_ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
@@ -226,3 +229,18 @@ def test_wavenumbers_outside_the_zone_are_refused(xi):
 def test_an_unknown_mode_is_refused():
     with pytest.raises(ValueError, match="'T'"):
         sh.mode("T", 1.0, SILICA)
+
+
+def test_a_mode_of_another_direction_is_refused_by_every_closed_form() -> None:
+    oblique = replace(sh.mode("TR", 0.802, SILICA), direction=30.0)
+    tau = np.linspace(0, 5, 6)
+    for formula in (
+        lambda: sh.second_harmonic(oblique, SILICA, 0.1, tau),
+        lambda: sh.second_order(oblique, SILICA, 0.1, tau),
+        lambda: sh.generated_amplitude(oblique, SILICA),
+        lambda: shifted_second_order(oblique, SILICA, 0.1, tau),
+        lambda: three_mode(oblique, SILICA, 0.1, tau),
+        lambda: decay_rate(oblique, SILICA, 1e-3),
+    ):
+        with pytest.raises(ValueError, match=r"direction = 30\.0 of the mode is not 90"):
+            formula()

@@ -2,12 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from analysis import compare, figure3, theories
-from analysis.theories import LEAVES_OUT, THEORIES, Physics, TheoryError, Wave, best, holding, physics_of, trajectory
+from analysis import compare, directions, figure3, theories
+from analysis.theories import (
+    LEAVES_OUT,
+    SCRIPTS,
+    THEORIES,
+    Physics,
+    TheoryError,
+    Wave,
+    best,
+    holding,
+    physics_of,
+    trajectory,
+)
 from granular_lmp import Record
 from tests.conftest import PAPER
 
@@ -123,8 +135,103 @@ def test_run_json_says_what_was_left_out() -> None:
 
 def test_every_theory_says_what_it_leaves_out() -> None:
     assert set(LEAVES_OUT) == set(THEORIES)
-    everything = replace(USUAL, viscosity=0.1, law="incremental", sliding=True, opening=True).beyond_the_paper
+    everything = replace(
+        USUAL, viscosity=0.1, law="incremental", sliding=True, opening=True, direction=17.0
+    ).beyond_the_paper | set(SCRIPTS)
     assert all(left <= everything for left in LEAVES_OUT.values())
+
+
+# --- any direction, and what is no running plane wave ---
+
+ANY_DIRECTION = {"second-order", "hierarchy", "exact-lattice"}
+
+
+@pytest.mark.parametrize("direction", [0.0, 17.0, -41.0])
+@pytest.mark.parametrize("changes", [changes for changes, *_ in PHYSICS], ids=str)
+def test_theories_of_any_direction_are_close_to_the_lattice(
+    changes: dict[str, object], direction: float, with_physics: With
+) -> None:
+    wave = with_physics(direction=direction, **changes)
+    assert wave.mode.direction == direction
+    damped = "viscosity" in changes or "restitution" in changes
+    assert set(holding(wave.physics)) == ANY_DIRECTION - ({"second-order"} if damped else set())
+    assert best(wave, TAU) == "hierarchy"
+    exact = record_of("exact-lattice", wave)
+    assert worst(exact, "hierarchy", wave) < 1e-5  # a⁶, as along y
+    if not damped:
+        # a² = 0.04 of the second harmonic, all there is in p but for 5e-4 of the mode itself.
+        assert worst(exact, "second-order", wave) < 0.06
+
+
+@pytest.mark.parametrize("changes", [{"direction": 18.0}, {"direction": 17.0, "law": "incremental"}], ids=str)
+def test_another_direction_or_law_is_seen(changes: dict[str, object], with_physics: With) -> None:
+    exact = record_of("exact-lattice", with_physics(**changes))
+    assert worst(exact, "hierarchy", with_physics(direction=17.0)) > 1e-3
+
+
+def test_the_wave_of_a_run_is_the_mode_of_its_direction(with_physics: With) -> None:
+    wave = with_physics(direction=17.0, rotation=False)
+    sphere = PAPER.sphere
+    assert wave.mode == directions.mode(
+        "TR", PAPER.wavenumber, 17.0, sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio, rotation=False
+    )
+
+
+@pytest.mark.parametrize("name", ["frequency-shift", "three-mode"])
+def test_theories_of_y_refuse_another_direction(name: str, with_physics: With) -> None:
+    wave = with_physics(direction=17.0)
+    with pytest.raises(TheoryError, match=f"theory = '{name}' leaves out another direction than y"):
+        trajectory(name, wave, TAU)
+
+
+def test_where_the_hierarchy_has_not_converged_an_oblique_wave_is_left_to_the_lattice(with_physics: With) -> None:
+    assert best(replace(with_physics(direction=17.0), amplitude=5.0), TAU) == "exact-lattice"
+
+
+def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> None:
+    wave = with_physics(direction=17.0)
+    result = compare.compare(record_of("exact-lattice", wave))
+    assert (result.theory, result.direction) == ("hierarchy", 17.0)
+    assert (result.predicted, result.measured, result.fit_error) == (None, None, None)
+    assert all(error is not None and error < 1e-5 for error in result.error.values())
+    assert all(error == 0 for error in result.lattice_error.values())
+    assert "17" in compare.figure(PLAIN, result).get_suptitle()
+    wrong = record_of("exact-lattice", wave)
+    assert compare.compare(replace(wrong, q=1.01 * wrong.q)).error["q"] == pytest.approx(0.01, rel=1e-2)
+
+
+@pytest.mark.parametrize(("form", "script"), SCRIPTS.items())
+def test_what_is_no_running_plane_wave_is_left_to_its_script(form: str, script: str, with_physics: With) -> None:
+    wave = with_physics(form=form)
+    result = compare.compare(PLAIN)
+    assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
+    assert f"is compared by `python -m {script}`, here with nothing" in result.notes[-1]
+    assert holding(wave.physics) == []
+    with pytest.raises(TheoryError, match=f"leaves out {form}"):
+        compare.compare(PLAIN, "exact-lattice")
+
+
+@pytest.mark.parametrize(
+    ("form", "length", "width", "expected"),
+    [
+        ("running", 0.0, 0.0, "running"),
+        ("running", 20.0, 0.0, "envelope"),
+        ("running", 0.0, 9.0, "envelope"),
+        ("standing", 0.0, 0.0, "standing"),
+        ("standing", 20.0, 0.0, "standing"),
+        ("driven", 0.0, 0.0, "driven"),
+    ],
+)
+def test_the_scene_says_what_kind_of_wave_it_is(form: str, length: float, width: float, expected: str) -> None:
+    scene = SimpleNamespace(
+        sphere=PAPER.sphere,
+        effects=PAPER.effects,
+        direction=17.0,
+        envelope=SimpleNamespace(length=length, width=width),
+        wave=SimpleNamespace(form=form),
+    )
+    found = physics_of(replace(PLAIN, scene=scene))
+    assert (found.form, found.direction) == (expected, 17.0)
 
 
 @pytest.mark.parametrize(

@@ -99,9 +99,7 @@ def opening_time(wave: Scene) -> float:
     )
 
     def closed(_: float, y: Floats) -> float:
-        place = y.reshape(start.shape)[:2]
-        dp, dq = neighbours[0](place) - place
-        return float(1 - np.max(lattice.stretch_and_normal(dp, dq, ETA)[0]))
+        return float(1 - np.max(lattice.stretch_and_slip(y.reshape(start.shape)[:3], ETA, neighbours)[0]))
 
     closed.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(

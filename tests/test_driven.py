@@ -1,0 +1,367 @@
+"""The driven row: amplitudes against the row equations and against an integrated strip, and what its script does."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from analysis import driven, lattice
+from analysis import second_harmonic as sh
+from analysis.laws import shear_law_ratios
+from analysis.norms import relative_error
+from analysis.rows import rows_of
+from granular_lmp import Scene
+from granular_lmp.errors import RunFolderError
+
+NU = 0.17
+SILICA = sh.ratios(NU)
+HEAVY = sh.ratios(NU, 5.0)  # of its TR waves from ξ = 1.3 on two of one frequency run
+WAVES = [("L", 0.802), ("L", 2.0), ("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("RT", 2.0)]
+ROWS = np.arange(40)
+
+# ---------------------------------------------------------------- the row equations
+
+
+def along(waves: driven.RowWaves, n: np.ndarray) -> np.ndarray:
+    return waves.shapes @ np.exp(1j * np.multiply.outer(waves.wavenumbers, n))
+
+
+@pytest.mark.parametrize(("name", "xi"), WAVES)
+@pytest.mark.parametrize("ratios", [SILICA, HEAVY, sh.ratios(-0.9), sh.ratios(NU, overlap_ratio=0.01, prestress=1.0)])
+def test_fundamental_obeys_the_linear_row_equations(name: sh.ModeName, xi: float, ratios: sh.Ratios) -> None:
+    mode = sh.mode(name, xi, ratios)
+    if driven.linear_waves(mode, ratios).velocities[0] < 1e-3:
+        pytest.skip("next to a maximum of the branch")
+    p, q, phi = along(driven.linear_waves(mode, ratios), np.arange(0, 12))
+    (dp, dq), sigma = (np.diff(x) for x in (p, q)), phi[1:] + phi[:-1]
+    square, mu1, mu2 = mode.frequency**2, ratios.mu1, ratios.mu2
+    shear = np.sqrt(3) * (dq[1:] + dq[:-1]) - 2 * (sigma[1:] + sigma[:-1]) - 4 * phi[1:-1]
+    residuals = [
+        square * p[1:-1] + ratios.speed**2 / 4 * np.diff(dp),
+        square * q[1:-1] + mu1 / 4 * np.diff(dq) - np.sqrt(3) * mu2 / 2 * np.diff(sigma),
+        ratios.inertia * square * phi[1:-1] + mu2 / 2 * shear,
+    ]
+    assert np.max(np.abs(residuals)) < 1e-12  # rounding, worst where the second wave decays as e^{-5n}
+
+
+@pytest.mark.parametrize(("name", "xi"), WAVES)
+@pytest.mark.parametrize("ratios", [SILICA, HEAVY, sh.ratios(NU, overlap_ratio=0.01)])
+def test_second_harmonic_obeys_the_quadratic_row_equation(name: sh.ModeName, xi: float, ratios: sh.Ratios) -> None:
+    mode, eps = sh.mode(name, xi, ratios), sh.nonlinearity(ratios, 0.2)
+    (p, q, phi), second = driven.driven_amplitudes(mode, ratios, 0.2, ROWS)
+    dp, dq, sigma = np.diff(p), np.diff(q), phi[1:] + phi[:-1]
+    # Of real fields: (Re z)² holds ½ Re z² at 2Ω.
+    bond = ratios.longitudinal * dp**2 - ratios.alpha * dq**2 + 2 / np.sqrt(3) * ratios.beta * sigma * dq
+    force = ratios.speed**2 / 4 * np.diff(second) + eps / 16 * bond
+    residual = 4 * mode.frequency**2 * second[1:-1] + np.diff(force)
+    assert np.max(np.abs(residual)) < 1e-13 * max(1, np.max(np.abs(second)) / 0.01)  # rounding
+
+
+@pytest.mark.parametrize(("name", "xi"), WAVES)
+def test_row_0_moves_as_it_is_driven(name: sh.ModeName, xi: float) -> None:
+    fundamental, second = driven.driven_amplitudes(sh.mode(name, xi, SILICA), SILICA, 0.2, [0], phase=0.7)
+    expected = np.array([1, 0, 0] if name == "L" else [0, 1, 0]) * np.exp(0.7j)
+    assert fundamental[:, 0] == pytest.approx(expected, rel=0, abs=1e-14)
+    assert second[0] == 0
+    assert driven.static(sh.mode(name, xi, SILICA), SILICA, 0.2, [0])[0] == 0
+
+
+@pytest.mark.parametrize("inertia", [0.4, 5.0])
+@pytest.mark.parametrize("name", ["TR", "RT", "L"])
+def test_waves_carry_energy_away_from_the_row(name: sh.ModeName, inertia: float) -> None:
+    ratios = sh.ratios(NU, inertia)
+    for xi in np.linspace(0.2, 3.0, 15):
+        mode = sh.mode(name, xi, ratios)
+        waves, h = driven.linear_waves(mode, ratios), 1e-5
+        above, below = sh.dispersion([xi + h, xi - h], name, ratios)
+        velocity = (above - below) / (2 * h)
+        # −ξ where the branch falls; h² and rounding/h of the difference, 1e-10.
+        assert waves.wavenumbers[0] == pytest.approx(np.copysign(xi, velocity), abs=1e-12)
+        assert waves.velocities[0] == pytest.approx(abs(velocity), abs=1e-8)
+        assert np.all((waves.velocities > 0) | (waves.wavenumbers.imag > 0))
+
+
+def test_rotational_waves_run_backward_and_heavy_spheres_have_two_waves() -> None:
+    assert driven.linear_waves(sh.mode("RT", 2.0, SILICA), SILICA).wavenumbers[0].real == pytest.approx(-2.0)
+    assert np.all(driven.linear_waves(sh.mode("TR", 1.5, HEAVY), HEAVY).velocities > 0)
+    assert driven.linear_waves(sh.mode("TR", 1.5, SILICA), SILICA).velocities[1] == 0
+
+
+@pytest.mark.parametrize("ratios", [SILICA, sh.ratios(0.3, rotation=False)])
+def test_on_resonance_the_second_harmonic_grows_by_the_same_in_every_row(ratios: sh.Ratios) -> None:
+    xi, n = sh.resonance(ratios), np.arange(400)
+    mode = sh.mode("TR", xi, ratios)
+    second = driven.driven_amplitudes(mode, ratios, 0.2, n)[1]
+    steps = np.diff(second * np.exp(-2j * xi * n))[10:]  # past the wave that decays
+    # Rounding of ξ over v = 0.05 rows per τ of the free wave is a mismatch of 1e-14, times 400 rows.
+    assert np.max(np.abs(steps / np.mean(steps) - 1)) < 1e-10
+    near = driven.driven_amplitudes(sh.mode("TR", xi + 1e-7, ratios), ratios, 0.2, n)[1]
+    # 1e-7 · 400 rows over v.
+    assert relative_error(np.abs(near), np.abs(second)) < 1e-3
+
+
+@pytest.mark.parametrize(("name", "xi"), [("L", 0.802), ("TR", 0.802)])
+def test_second_harmonic_comes_back_after_the_beat_length(name: sh.ModeName, xi: float) -> None:
+    mode = sh.mode(name, xi, SILICA)
+    second = np.abs(driven.driven_amplitudes(mode, SILICA, 0.2, np.arange(300))[1])
+    inside = second[1:-1]
+    minima = np.flatnonzero((inside < second[:-2]) & (inside < second[2:])) + 1
+    minima = minima[minima > 3]
+    # Over 5 and more beats, each place known to a row.
+    spacing = (minima[-1] - minima[0]) / (len(minima) - 1)
+    assert spacing == pytest.approx(driven.beat_length(mode, SILICA), abs=1 / (len(minima) - 1))
+
+
+def test_far_from_the_row_nothing_overflows() -> None:
+    for name, xi in WAVES:
+        fundamental, second = driven.driven_amplitudes(sh.mode(name, xi, SILICA), SILICA, 0.2, [100_000])
+        assert np.isfinite(fundamental).all() and np.isfinite(second).all()  # noqa: PT018
+
+
+# ---------------------------------------------------------------- the integrated strip
+
+RAMP, REACH, PERIODS, SAMPLES = 120.0, 12, 8, 20
+
+
+def strip(
+    mode: sh.Mode, amplitude: float, tau: np.ndarray, rows: int, contact: lattice.Contact, ramp: float = RAMP
+) -> np.ndarray:
+    """p, q, φ (T, 3, rows) in D0 of the exact lattice, row 0 moved by force, the last row held."""
+    neighbours, component = lattice.ring_neighbours(), 0 if mode.name == "L" else 1
+    start = lattice.with_shear(np.zeros((6, rows)), contact, neighbours)  # on a ring the two ends only touch each other
+
+    def rate(time: float, flat: np.ndarray) -> np.ndarray:
+        state = flat.reshape(start.shape).copy()
+        s = min(time / ramp, 1.0)
+        rise, rising = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2 / ramp
+        cos, sin = np.cos(mode.frequency * time), np.sin(mode.frequency * time)
+        state[:6, [0, -1]] = 0
+        state[component, 0] = amplitude * rise * cos
+        state[component + 3, 0] = amplitude * (rising * cos - rise * mode.frequency * sin)
+        result = lattice.rhs(state, contact, neighbours)
+        result[:6, [0, -1]] = 0
+        return result.ravel()
+
+    options = {"method": "DOP853", "t_eval": tau, "rtol": 1e-9, "atol": 1e-9 * amplitude}
+    solution = solve_ivp(rate, (0, tau[-1]), start.ravel(), **options)
+    return solution.y.T.reshape(-1, *start.shape)[:, :3] / amplitude
+
+
+def fitted(
+    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, ramp: float = RAMP, wait: float = 60.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fundamental (3, REACH), p at 2Ω and mean p of rows 1 to REACH of an integrated strip."""
+    period = 2 * np.pi / mode.frequency
+    begin = ramp + REACH / driven.slowest(mode, ratios) + wait
+    count = max(PERIODS, int(np.ceil(60 / period)))
+    tau = begin + period * np.arange(count * SAMPLES) / SAMPLES
+    rows = int(tau[-1] / 4 + REACH / 2) + 20  # no echo: half a row per τ, there and back
+    signals = strip(mode, amplitude, tau, rows, contact, ramp)[:, :, 1 : REACH + 1]
+    fits = [driven.fit(tau, signals[:, i], mode.frequency) for i in range(3)]
+    return np.array([fit[1][0] for fit in fits]), fits[0][1][1], fits[0][0]
+
+
+def errors(
+    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, **setting: float
+) -> np.ndarray:
+    """Of the driven component, of p at 2Ω, and of the mean of p."""
+    fundamental, second, mean = fitted(mode, ratios, amplitude, contact, **setting)
+    n, component = np.arange(1, REACH + 1), 0 if mode.name == "L" else 1
+    first, expected = driven.driven_amplitudes(mode, ratios, amplitude, n)
+    still = driven.static(mode, replace(ratios, memory=0.0), amplitude, n)
+    pairs = [(first[component], fundamental[component]), (expected, second), (still, mean)]
+    if mode.name != "L":
+        pairs.append((first[2], fundamental[2]))
+    return np.array([np.linalg.norm(theory - run) / np.linalg.norm(run) for theory, run in pairs])
+
+
+STRIPS = [
+    ("TR", 0.802, 0.0, "secant"),
+    ("TR", 2.127, 0.0, "secant"),
+    ("TR", 0.802, 0.01, "secant"),
+    ("RT", 2.0, 0.0, "secant"),
+    ("L", 0.802, 0.01, "secant"),
+    ("L", 1.3, 0.0, "secant"),
+]
+
+
+@pytest.mark.parametrize(("name", "xi", "eta", "law"), STRIPS)
+def test_errors_against_an_integrated_strip_fall_as_the_square_of_the_amplitude(
+    name: sh.ModeName, xi: float, eta: float, law: lattice.Law
+) -> None:
+    ratios = shear_law_ratios(NU, law, overlap_ratio=eta)
+    mode, contact = sh.mode(name, xi, ratios), lattice.contact(NU, law=law, overlap_ratio=eta)
+    large, small = (errors(mode, ratios, amplitude, contact) for amplitude in (0.16, 0.08))
+    # The next order, a² of these (20 % of contacts' overlap at a = 0.16), and the floor of switching on, 1e-5.
+    assert np.log2(large / small) == pytest.approx(2, abs=0.2)
+    assert np.all(small < 3e-2)  # the mean at 2.127, where αdq² and βσdq nearly cancel
+
+
+def test_the_incremental_law_has_the_same_steady_state_but_for_the_mean() -> None:
+    ratios = shear_law_ratios(NU, "incremental", overlap_ratio=0.01)
+    mode, contact = sh.mode("TR", 0.802, ratios), lattice.contact(NU, law="incremental", overlap_ratio=0.01)
+    q, second, mean, phi = errors(mode, ratios, 0.04, contact)
+    assert max(q, second, phi) < 1e-3  # a² = 1.6e-3 of order 0.1
+    assert mean > 0.1
+    with pytest.raises(ValueError, match="no steady mean displacement"):
+        driven.static(mode, ratios, 0.04, [1])
+
+
+def test_of_two_waves_that_run_the_strip_has_those_that_run_away() -> None:
+    ratios = sh.ratios(NU, 1.5)
+    mode, contact = sh.mode("RT", 2.15, ratios), lattice.contact(NU, inertia=1.5)
+    run = fitted(mode, ratios, 0.01, contact, wait=800.0)[0][1]
+    waves = driven.linear_waves(mode, ratios)
+    n, (q, phi) = np.arange(1, REACH + 1), waves.shapes[1:]
+    # Of the second wave, the one that comes in: κ and φ/q of the other sign, and shares that again leave φ_0 = 0
+    shares = np.linalg.solve([[1, 1], [phi[0] / q[0], -phi[1] / q[1]]], [1, 0])
+    incoming = shares @ np.exp(1j * np.multiply.outer(waves.wavenumbers * [1, -1], n))
+    # Both are slow, 0.03 rows per τ, so near the edges of their band that switching on is heard for long
+    assert relative_error_complex(along(waves, n)[1], run) < 0.03
+    assert relative_error_complex(incoming, run) > 0.3
+
+
+def relative_error_complex(estimate: np.ndarray, reference: np.ndarray) -> float:
+    return float(np.linalg.norm(estimate - reference) / np.linalg.norm(reference))
+
+
+def test_the_floor_is_what_switching_on_leaves() -> None:
+    mode, contact = sh.mode("L", 2.0, SILICA), lattice.contact(NU)
+    abrupt, soft = (errors(mode, SILICA, 0.01, contact, ramp=ramp)[1] for ramp in (40.0, 120.0))
+    assert abrupt > 5 * soft
+    # Linear waves in p, over a second harmonic of order a: twice as much at half the amplitude.
+    assert errors(mode, SILICA, 0.005, contact, ramp=40.0)[1] / abrupt == pytest.approx(2, rel=0.2)
+
+
+@pytest.mark.parametrize("changed", ["alpha", "beta"])
+def test_one_percent_more_nonlinearity_is_seen(changed: str) -> None:
+    mode, contact = sh.mode("TR", 0.802, SILICA), lattice.contact(NU)
+    wrong = replace(SILICA, **{changed: 1.01 * getattr(SILICA, changed)})
+    right = errors(mode, SILICA, 0.02, contact)[1]
+    assert errors(mode, wrong, 0.02, contact)[1] > 0.005 > 50 * right
+
+
+# ---------------------------------------------------------------- fit and script
+
+
+def test_the_amplitudes_put_in_are_found() -> None:
+    tau, frequency = np.arange(0, 60, 0.5), 0.7
+    put = np.array([0.3 - 0.1j, 0.02j, 0.001])
+    signal = (put * np.exp(-1j * frequency * np.multiply.outer(tau, [1, 2, 3]))).sum(axis=1).real + 0.05 + 0.01 * tau
+    mean, found = driven.fit(tau, signal[:, None], frequency)
+    assert found[:, 0] == pytest.approx(put, rel=0, abs=1e-14)  # rounding
+    assert mean[0] == pytest.approx(0.05 + 0.01 * np.mean(tau), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [([-1], "not negative"), ([0.5], "whole numbers"), ([], "one-dimensional"), (3, "one-dimensional")],
+)
+def test_rows_that_are_none_are_refused(arguments: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        driven.driven_amplitudes(sh.mode("TR", 0.802, SILICA), SILICA, 0.2, arguments)
+
+
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+def test_a_wave_without_group_velocity_is_refused(name: sh.ModeName) -> None:
+    with pytest.raises(ValueError, match="no group velocity"):
+        driven.driven_amplitudes(sh.mode(name, np.pi, SILICA), SILICA, 0.2, [1])
+
+
+class Changed:
+    """An object with some attributes changed."""
+
+    def __init__(self, base: Any, **changes: Any) -> None:
+        self._base = base
+        vars(self).update(changes)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._base, name)
+
+
+BASE = Scene.load("tr_nonresonant")
+
+
+def record(
+    *, mode: str = "TR", form: str = "driven", more: float = 1.0, end: float = 250.0, every: float = 0.5,
+    rows: int = 90, snapshots: bool = True, xi: float = 0.802
+) -> Any:  # fmt: skip
+    """A run in which the steady state of theory stands from the start, second order times `more`."""
+    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
+    linear, tau, columns = sh.mode(mode, xi, ratios), np.arange(0, end, every), 3
+    (p, q, phi), second = driven.driven_amplitudes(linear, ratios, 0.1, np.arange(rows), phase=0.3)
+    turn = np.exp(-1j * linear.frequency * tau)[:, None]
+    mean = driven.static(linear, ratios, 0.1, np.arange(rows))
+    p = (p * turn).real + more * (mean + (second * turn**2).real)
+    moved = [each.repeat(columns, axis=1) for each in (p, (q * turn).real, (phi * turn).real)]
+    fields = {"displacement": np.stack([-moved[1], moved[0]], axis=-1), "rotation": moved[2]}
+
+    def particles() -> Any:
+        if not snapshots:
+            raise RunFolderError("run: holds no snapshots of all spheres")
+        return SimpleNamespace(tau=tau, stack=fields.__getitem__)
+
+    scene = Changed(
+        BASE,
+        wave=Changed(BASE.wave, form=form, mode=mode, amplitude=0.1, phase=0.3),
+        wavenumber=xi,
+        envelope=Changed(BASE.envelope, ramp=40.0),
+        shape=SimpleNamespace(rows=rows, columns=columns, ends="fixed", centre_row=(rows - 1) // 2),
+    )
+    return SimpleNamespace(scene=scene, info={}, particles=particles)
+
+
+@pytest.mark.parametrize("mode", ["L", "TR", "RT"])
+def test_a_run_of_the_theory_has_no_deviation(mode: str) -> None:
+    run = record(mode=mode, every=0.3)
+    found = driven.compare(run, rows_of(run))
+    assert set(found.theory) == {"p at 2Ω", "mean p"} | ({"p"} if mode == "L" else {"q", "phi"})
+    assert max(max(pair) for pair in found.deviations().values()) < 1e-9  # rounding of p over its small parts, for RT
+
+
+def test_one_percent_more_second_order_is_one_percent() -> None:
+    run = record(more=1.01)
+    found = driven.compare(run, rows_of(run)).deviations()
+    assert found["p at 2Ω"] == pytest.approx((0.01, 0.01), rel=1e-6)
+    assert found["mean p"] == pytest.approx((0.01, 0.01), rel=1e-6)
+    assert max(found["q"]) < 1e-12
+
+
+def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
+    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
+    linear = sh.mode("TR", 0.802, ratios)
+    long, short = (driven.compare(run, rows_of(run)).n for run in (record(), record(rows=76)))
+    assert long[0] == short[0] == 1
+    assert long[-1] < (250 * 2 / 3 - 40) * driven.slowest(linear, ratios)
+    assert short[-1] < long[-1]
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (record(form="plane"), "has the form 'plane'"),
+        (record(snapshots=False), "holds no snapshots"),
+        (record(end=100.0), "too short a run"),
+        (record(end=160.0), "too short a run or strip: 0 of 3 rows"),
+        (record(rows=20), "too short a run or strip"),
+        (record(every=5.0), "too far apart"),
+    ],
+)
+def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.rows.load", lambda _: run)
+    with pytest.raises(SystemExit, match=message) as refusal:
+        driven.main(["run"])
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("mode", ["L", "TR"])
+def test_the_script_prints_deviations_and_writes_a_figure(
+    mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("analysis.rows.load", lambda _: record(mode=mode))
+    assert driven.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+    assert "p at 2Ω" in capsys.readouterr().out

@@ -1,0 +1,211 @@
+"""The standing wave in closed form against the integrated lattice, and what its script makes of runs."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import lattice, standing
+from analysis import second_harmonic as sh
+from analysis.laws import shear_law_ratios
+from analysis.norms import relative_error
+from analysis.rows import rows_of
+from granular_lmp import Scene
+from granular_lmp.errors import RunFolderError
+
+NU = 0.17
+SILICA = sh.ratios(NU)
+ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
+TAU = np.linspace(0, 40, 81)
+RING = 40
+WAVES = [("TR", 5), ("TR", 9), ("RT", 5), ("L", 5)]  # k of ξ = 2πk/40
+
+
+def on_the_ring(k: int) -> float:
+    return 2 * np.pi * k / RING
+
+
+def let_go(mode: sh.Mode, amplitude: float, contact: lattice.Contact, phase: float = 0.3) -> np.ndarray:
+    """p, q, φ (T, 3, rows) in D0 of the exact lattice on a ring, let go at rest."""
+    neighbours, theta = lattice.ring_neighbours(), mode.wavenumber * np.arange(RING) + phase
+    moving = np.zeros((6, RING))
+    moving[:3] = mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)
+    start = lattice.with_shear(amplitude * moving, contact, neighbours)
+    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, TAU, 1e-11, amplitude)
+    return states[:, :3] / amplitude
+
+
+def in_closed_form(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, phase: float = 0.3) -> np.ndarray:
+    p, q, phi = standing.standing(mode, ratios, amplitude, TAU[:, None], np.arange(RING), phase)
+    return np.stack([p, q, phi], axis=1)
+
+
+def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact) -> np.ndarray:
+    exact, theory = let_go(mode, amplitude, contact), in_closed_form(mode, ratios, amplitude)
+    moves = [0] if mode.name == "L" else [0, 1, 2]
+    return np.array([relative_error(theory[:, i], exact[:, i]) for i in moves])
+
+
+@pytest.mark.parametrize(("eta", "law"), [(0.0, "secant"), (ETA, "secant"), (0.01, "secant"), (0.01, "incremental")])
+@pytest.mark.parametrize(("name", "k"), WAVES)
+def test_errors_fall_as_the_square_of_the_amplitude(name: sh.ModeName, k: int, eta: float, law: lattice.Law) -> None:
+    ratios = shear_law_ratios(NU, law, overlap_ratio=eta)
+    mode = sh.mode(name, on_the_ring(k), ratios)
+    contact = lattice.contact(NU, law=law, overlap_ratio=eta)
+    large, small = (errors(mode, ratios, amplitude, contact) for amplitude in (0.04, 0.02))
+    # Next order: a² of these; and 1e-5 of p_SH, which is small for RT, is the integration's.
+    assert np.log2(large / small) == pytest.approx(2, abs=0.1)
+    assert np.all(small < 1e-3)
+
+
+@pytest.mark.parametrize("wrong", ["geometry", "start", "law"])
+def test_a_theory_of_another_contact_is_seen(wrong: str) -> None:
+    contact = lattice.contact(NU, law="incremental", overlap_ratio=0.01)
+    right = shear_law_ratios(NU, "incremental", overlap_ratio=0.01)
+    mode = sh.mode("TR", on_the_ring(5), right)
+    others = {
+        "geometry": shear_law_ratios(NU, "incremental"),
+        "start": sh.Ratios(**{**vars(right), "memory": 0.0}),
+        "law": sh.ratios(NU, overlap_ratio=0.01),
+    }
+    # Ten times the error of the right one, and it does not fall with the amplitude.
+    assert errors(mode, others[wrong], 0.02, contact)[0] > 10 * errors(mode, right, 0.02, contact)[0]
+
+
+@pytest.mark.parametrize("xi", [0.802, 2.127, sh.resonance(SILICA), np.pi / 2, 3.0])
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+def test_second_harmonic_is_the_formula_written_out(name: sh.ModeName, xi: float) -> None:
+    mode, row, phase = sh.mode(name, xi, SILICA), 3, 0.4
+    r, s, sine = SILICA, np.sin(xi / 2), np.sin(xi)
+    drive = (
+        -sine * s**2 if name == "L" else sine * mode.q * (r.alpha * s**2 * mode.q - r.beta / np.sqrt(3) * sine * mode.f)
+    )
+    theta, w, twice = xi * row + phase, sine, 2 * mode.frequency
+
+    def sinc(x: np.ndarray) -> np.ndarray:
+        return np.sinc(x / np.pi)
+
+    Z = TAU**2 * (sinc(w * TAU / 2) ** 2 + sinc((w + twice) * TAU / 2) * sinc((w - twice) * TAU / 2)) / 4
+    expected = -sh.nonlinearity(r, 0.2) / 2 * drive * np.sin(2 * theta) * Z
+    expected += mode.p * np.cos(theta) * np.cos(mode.frequency * TAU)
+    # Rounding of terms of order 1/w̃, at most 7.
+    assert standing.standing(mode, r, 0.2, TAU, row, phase)[0] == pytest.approx(expected, rel=0, abs=1e-13)
+
+
+def test_on_resonance_the_second_harmonic_grows_in_proportion_to_time() -> None:
+    mode = sh.mode("TR", sh.resonance(SILICA), SILICA)
+    late = np.array([500.0, 1000.0])
+    period = np.linspace(0, np.pi / mode.frequency, 200)
+    early, later = (np.max(np.abs(standing.standing(mode, SILICA, 0.2, t + period, 0, np.pi / 4)[0])) for t in late)
+    # Beside the growing part, one that does not grow: Ω/(ΩτZ) of it, 1 %.
+    assert later / early == pytest.approx(2, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["TR", "RT"])
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+def test_second_harmonic_is_zero_at_nodes_and_at_antinodes(name: sh.ModeName, quarter: int) -> None:
+    mode = sh.mode(name, 0.802, SILICA)
+    there = standing.standing(mode, SILICA, 0.2, TAU, 0, quarter * np.pi / 2)[0]
+    between = standing.standing(mode, SILICA, 0.2, TAU, 0, (quarter + 0.5) * np.pi / 2)[0]
+    assert np.max(np.abs(there)) < 1e-14 < 1e-4 < np.max(np.abs(between))  # sin of a rounded multiple of π
+
+
+# ---------------------------------------------------------------- the script
+
+
+class Changed:
+    """An object with some attributes changed."""
+
+    def __init__(self, base: Any, **changes: Any) -> None:
+        self._base = base
+        vars(self).update(changes)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._base, name)
+
+
+BASE = Scene.load("tr_nonresonant")
+
+
+def record(
+    p: Callable[..., Any] = lambda values: values, *, form: str = "standing", snapshots: bool = True, **changes: Any
+) -> Any:
+    """A run of the theory itself, 101 rows of 3 spheres, with p changed."""
+    rows, columns, phase = changes.get("rows", 101), 3, changes.get("phase", 0.3)
+    xi, name, ends = changes.get("xi", 0.802), changes.get("mode", "TR"), changes.get("ends", "periodic")
+    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
+    n = np.arange(rows) - (rows - 1) // 2
+    values = standing.standing(sh.mode(name, xi, ratios), ratios, 0.1, TAU[:, None], n, phase)
+    moved = [each.repeat(columns, axis=1) for each in (p(values[0]), *values[1:])]
+    fields = {"displacement": np.stack([-moved[1], moved[0]], axis=-1), "rotation": moved[2]}
+
+    def particles() -> Any:
+        if not snapshots:
+            raise RunFolderError("run: holds no snapshots of all spheres")
+        return SimpleNamespace(tau=TAU, stack=fields.__getitem__)
+
+    scene = Changed(
+        BASE,
+        wave=Changed(BASE.wave, form=form, mode=name, amplitude=0.1, phase=phase),
+        wavenumber=xi,
+        envelope=Changed(BASE.envelope, width=changes.get("width", 0.0)),
+        shape=SimpleNamespace(rows=rows, columns=columns, ends=ends, centre_row=(rows - 1) // 2),
+    )
+    info = {"effects": {"sliding": {"on": True}}} if changes.get("sliding") else {}
+    return SimpleNamespace(scene=scene, info=info, particles=particles)
+
+
+@pytest.mark.parametrize("mode", ["L", "TR", "RT"])
+@pytest.mark.parametrize("ends", ["fixed", "periodic"])
+def test_a_run_of_the_theory_has_no_error(mode: str, ends: str) -> None:
+    run = record(mode=mode, ends=ends)
+    found = standing.compare(run, rows_of(run)).errors()
+    assert set(found) == {"p" if mode == "L" else "q", "second harmonic"} | (set() if mode == "L" else {"phi"})
+    assert max(found.values()) < 1e-12  # rounding, of a linear wave 1e3 times the second harmonic for L
+
+
+def test_one_percent_more_second_harmonic_is_one_percent() -> None:
+    run = record(lambda p: 1.01 * p)
+    # Relative to the run: 0.01/1.01.
+    errors = standing.compare(run, rows_of(run)).errors()
+    assert errors["second harmonic"] == pytest.approx(0.01 / 1.01, rel=1e-6)
+
+
+def test_rows_that_the_walls_have_reached_are_left_out() -> None:
+    def silenced(p: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(np.arange(101) - 50) > 43, 0.0, p)  # less than Airy's front, 7 rows
+
+    held = record(silenced, ends="fixed")
+    assert standing.compare(held, rows_of(held)).errors()["second harmonic"] < 1e-12
+    free = record(silenced)
+    assert standing.compare(free, rows_of(free)).errors()["second harmonic"] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("run", "message"),
+    [
+        (record(form="plane"), "has the form 'plane'"),
+        (record(snapshots=False), "holds no snapshots"),
+        (record(sliding=True), "leaves out sliding"),
+        (record(width=5.0), "has an envelope"),
+        (record(xi=np.pi / 2, phase=0.0), "no second harmonic at any row"),
+        (record(rows=9, ends="fixed"), "no row is undisturbed"),
+    ],
+)
+def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.rows.load", lambda _: run)
+    with pytest.raises(SystemExit, match=message) as refusal:
+        standing.main(["run"])
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("mode", ["L", "TR"])
+def test_the_script_prints_errors_and_writes_a_figure(
+    mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("analysis.rows.load", lambda _: record(mode=mode, ends="fixed"))
+    assert standing.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
+    assert (tmp_path / "figure.png").stat().st_size > 10_000
+    assert "second harmonic" in capsys.readouterr().out
