@@ -4,7 +4,8 @@
 #   make test    all tests, with the linter and the type checker
 #
 # Also: make spectrum (the paper's figure 2 by simulation, a few minutes: docs/spectrum.md),
-# make dispersion (all branches from one kicked sheet), make figures (the others of the docs),
+# make dispersion (all branches from one kicked sheet), make waves (other directions, gratings, driven rows and
+# pulses, two minutes: docs/waves.md), make figures (the others of the docs),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
@@ -18,7 +19,7 @@ CASES = tr_nonresonant tr_resonant tr_antiresonant
 STEP = 0.0125
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures spectrum dispersion gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum dispersion waves gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -65,6 +66,18 @@ dispersion: .venv/ready
 	    --set time.duration=512 --set time.sample=1.5 -o runs/dispersion --force
 	$(BIN)/python -m analysis.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
 
+# Waves of other directions, over pairs of steps for Richardson's extrapolation; and finite ones, beside their theories
+waves: .venv/ready
+	$(BIN)/granular-lmp sweep tr_oblique --workers 2 -o runs/waves/oblique \
+	    --set packing.rows=48 --set packing.columns=48 --set wave.wavenumber=1.0472 --set wave.amplitude=0.02 \
+	    --set output.particles=4.0 --over wave.mode=TR,RT,L --over time.timestep=0.05,0.025 \
+	    --over wave.direction=0,14.4,22,30,39.5,49.1,63.7,77.8,83.8,90
+	$(BIN)/python -m analysis.oblique runs/waves/oblique -o figures/oblique.png
+	for scene in tr_grating tr_driven tr_pulse; do $(BIN)/granular-lmp run $$scene -o runs/waves/$$scene --force || exit 1; done
+	$(BIN)/python -m analysis.standing runs/waves/tr_grating -o figures/grating.png
+	$(BIN)/python -m analysis.driven runs/waves/tr_driven -o figures/driven.png
+	$(BIN)/python -m analysis.sheets runs/waves/tr_pulse -o figures/pulse.png
+
 test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -95,4 +108,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves build dist .venv .pytest_cache .mypy_cache .ruff_cache
