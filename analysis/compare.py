@@ -26,9 +26,9 @@ from analysis.second_harmonic import generated_amplitude, nonlinearity, second_h
 from analysis.theories import (
     ALONG_Y,
     BEYOND_ALL,
+    FORMS,
     LEAVES_OUT,
     OBLIQUE,
-    SCRIPTS,
     THEORIES,
     TheoryError,
     Wave,
@@ -42,7 +42,6 @@ from granular_lmp.record import Record
 COMPONENTS = ("p", "q", "phi")
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
 OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
-FORMS = {"standing": "a standing wave", "driven": "a driven wave", "envelope": "a wave with an envelope"}
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
 
@@ -118,13 +117,13 @@ def notes(record: Record) -> list[str]:
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     physics = Wave.of(record).physics
-    present = physics.beyond_the_paper & BEYOND_ALL - set(SCRIPTS)
+    present = physics.beyond_the_paper & BEYOND_ALL - set(FORMS)
     if present:
         named = " and ".join(sorted(present))
         loud.append(f"{named} of contacts is in no theory here: the run is compared with nothing")
-    if physics.form in SCRIPTS:
-        script = f"python -m {SCRIPTS[physics.form]}"
-        loud.append(f"{FORMS[physics.form]} is compared by `{script}`, here with nothing")
+    if physics.form in FORMS:
+        words, script = FORMS[physics.form]
+        loud.append(f"{words} is compared " + (f"by `python -m {script}`, here " if script else "") + "with nothing")
     echo = record.scene.echo_time
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-BONDS = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees from a close-packed row
+BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees from a close-packed row
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ def torus_phases(points: int) -> Floats:
 
 
 def directions_at_rest(direction: float) -> tuple[Floats, Floats]:
-    """(p, q) components, each (3, 1), of the unit vectors of BONDS for a wave at `direction` degrees from a row."""
-    angles = np.array(BONDS)[:, None] - direction
+    """(p, q) components, each (3, 1), of the bonds' unit vectors for a wave at `direction` degrees from a row."""
+    angles = np.array(BOND_ANGLES)[:, None] - direction
     # The cosine as sin(90° − |angle|): a bond across the wave then gets exactly 0, as that within the row along y.
     return np.sin(np.radians(90 - np.abs(angles))), np.sin(np.radians(angles))
 

@@ -123,16 +123,20 @@ def points(records: Iterable[Record]) -> list[Point]:
 
     Raises ValueError for a run that is none of these (`refusal`), and for other runs of one wave.
     """
-    waves: dict[tuple[str, float, float], list[Record]] = {}
+    waves: dict[tuple[str, float, float, float, float], list[Record]] = {}
     for record in records:
         if reason := refusal(record):
             raise ValueError(f"{record.folder}: {reason}")
         scene = record.scene
-        waves.setdefault((scene.wave.mode, scene.wavenumber, scene.direction), []).append(record)
-    return sorted((_point(*wave, runs) for wave, runs in waves.items()), key=lambda each: (each.mode, each.direction))
+        wave = scene.wave
+        key = (wave.mode, scene.wavenumber, scene.direction, wave.amplitude, wave.phase)
+        waves.setdefault(key, []).append(record)
+    return sorted((_point(runs) for runs in waves.values()), key=lambda each: (each.mode, each.direction))
 
 
-def _point(mode: str, wavenumber: float, direction: float, runs: list[Record]) -> Point:
+def _point(runs: list[Record]) -> Point:
+    scene = runs[0].scene
+    mode, wavenumber, direction = scene.wave.mode, scene.wavenumber, scene.direction
     runs = sorted(runs, key=lambda record: record.scene.time.step)
     (tau, wave), *coarse = (second_harmonic(record) for record in runs)
     steps = [record.scene.time.step for record in runs]
@@ -140,7 +144,6 @@ def _point(mode: str, wavenumber: float, direction: float, runs: list[Record]) -
         raise ValueError(f"{mode} at {direction:.5g} degrees: {len(runs)} runs that are no pair of steps h and h/2")
     for _, rougher in coarse:
         wave = (4 * wave - rougher) / 3
-    scene = runs[0].scene
     theory = predicted(
         mode, wavenumber, direction, scene.wave.amplitude, tau, physics_of(runs[0]), phase=scene.wave.phase
     )

@@ -38,12 +38,11 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     found = record.scene.wave.form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
-    missing = physics_of(record).beyond_the_paper - {form, "incremental"}
+    if record.scene.envelope.finite:
+        raise SystemExit(f"{folder}: its wave has an envelope; the theory is that of a plane wave")
+    missing = physics_of(record).beyond_the_paper - {form, "incremental", "finite"}
     if missing:
         raise SystemExit(f"{folder}: the theory leaves out {', '.join(sorted(missing))}, which this run has")
-    envelope = record.scene.envelope
-    if envelope.length > 0 or envelope.width > 0:
-        raise SystemExit(f"{folder}: its wave has an envelope; the theory is that of a plane wave")
     try:
         return record, rows_of(record)
     except GranularError as error:

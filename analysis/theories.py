@@ -13,7 +13,7 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 A scene may call for other physics than the paper's (`Physics`). All five hold compression in place of adhesion, no
 rotation and no shear; what else one leaves out is in `LEAVES_OUT`. With compression, frequency shift and three waves
 lack corrections of relative order η, as they do without; they are for waves along y only. Contacts that slide or open
-are in none, and what is no running plane wave is compared elsewhere (`SCRIPTS`).
+are in none, and what is no running plane wave is compared elsewhere (`FORMS`).
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -46,9 +46,13 @@ class TheoryError(ValueError):
 
 ALONG_Y = 90.0  # degrees
 OBLIQUE = "another direction than y"
-# Which script compares what is no running plane wave. This is the place of a standing wave along y, too: one more start
-# on the torus. Who adds it takes it out of here, so out of BEYOND_ALL, and into LEAVES_OUT of what lacks it.
-SCRIPTS = {"standing": "analysis.standing", "driven": "analysis.driven", "envelope": "analysis.sheets"}
+# What is no running plane wave, in words, and the script that compares it with its theory
+FORMS = {
+    "standing": ("a standing wave", "analysis.standing"),
+    "driven": ("a driven wave", "analysis.driven"),
+    "finite": ("a wave with an envelope, or a standing one of another direction,", "analysis.sheets"),
+    "driven beam": ("a beam of a driven row", ""),
+}
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,7 @@ class Physics:
     """The physics of a run, in the words of `lattice.contact`, whether contacts were let slide or open, and what waves.
 
     prestress is F0/(F0 + adhesive force); viscosity is in m/t0; direction is that of k, degrees from a close-packed row
-    (90: the paper's y); form is that of the scene, or "envelope" for a running wave with one.
+    (90: the paper's y); form is "running" or one of `FORMS`.
     """
 
     poisson_ratio: float
@@ -117,7 +121,7 @@ class Physics:
             "sliding": self.sliding,
             "opening": self.opening,
             OBLIQUE: self.direction != ALONG_Y,
-            **{form: self.form == form for form in SCRIPTS},
+            **{form: self.form == form for form in FORMS},
         }
         return frozenset(name for name, there in present.items() if there)
 
@@ -128,7 +132,6 @@ def physics_of(record: Record) -> Physics:
     A record without ``run.json`` has what its scene has and every effect at its usual.
     """
     scene, sphere, declared = record.scene, record.scene.sphere, record.scene.effects
-    enveloped = scene.envelope.length > 0 or scene.envelope.width > 0
     effects = record.info.get("effects", {})
     on = {name: effect["on"] for name, effect in effects.items()}
     damped = on.get("damping", True)
@@ -144,8 +147,14 @@ def physics_of(record: Record) -> Physics:
         sliding=on.get("sliding", False),
         opening=effects.get("contact_opening", {}).get("called_for", False),
         direction=scene.direction,
-        form="envelope" if enveloped and scene.wave.form == "running" else scene.wave.form,
+        form=_form(scene.wave.form, scene.direction, finite=scene.envelope.finite),
     )
+
+
+def _form(declared: str, direction: float, *, finite: bool) -> str:
+    if declared == "driven":
+        return "driven beam" if finite else "driven"
+    return "finite" if finite or (declared == "standing" and direction != ALONG_Y) else declared
 
 
 @dataclass(frozen=True)
@@ -214,7 +223,7 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
 }
 
 # A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
-BEYOND_ALL = frozenset({"sliding", "opening", *SCRIPTS})
+BEYOND_ALL = frozenset({"sliding", "opening", *FORMS})
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 LEAVES_OUT: dict[str, frozenset[str]] = {
     "second-order": frozenset({"damping", *BEYOND_ALL}),

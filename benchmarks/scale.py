@@ -21,10 +21,9 @@ from analysis.norms import slope
 from benchmarks.problem import base_scene, centre_signals, errors, exact
 from benchmarks.timing import interleave, machine, rates, ratio, spread, table
 from granular_lmp import Scene, build
-from granular_lmp.deck import DUMP, LOG
 from granular_lmp.errors import LammpsError
 from granular_lmp.locate import lmp_command
-from granular_lmp.outputs import read_dump, read_log
+from granular_lmp.outputs import DUMP, LOG, read_dump, read_log
 from granular_lmp.units import units_for
 
 COLUMNS = 100

@@ -340,7 +340,7 @@ def _modes(options: argparse.Namespace) -> int:
 
     scene = _scene(options)
     packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
-    along = "" if scene.vector.axis == "y" else f" at {scene.direction:.6g} degrees"
+    along = "" if scene.along == "y" else f" along {scene.along}"
     print(
         f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
         "shapes with p2 + q2 + f2 = 1"

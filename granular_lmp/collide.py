@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
-from granular_lmp.deck import CHECKPOINTS, LOG, writable
+from granular_lmp.deck import writable
 from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
 from granular_lmp.launch import locked, run_input
+from granular_lmp.outputs import CHECKPOINTS, LOG
 from granular_lmp.units import units_for
 
 COURSE = "collision.csv"

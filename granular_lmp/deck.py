@@ -20,19 +20,13 @@ from granular_lmp.datafile import DataFile
 from granular_lmp.effects import Effect
 from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Mode, Physics, mode_of
+from granular_lmp.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS
 from granular_lmp.packing import hexagonal
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import step_for, with_step
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import initial_fields
 
-SCENE = "scene.toml"
-DUMP = "dump.centre"
-PARTICLES = "dump.particles"
-PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
-LOG = "log.lammps"
-STATUS = "run.json"
-CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
 
 
@@ -243,14 +237,13 @@ velocity     all set v_vx v_vy NULL units box
 <start_spin>
 <start_angle>"""
 
-_REST = """\
-# --- all spheres are at rest
+_MEASURES = """\
 compute      u all displace/atom
 fix          plane all enforce2d
 timestep     $(v_step:%.17g)"""
 
 _DRIVE = """\
-# --- drive: the first row is moved by D0 r cos(Omega tau - phase), r rising from 0 to 1, along the d_u of each sphere.
+# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, r = 0 to 1.
 #     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the step
 group        driven id 1:<columns>
 variable     Omega  equal <frequency>  # rad per tau
@@ -296,7 +289,7 @@ _PARTICLES = {
     "particles_append": "dump_modify  particles append yes",
 }
 
-_STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_REST, _DRIVE)}
+_STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
 
 
 def _blocks(scene: Scene) -> tuple[str, ...]:
@@ -311,7 +304,7 @@ def _resumed(scene: Scene) -> tuple[str, ...]:
         _VARIABLES,
         "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
         _CONTACTS,
-        _REST,
+        _MEASURES,
         *drive,
         _MOTION,
         _GUARDS,

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.deck import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, Deck, build, resume_text, writable
+from granular_lmp.deck import Deck, build, resume_text, writable
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -32,7 +32,18 @@ from granular_lmp.errors import (
 )
 from granular_lmp.guards import GUARDS, interval
 from granular_lmp.locate import lammps_module, lmp_command
-from granular_lmp.outputs import mend_dump, mend_log, read_log, replace_text
+from granular_lmp.outputs import (
+    CHECKPOINTS,
+    DUMP,
+    LOG,
+    PARTICLES,
+    SCENE,
+    STATUS,
+    mend_dump,
+    mend_log,
+    read_log,
+    replace_text,
+)
 from granular_lmp.record import TRAJECTORY, Record, read_status, refuse_other_scene, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome, woken

@@ -90,7 +90,7 @@ class Physics:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Names of the modes along y that there are."""
+        """Names of the modes that there are."""
         return MODES if self.rotation else MODES[:2]
 
     @property
@@ -103,9 +103,9 @@ FULL = Physics()
 
 
 def bloch_modes(
-    packing: ase.Atoms, sphere: Sphere, wavevector: ArrayLike, physics: Physics = FULL
+    packing: ase.Atoms, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
 ) -> tuple[NDArray, NDArray]:
-    """Frequencies and shapes of the modes at any wave vector, lowest first.
+    """Frequencies and shapes of the modes at any wave vectors, lowest first.
 
     Parameters
     ----------
@@ -113,18 +113,18 @@ def bloch_modes(
         Its centre sphere stands for the perfect lattice.
     sphere : Sphere
         Gives the contact stiffnesses and the inertia.
-    wavevector : array_like, (2,)
+    wavevectors : array_like, (..., 2)
         k, 1/R.
     physics : Physics
 
     Returns
     -------
-    frequencies : (3,) array, or (2,) without rotation
+    frequencies : (..., 3) array, or (..., 2) without rotation
         In 1/t0, ascending.
-    shapes : (3, 3) array, or (2, 3)
+    shapes : (..., 3, 3) array, or (..., 2, 3)
         One row a mode: (ux, uy, f), normalised to 1, of either sign. Where modes are degenerate any rotation of them.
     """
-    return _solve(packing, sphere, np.asarray(wavevector, dtype=float), physics, physics.coordinates)
+    return _solve(packing, sphere, np.asarray(wavevectors, dtype=float), physics, physics.coordinates)
 
 
 def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
@@ -188,6 +188,13 @@ def highest_frequency(packing: ase.Atoms, sphere: Sphere, physics: Physics = FUL
     return float(max(bloch_modes(packing, sphere, point, physics)[0][-1] for point in path))
 
 
+def row_stretches(packing: ase.Atoms, ux: float, uy: float) -> tuple[NDArray, NDArray]:
+    """δN and δS of three contacts, (3,) each, between a row that is shifted by (ux, uy) and the next one at rest."""
+    n, t, _ = _contact_frames(packing, np.zeros(2))
+    shift = np.array([ux, uy])
+    return n @ shift, t @ shift
+
+
 def decay_rate(packing: ase.Atoms, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
     """Rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
 
@@ -214,12 +221,12 @@ def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:
     return np.array(vector.components) / lattice_constant(sphere)
 
 
-def _contact_frames(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Normals, tangents (contacts, 2) and half the phase differences of three contacts; the other three mirror them."""
+def _contact_frames(packing: ase.Atoms, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Normals, tangents (3, 2), half the phase differences (..., 3) of three contacts; the other three mirror them."""
     vectors = contacts(packing, centre(packing))
     vectors = vectors[(vectors[:, 0] > 0) | ((vectors[:, 0] == 0) & (vectors[:, 1] > 0))]
     n = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-    return n, np.column_stack([-n[:, 1], n[:, 0]]), vectors @ wavevector / 2
+    return n, np.column_stack([-n[:, 1], n[:, 0]]), wavevectors @ vectors.T / 2
 
 
 def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
@@ -230,29 +237,31 @@ def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
     return float(np.sign(shape[_F])) * (1 if name == "TR" and vector.axis == "y" else -1)
 
 
-def _stretch_rows(packing: ase.Atoms, wavevector: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Three rows a kind (columns ux, uy, f) that give δN, δT and δS − δT of the contacts of a wave."""
-    n, t, half_phase = _contact_frames(packing, wavevector)
-    sine, cosine = 2 * np.sin(half_phase)[:, None], 2 * np.cos(half_phase)[:, None]
+def _stretch_rows(packing: ase.Atoms, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Three rows a kind (..., 3, columns ux, uy, f) that give δN, δT and δS − δT of the contacts of a wave."""
+    n, t, half_phase = _contact_frames(packing, wavevectors)
+    sine, cosine = 2 * np.sin(half_phase)[..., None], 2 * np.cos(half_phase)[..., None]
     none = np.zeros_like(sine)
-    return np.hstack([sine * n, none]), np.hstack([sine * t, none]), np.hstack([none, none, -cosine])
+    normal, sideways = (np.concatenate([sine * direction, none], axis=-1) for direction in (n, t))
+    return normal, sideways, np.concatenate([none, none, -cosine], axis=-1)
 
 
 def _solve(
-    packing: ase.Atoms, sphere: Sphere, wavevector: NDArray, physics: Physics, columns: list[int]
+    packing: ase.Atoms, sphere: Sphere, wavevectors: NDArray, physics: Physics, columns: list[int]
 ) -> tuple[NDArray, NDArray]:
     """Frequencies, ascending, and shapes (ux, uy, f) of the modes in the subspace of some of these columns."""
     kappa = sphere.stiffness_ratio
-    normal, sideways, turn = _stretch_rows(packing, wavevector)
+    normal, sideways, turn = _stretch_rows(packing, wavevectors)
     # LAMMPS takes R as the arm of the slip but R − Δ0/2 as the arm of the torque: as if the inertia were larger.
     inverse_root_mass = 1 / np.sqrt([1.0, 1.0, INERTIA_RATIO / (1 - sphere.overlap_ratio)])
     springs = [(1.0, normal), (kappa if physics.shear else 0.0, sideways + turn), (-sphere.prestress, sideways)]
     per_mass = 1 / (2 * (kappa + 3))  # k1 t0²/m
-    energy = [(weight * per_mass, (rows * inverse_root_mass)[:, columns]) for weight, rows in springs if weight]
-    _, vectors = np.linalg.eigh(sum(weight * rows.T @ rows for weight, rows in energy))
-    squared = sum(weight * np.sum((rows @ vectors) ** 2, axis=0) for weight, rows in energy)
-    shapes = np.zeros((len(columns), 3))
-    shapes[:, columns] = vectors.T * inverse_root_mass[columns]
-    shapes /= np.linalg.norm(shapes, axis=1)[:, None]
-    order = np.argsort(squared, kind="stable")
-    return np.sqrt(np.maximum(squared[order], 0.0)), shapes[order]
+    energy = [(weight * per_mass, (rows * inverse_root_mass)[..., columns]) for weight, rows in springs if weight]
+    _, vectors = np.linalg.eigh(sum(weight * rows.swapaxes(-1, -2) @ rows for weight, rows in energy))
+    squared = sum(weight * np.sum((rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
+    shapes = np.zeros((*vectors.shape[:-2], len(columns), 3))
+    shapes[..., columns] = vectors.swapaxes(-1, -2) * inverse_root_mass[columns]
+    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
+    order = np.argsort(squared, axis=-1, kind="stable")
+    frequencies = np.sqrt(np.maximum(np.take_along_axis(squared, order, axis=-1), 0.0))
+    return frequencies, np.take_along_axis(shapes, order[..., None], axis=-2)

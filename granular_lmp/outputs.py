@@ -1,4 +1,4 @@
-"""What LAMMPS writes into a run folder, and how to read and mend it: text dumps and logs, in the units of the deck."""
+"""The files of a run folder by name, and those that LAMMPS writes, dumps and logs: how to read and mend them."""
 
 import os
 from collections.abc import Iterator
@@ -11,6 +11,13 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 
+SCENE = "scene.toml"
+DUMP = "dump.centre"
+PARTICLES = "dump.particles"
+PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
+LOG = "log.lammps"
+STATUS = "run.json"
+CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 # Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
 DUMP_COLUMNS = (
     ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],

@@ -41,9 +41,9 @@ def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
     """
     a = lattice_constant(sphere)
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
-    n = row - shape.centre_row
     left = -(shape.columns // 2)
-    x = (column + left + np.where(n % 2 == 0, 0.25, 0.75)) * a
+    along_x, n = _offsets(row, column)
+    x = (along_x + 0.25) * a
     y = n * (ROW_SPACING * a)
     periodic = shape.ends == "periodic"
     # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
@@ -77,7 +77,10 @@ def unit_lattice(sphere: Sphere) -> ase.Atoms:
 
 def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Where the spheres are, from the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
-    row, column = packing.arrays["row"], packing.arrays["column"]
+    return _offsets(packing.arrays["row"], packing.arrays["column"])
+
+
+def _offsets(row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     n = row - row.max() // 2
     return column - (column.max() + 1) // 2 + 0.5 * (n % 2), n
 

@@ -15,9 +15,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import PARTICLES, PER_SAMPLE
 from granular_lmp.errors import RunFolderError
-from granular_lmp.outputs import Snapshot, snapshots
+from granular_lmp.outputs import PARTICLES, PER_SAMPLE, Snapshot, snapshots
 from granular_lmp.packing import hexagonal
 from granular_lmp.scene import Scene
 from granular_lmp.sphere import INERTIA_RATIO

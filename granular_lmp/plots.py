@@ -53,7 +53,7 @@ def draw_signals(
     scene: Scene,
 ) -> None:
     """A signal over τ in each panel."""
-    labels = ALONG_Y if scene.direction == 90 else OBLIQUE
+    labels = ALONG_Y if scene.along == "y" else OBLIQUE
     for panel, name in zip(panels, names, strict=True):
         panel.plot(tau, signals[name], color="black", linewidth=0.9)
         panel.axhline(0, color="0.8", linewidth=0.6, zorder=0)
@@ -65,7 +65,7 @@ def draw_signals(
 def title(scene: Scene) -> str:
     """Name, mode, ξ and direction that are used, and amplitude."""
     wave = scene.wave
-    along = "" if scene.vector.axis == "y" else rf" at {scene.direction:.4g}$\degree$"
+    along = "" if scene.along == "y" else f" along {scene.along}"
     return (
         rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
@@ -108,7 +108,7 @@ def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
         "right", functions=(lambda x: np.divide(x, per_mhz), lambda x: np.multiply(x, per_mhz))
     )
     right.set_ylabel("frequency (MHz)")
-    where = "" if vector.axis == "y" else rf", {vector.direction:.4g}$\degree$"
+    where = "" if scene.along == "y" else f", along {scene.along}"
     axes.legend(title=scene.name + where)
     return figure
 

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import DUMP, SCENE
-from granular_lmp.deck import STATUS as STATUS
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
-from granular_lmp.outputs import read_dump, replace_text
+from granular_lmp.outputs import DUMP, SCENE, read_dump, replace_text
+from granular_lmp.outputs import STATUS as STATUS
 from granular_lmp.particles import Particles
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.fields import AUTO
-from granular_lmp.modes import Mode, Physics, contact_stretches, decay_rate, mode_of
+from granular_lmp.modes import Mode, Physics, contact_stretches, decay_rate, mode_of, row_stretches
 from granular_lmp.packing import unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.shape import FEWEST_COLUMNS
@@ -54,9 +54,17 @@ class Case:
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
-        """Amplitudes of the normal and the shear displacement of the contacts, in Δ0."""
-        normal, shear = contact_stretches(unit_lattice(self.scene.sphere), self.scene.sphere, self.mode)
-        return normal * self.scene.wave.amplitude, shear * self.scene.wave.amplitude
+        """Amplitudes of the normal and the shear displacement of the contacts, in Δ0.
+
+        Of a driven row also those to the next row, as if that stood still: more than the waves that it sends out do.
+        """
+        lattice, sphere = unit_lattice(self.scene.sphere), self.scene.sphere
+        parts = [contact_stretches(lattice, sphere, self.mode)]
+        if self.scene.wave.form == "driven":
+            along = self.mode.name == "L"
+            parts.append(row_stretches(lattice, 0.0 if along else 1.0, 1.0 if along else 0.0))
+        normal, shear = (np.concatenate(each) * self.scene.wave.amplitude for each in zip(*parts, strict=True))
+        return normal, shear
 
     @property
     def no_slip_friction(self) -> float:

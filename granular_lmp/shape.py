@@ -44,6 +44,19 @@ class Shape:
         return self.rows * self.columns
 
 
+@dataclass(frozen=True)
+class Room:
+    """What the envelope of a wave takes: rows between walls, rows and columns of a periodic cell; has it a length."""
+
+    strip: float = 0.0
+    rows: float = 0.0
+    columns: float = 0.0
+    along: bool = False
+
+
+NOTHING = Room()
+
+
 def decide(
     rows: int | Auto,
     columns: int | Auto,
@@ -51,7 +64,7 @@ def decide(
     vector: WaveVector,
     duration: float,
     *,
-    room: tuple[float, float] = (0.0, 0.0),
+    room: Room = NOTHING,
     driven: bool = False,
 ) -> Shape:
     """What the declared rows, columns and ends come to.
@@ -60,7 +73,8 @@ def decide(
     along y; in another direction the fewest that carry the wave to 1e-3. ``rows = "auto"`` is, between fixed ends, the
     fewest whose walls the centre does not hear, and in a periodic cell the fewest that carry the wave to 1e-3. ``ends =
     "auto"`` is what the number of rows allows; where that is auto too, a periodic cell if one with fewer rows than the
-    strip carries the wave exactly, else fixed ends; a wave that is not along y has a periodic cell, a driven one ends.
+    strip carries the wave exactly, else fixed ends; a wave that is not along y has a periodic cell, a driven one and a
+    packet along y have ends.
 
     Parameters
     ----------
@@ -69,14 +83,12 @@ def decide(
     vector : WaveVector
     duration : float
         τ.
-    room : (float, float)
-        Rows and columns that the envelope of the wave takes.
+    room : Room
     driven : bool
         Whether the first row is the source.
     """
-    fewest_rows, fewest_columns = ceil(room[0]), max(FEWEST_COLUMNS, ceil(room[1]))
-    quiet = quiet_rows(duration, driven=driven)
-    quiet = max(quiet, fewest_rows + 1 - fewest_rows % 2)
+    fewest_rows, fewest_columns = ceil(room.rows), max(FEWEST_COLUMNS, ceil(room.columns))
+    quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
     even = range(max(4, fewest_rows + fewest_rows % 2), fewest_rows + LARGEST_CELL + 1, 2)
     if ends == AUTO and driven:
         ends = "fixed"
@@ -84,6 +96,8 @@ def decide(
         ends = "periodic"
     if ends == AUTO and rows != AUTO:
         ends = "fixed" if rows % 2 else "periodic"
+    if ends == AUTO and room.along:
+        ends = "fixed"
     if ends == AUTO:
         cell = smallest_cell(vector.per_row, EXACT, even)
         exact = abs(snapped(vector.per_row, cell) - vector.per_row) <= EXACT

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import LOG, SCENE, Deck, build, writable
+from granular_lmp.deck import Deck, build, writable
 from granular_lmp.errors import EffectError, RunFolderError
 from granular_lmp.launch import locked, run_input
-from granular_lmp.outputs import read_log
+from granular_lmp.outputs import LOG, SCENE, read_log
 from granular_lmp.packing import lattice_constant
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for

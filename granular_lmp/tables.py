@@ -5,20 +5,19 @@ mean together is checked by `granular_lmp.scene`.
 """
 
 from dataclasses import dataclass
-from math import ceil, floor, pi
+from math import ceil, floor, hypot, pi
 from typing import Any
 
 from granular_lmp.errors import SceneError
 from granular_lmp.fields import AUTO, Rule, between, choice, declared, switch
 from granular_lmp.shape import FEWEST_COLUMNS, Auto
-from granular_lmp.wavevector import DIRECTIONS, WaveVector
+from granular_lmp.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
 
 MODES = ("L", "TR", "RT")
 ENDS = ("fixed", "periodic", AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 FORMS = ("running", "standing", "driven")
-# K, the corner of the Brillouin zone, along x: 2π/√3. Where it ends in other directions, `zone_edge` knows
-LARGEST_WAVENUMBER = 3.6275987284684357
+LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
 
@@ -131,6 +130,18 @@ class Envelope:
     def finite(self) -> bool:
         """Whether the wave ends anywhere."""
         return self.length > 0 or self.width > 0
+
+    @property
+    def kind(self) -> str:
+        """What it makes of a wave: "packet", "beam", "pulse", or "wave"."""
+        kinds = {(True, False): "packet", (False, True): "beam", (True, True): "pulse"}
+        return kinds.get((self.length > 0, self.width > 0), "wave")
+
+    def spread(self, vector: WaveVector) -> tuple[float, float]:
+        """Rows and columns of its standard deviation along y and along x, for a wave vector."""
+        x, y = vector.unit
+        rows, columns = hypot(self.length * y, self.width * x), hypot(self.length * x, self.width * y)
+        return rows, columns * ROW_SPACING
 
 
 FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18

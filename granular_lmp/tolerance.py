@@ -29,10 +29,10 @@ import numpy as np
 from granular_lmp import launch
 from granular_lmp.accuracy import richardson
 from granular_lmp.budget import as_json, error_budget
-from granular_lmp.deck import CHECKPOINTS, PER_SAMPLE, writable
+from granular_lmp.deck import writable
 from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
-from granular_lmp.outputs import replace_text
+from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, replace_text
 from granular_lmp.record import (
     STATUS,
     TRAJECTORY,

@@ -92,7 +92,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     Raises
     ------
     ViewError
-        For a column that does not hold numbers, or a sweep of which nothing is finished.
+        For a column that does not hold numbers, a sweep over pairs of numbers, or one of which nothing is finished.
     """
     allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
     if column not in allowed:
@@ -101,6 +101,10 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     if not finished:
         raise ViewError(f"{sweep.folder}: none of its {len(sweep.rows)} runs is finished; there is nothing to draw")
     key = max(sweep.over, key=lambda each: len(sweep.over[each]))
+    if any(isinstance(value, list | tuple) for value in sweep.over[key]):
+        raise ViewError(
+            f"{sweep.folder}: {key} has no axis to draw over; sweep over wave.direction and wave.wavenumber"
+        )
     curves: dict[str, list[dict[str, Any]]] = {}
     for row in sweep.rows:
         name = ", ".join(f"{other} = {row[other]}" for other in sweep.over if other != key)

@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 from granular_lmp.modes import Mode, Physics, bloch_modes
 from granular_lmp.packing import lattice_constant, offsets, unit_lattice
 from granular_lmp.scene import Scene
+from granular_lmp.shape import Shape
+from granular_lmp.sphere import INERTIA_RATIO
 from granular_lmp.tables import Envelope
 from granular_lmp.wavevector import ROW_SPACING, WaveVector
 
 Floats = NDArray[np.float64]
 FARTHEST = 7.0  # standard deviations of w that are summed: what is beyond is 2e-11
+NOTHING = 1e-9  # rad per row: rounding of a difference of wave vectors
 
 
 @dataclass(frozen=True)
@@ -85,68 +88,71 @@ def _fields(packing: ase.Atoms, wave: NDArray[np.complex128], rate: NDArray[np.c
 
 def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     """The sum of the module's equation over the wave vectors that the packing, taken as a periodic cell, holds."""
-    shape, envelope = scene.shape, scene.envelope
-    in_columns, in_rows = _around(mode.vector, envelope, shape.columns, shape.rows)
-    aside = 2 * pi * in_columns / shape.columns, 2 * pi * in_rows / shape.rows  # κ, as phase advances
-    x, y = mode.vector.unit
-    along = ROW_SPACING * aside[0] * x + aside[1] * y  # κ∥ in rad per row
-    across = aside[1] * x - ROW_SPACING * aside[0] * y
-    inside = (envelope.length > 0) | (np.abs(along) < 1e-9)
-    inside &= (envelope.width > 0) | (np.abs(across) < 1e-9)
-    weight = np.exp(-0.5 * ((envelope.length * along) ** 2 + (envelope.width * across) ** 2)) * inside
-    weight = weight / weight.sum() * np.exp(1j * (along * envelope.offset + scene.wave.phase))
+    envelope, (x, y) = scene.envelope, mode.vector.unit
+    per_column, per_row = _around(mode.vector, envelope, scene.shape)  # of κ
+    kx, ky = ROW_SPACING * per_column[:, None], per_row[None, :]  # rad per row
+    along, across = x * kx + y * ky, x * ky - y * kx
+    exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
+    inside = exponent <= FARTHEST**2
+    # In the direction in which the wave has no end there is its own wave vector only
+    inside &= (envelope.length > 0) | (np.abs(along) < NOTHING)
+    inside &= (envelope.width > 0) | (np.abs(across) < NOTHING)
+    weight = np.exp(-exponent[inside] / 2)
+    weight = weight / weight.sum() * np.exp(1j * (along[inside] * envelope.offset + scene.wave.phase))
 
-    frequency, polarisation = _branch(scene, mode, aside, weight != 0)
-    wave = weight[..., None] * polarisation
-    sums = [_sum_of_waves(packing, mode.vector, aside, part) for part in (wave, -1j * frequency[..., None] * wave)]
+    i, j = np.nonzero(inside)
+    own = np.array([mode.vector.per_column, mode.vector.per_row])
+    frequency, polarisation = _branch(scene, mode, own + np.column_stack([per_column[i], per_row[j]]))
+    wave = np.zeros((*inside.shape, 3), dtype=complex)
+    rate = np.zeros_like(wave)
+    wave[inside] = weight[:, None] * polarisation
+    rate[inside] = -1j * frequency[:, None] * wave[inside]
+    sums = (_sum_of_waves(packing, own[0] + per_column, own[1] + per_row, part) for part in (wave, rate))
     return _fields(packing, *sums)
 
 
-def _around(vector: WaveVector, envelope: Envelope, columns: int, rows: int) -> tuple[NDArray, NDArray]:
-    """Numbers (i, j) of the wave vectors 2π(i/columns, j/rows) that count, from that of the wave, as a grid."""
+def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Floats, Floats]:
+    """Phase advances per column and per row, from those of the wave, of the wave vectors that may count."""
     x, y = (abs(part) for part in vector.unit)
     narrow = [1 / size if size else 0.0 for size in (envelope.length, envelope.width)]  # rad per row
-    reach = [FARTHEST * np.hypot(narrow[0] * y, narrow[1] * x), FARTHEST * np.hypot(narrow[0] * x, narrow[1] * y)]
-    most_rows = min(int(reach[0] * rows / (2 * pi)), (rows - 1) // 2)
-    most_columns = min(int(reach[1] / ROW_SPACING * columns / (2 * pi)), (columns - 1) // 2)
-    i, j = np.meshgrid(np.arange(-most_columns, most_columns + 1), np.arange(-most_rows, most_rows + 1), indexing="ij")
-    return i, j
+    reach = [np.hypot(narrow[0] * x, narrow[1] * y) / ROW_SPACING, np.hypot(narrow[0] * y, narrow[1] * x)]
+    most = [
+        min(int(FARTHEST * far * count / (2 * pi)), (count - 1) // 2)
+        for far, count in zip(reach, (shape.columns, shape.rows), strict=True)
+    ]
+    return (
+        2 * pi * np.arange(-most[0], most[0] + 1) / shape.columns,
+        2 * pi * np.arange(-most[1], most[1] + 1) / shape.rows,
+    )
 
 
-def _branch(
-    scene: Scene, mode: Mode, aside: tuple[Floats, Floats], wanted: NDArray[np.bool_]
-) -> tuple[Floats, NDArray[np.complex128]]:
-    """Frequencies and shapes (ux, uy, i f) of the branch of a mode at wave vectors around its own.
+def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
+    """Frequencies (M,) and shapes (M, 3) (ux, uy, i f) of the branch of a mode at phase advances (M, 2) around its own.
 
     At each wave vector the mode that is most like it is taken: names would change hands where branches come near.
     """
-    sphere, physics = scene.sphere, Physics.of(scene)
-    packing, constant = unit_lattice(sphere), lattice_constant(sphere)
-    centre = np.array([mode.ux, mode.uy, mode.f])
-    frequency, polarisation = np.zeros(wanted.shape), np.zeros((*wanted.shape, 3), dtype=complex)
-    for place in zip(*np.nonzero(wanted), strict=True):
-        vector = WaveVector(mode.vector.per_column + aside[0][place], mode.vector.per_row + aside[1][place])
-        frequencies, shapes = bloch_modes(packing, sphere, np.array(vector.components) / constant, physics)
-        likeness = shapes @ centre
-        best = int(np.argmax(np.abs(likeness)))
-        frequency[place] = frequencies[best]
-        polarisation[place] = shapes[best] * np.sign(likeness[best]) * [1, 1, 1j]
-    return frequency, polarisation
+    sphere = scene.sphere
+    k = vectors / [1, ROW_SPACING] / lattice_constant(sphere)
+    frequencies, shapes = bloch_modes(unit_lattice(sphere), sphere, k, Physics.of(scene))
+    likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
+    best = np.argmax(np.abs(likeness), axis=-1)[:, None]
+    sign = np.where(np.take_along_axis(likeness, best, axis=-1) < 0, -1, 1)
+    polarisation = np.take_along_axis(shapes, best[..., None], axis=-2)[:, 0] * sign * [1, 1, 1j]
+    return np.take_along_axis(frequencies, best, axis=-1)[:, 0], polarisation
 
 
 def _sum_of_waves(
-    packing: ase.Atoms, vector: WaveVector, aside: tuple[Floats, Floats], amplitude: NDArray[np.complex128]
+    packing: ase.Atoms, per_column: Floats, per_row: Floats, amplitude: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Σ amplitude(i, j) e^{i(k + κ_ij)·r} at the spheres, (N, 3): first along the columns, then along the rows."""
+    """Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), of a grid of wave vectors: along y, then along x."""
     along_x, along_y = offsets(packing)
     rows, columns = packing.arrays["row"], packing.arrays["column"]
     x = along_x.reshape(rows.max() + 1, columns.max() + 1)
     y = along_y.reshape(x.shape)[:, 0]
-    by_row = np.einsum("nj,ijc->nic", np.exp(1j * np.outer(y, vector.per_row + aside[1][0])), amplitude)
+    by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
     result = np.empty((*x.shape, 3), dtype=complex)
     for parity in (0, 1):  # of the row, which is what its shift depends on
-        advance = np.exp(1j * np.outer(x[parity], vector.per_column + aside[0][:, 0]))
-        result[parity::2] = np.einsum("mi,nic->nmc", advance, by_row[parity::2])
+        result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
     return result.reshape(-1, 3)
 
 

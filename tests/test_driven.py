@@ -308,7 +308,7 @@ def record(
         BASE,
         wave=Changed(BASE.wave, form=form, mode=mode, amplitude=0.1, phase=0.3),
         wavenumber=xi,
-        envelope=Changed(BASE.envelope, ramp=40.0),
+        envelope=replace(BASE.envelope, ramp=40.0),
         shape=SimpleNamespace(rows=rows, columns=columns, ends="fixed", centre_row=(rows - 1) // 2),
     )
     return SimpleNamespace(scene=scene, info={}, particles=particles)

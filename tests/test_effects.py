@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from granular_lmp.locate import lammps_module
 from granular_lmp.modes import decay_rate
 from granular_lmp.packing import unit_lattice
 from granular_lmp.record import read_status
-from granular_lmp.rules import Finding
+from granular_lmp.rules import Case, Finding
 from granular_lmp.sphere import Sphere
 from granular_lmp.tolerance import run_to_tolerance
 from tests.conftest import PAPER
@@ -555,3 +556,12 @@ def test_decay_rates_agree_between_the_rule_and_the_mode() -> None:
     scene = CELL.with_values({"effects.viscosity": 0.02 * SPRING})
     rate = decay_rate(unit_lattice(scene.sphere), scene.sphere, build(scene).mode, 0.02)
     assert chosen(scene)["damping"].number == pytest.approx(rate, rel=1e-12)
+
+
+@pytest.mark.parametrize("mode", ["TR", "RT", "L"])
+def test_the_rules_know_the_contacts_of_a_driven_row(mode: str) -> None:
+    # Between a row that is moved by D0 and the next at rest: cos 60° D0 or sin 60° D0, more than in an RT wave
+    scene = Scene.load("tr_driven").with_values({"wave.mode": mode, "wave.wavenumber": 0.3, "wave.amplitude": 0.1})
+    normal, shear = Case(scene).stretches
+    assert np.abs(normal).max() >= 0.1 * (0.5 if mode != "L" else sqrt(0.75)) * (1 - 1e-9)
+    assert np.abs(shear).max() >= 0.1 * (sqrt(0.75) if mode != "L" else 0.5) * (1 - 1e-9)

@@ -74,6 +74,7 @@ errors units sphere wavevector
 fields contact outputs
 shape
 tables
+checks
 scene
 packing collision
 modes

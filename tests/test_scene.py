@@ -113,6 +113,13 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         {"wave.form": "driven", "packing.ends": "periodic", "packing.rows": 20},
         r"packing\.ends = 'periodic': must be \"fixed\" or \"auto\" with wave\.form = \"driven\"",
     ),
+    ({"envelope.offset": 9.0}, r"envelope\.offset = 9\.0: needs envelope\.length above 0"),
+    ({"envelope.ramp": 9.0}, r"envelope\.ramp = 9\.0: is for wave\.form = \"driven\" only"),
+    (
+        {"wave.direction": "x", "wave.wavenumber": 3.6}
+        | {"packing.ends": "periodic", "packing.rows": 4, "packing.columns": 4},
+        r"packing\.rows x packing\.columns = 4 x 4: wave\.wavenumber = 3\.6 snaps to 4\.08.* zone ends at 3\.62",
+    ),
     ({"wave.form": "driven", "envelope.length": 9.0}, r"envelope\.length = 9\.0: must be 0 with wave\.form"),
     ({"wave.form": "standing", "time.tolerance": 1e-3}, r"time\.tolerance = 0\.001: must be a time\.timestep"),
     ({"name": "../escape"}, r"name = '\.\./escape': must be ASCII letters, digits"),
@@ -270,3 +277,40 @@ def test_the_centre_of_a_driven_strip_hears_the_far_end_late() -> None:
     assert driven.echo_time == pytest.approx(2 * (distance - 3.5 * distance ** (1 / 3)))
     assert driven.echo_time >= driven.time.duration
     assert PAPER.with_values({"wave.form": "driven", "packing.rows": rows - 2, "time.allow_echo": True}).echo_time < 120
+
+
+def test_a_packet_along_y_gets_walls_and_not_a_cell_that_it_runs_around() -> None:
+    packet = PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4, "envelope.length": 10.0, "time.duration": 500.0})
+    assert packet.shape.ends == "fixed"
+    assert packet.echo_time >= 500
+    assert PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4}).shape.ends == "periodic"  # of a plane wave
+    for form, ways in (("running", 1), ("standing", 2)):
+        cell = packet.with_values({"packing.ends": "periodic", "wave.form": form})
+        assert cell.shape.rows >= 100 + ways * 250  # ten standard deviations, and ½ row per τ
+
+
+def test_a_wave_that_runs_down_is_said_to() -> None:
+    down = PAPER.with_values({"packing.ends": "periodic", "packing.rows": 20, "wave.direction": -90.0})
+    (remark,) = down.remarks()
+    assert "2 pi 3/20" in remark
+    assert "along -y" in down.wave_words
+    assert "along -y" in repr(down)
+    assert down.vector.per_row < 0
+
+
+def test_what_rounds_to_itself_is_not_called_snapped() -> None:
+    exact = PAPER.with_values({"packing.ends": "periodic", "packing.rows": 16, "wave.wavenumber": pi / 4 - 1e-16})
+    assert exact.remarks() == []
+
+
+def test_columns_carry_the_rounding_of_positions_as_rows_do() -> None:
+    for along_y, along_x in ((20, 50_000), (50_000, 20)):
+        with pytest.raises(SceneError, match=r"wave\.amplitude = 1e-07: must be at least .* in 50000 rows or columns"):
+            PAPER.with_values(
+                {
+                    "packing.ends": "periodic",
+                    "packing.rows": along_y,
+                    "packing.columns": along_x,
+                    "wave.amplitude": 1e-7,
+                }
+            )

@@ -1,6 +1,7 @@
 """The standing wave in closed form against the integrated lattice, and what its script makes of runs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -150,7 +151,7 @@ def record(
         BASE,
         wave=Changed(BASE.wave, form=form, mode=name, amplitude=0.1, phase=phase),
         wavenumber=xi,
-        envelope=Changed(BASE.envelope, width=changes.get("width", 0.0)),
+        envelope=replace(BASE.envelope, width=changes.get("width", 0.0)),
         shape=SimpleNamespace(rows=rows, columns=columns, ends=ends, centre_row=(rows - 1) // 2),
     )
     info = {"effects": {"sliding": {"on": True}}} if changes.get("sliding") else {}

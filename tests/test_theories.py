@@ -9,8 +9,8 @@ import pytest
 
 from analysis import compare, directions, figure3, theories
 from analysis.theories import (
+    FORMS,
     LEAVES_OUT,
-    SCRIPTS,
     THEORIES,
     Physics,
     TheoryError,
@@ -21,6 +21,7 @@ from analysis.theories import (
     trajectory,
 )
 from granular_lmp import Record
+from granular_lmp.tables import Envelope
 from tests.conftest import PAPER
 
 TAU = np.arange(0.0, 30.0, 0.5)
@@ -137,7 +138,7 @@ def test_every_theory_says_what_it_leaves_out() -> None:
     assert set(LEAVES_OUT) == set(THEORIES)
     everything = replace(
         USUAL, viscosity=0.1, law="incremental", sliding=True, opening=True, direction=17.0
-    ).beyond_the_paper | set(SCRIPTS)
+    ).beyond_the_paper | set(FORMS)
     assert all(left <= everything for left in LEAVES_OUT.values())
 
 
@@ -200,38 +201,41 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
     assert compare.compare(replace(wrong, q=1.01 * wrong.q)).error["q"] == pytest.approx(0.01, rel=1e-2)
 
 
-@pytest.mark.parametrize(("form", "script"), SCRIPTS.items())
-def test_what_is_no_running_plane_wave_is_left_to_its_script(form: str, script: str, with_physics: With) -> None:
+@pytest.mark.parametrize("form", FORMS)
+def test_what_is_no_running_plane_wave_is_left_to_its_script(form: str, with_physics: With) -> None:
+    script = FORMS[form][1]
     wave = with_physics(form=form)
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
-    assert f"is compared by `python -m {script}`, here with nothing" in result.notes[-1]
+    by = f"by `python -m {script}`, here " if script else ""
+    assert f"is compared {by}with nothing" in result.notes[-1]
     assert holding(wave.physics) == []
     with pytest.raises(TheoryError, match=f"leaves out {form}"):
         compare.compare(PLAIN, "exact-lattice")
 
 
 @pytest.mark.parametrize(
-    ("form", "length", "width", "expected"),
+    ("form", "direction", "width", "expected"),
     [
-        ("running", 0.0, 0.0, "running"),
-        ("running", 20.0, 0.0, "envelope"),
-        ("running", 0.0, 9.0, "envelope"),
-        ("standing", 0.0, 0.0, "standing"),
-        ("standing", 20.0, 0.0, "standing"),
-        ("driven", 0.0, 0.0, "driven"),
+        ("running", 17.0, 0.0, "running"),
+        ("running", 90.0, 9.0, "finite"),
+        ("standing", 90.0, 0.0, "standing"),
+        ("standing", 17.0, 0.0, "finite"),
+        ("standing", 90.0, 9.0, "finite"),
+        ("driven", 90.0, 0.0, "driven"),
+        ("driven", 90.0, 9.0, "driven beam"),
     ],
 )
-def test_the_scene_says_what_kind_of_wave_it_is(form: str, length: float, width: float, expected: str) -> None:
+def test_the_scene_says_what_kind_of_wave_it_is(form: str, direction: float, width: float, expected: str) -> None:
     scene = SimpleNamespace(
         sphere=PAPER.sphere,
         effects=PAPER.effects,
-        direction=17.0,
-        envelope=SimpleNamespace(length=length, width=width),
+        direction=direction,
+        envelope=Envelope(width=width),
         wave=SimpleNamespace(form=form),
     )
     found = physics_of(replace(PLAIN, scene=scene))
-    assert (found.form, found.direction) == (expected, 17.0)
+    assert (found.form, found.direction) == (expected, direction)
 
 
 @pytest.mark.parametrize(

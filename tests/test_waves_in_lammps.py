@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import driven, sheets, standing
-from analysis.norms import relative_error
+from analysis import compare, driven, sheets, standing
 from analysis.rows import load_form
-from analysis.theories import Wave, trajectory
+from analysis.theories import FORMS
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import RunInterrupted
 from granular_lmp.launch import resume, run_deck
@@ -201,8 +200,9 @@ def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_p
     text = deck.input_text.replace("(v_swing-v_was)/v_step", f"v_D0/v_t0*{now}")
     done = run_deck(replace(deck, input_text=text), tmp_path / "run")
     found = driven.compare(*load_form(done.folder, "driven")).deviations()
+    # The row's shear forces lead by half a step. Of the phase ½Ωh that is, some goes into the wave, by its impedance
     phase = build(scene).mode.frequency * scene.time.step / 2
-    assert max(found["q"]) == pytest.approx(phase, rel=0.5)
+    assert 0.3 * phase < max(found["q"]) < 3 * phase
     assert max(found["p at 2Ω"]) > phase
 
 
@@ -212,22 +212,13 @@ def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp
     found = sheets.compare(run(scene, tmp_path / "run"))
     beyond = found.beyond[1:]
     whole = sheets.relative(found.linear[1:] + found.second[1:], found.run[1:])
-    # a² = 4e-4 of the field, 10η = 2.5e-3 of the static part and 2η of the second harmonic, with room for its numbers
+    # Third order is a² = 4e-4 of the field over τ, measured 2e-5 (TR) and 4e-5 (L); the contact geometry, which the
+    # theory leaves out, 10η = 2.5e-3 of the static part; fourth order with it 5e-3 of the second harmonic
     assert whole < 1e-4
     for multiple, bound in ((0, 5e-3), (2, 1e-2)):
         part, theory = (found.around(each, multiple) for each in (beyond, found.second[1:]))
         assert sheets.relative(theory, part) < bound
     assert sheets.relative(-found.second[1:], beyond) > 1
-
-
-def test_a_plane_wave_in_any_direction_is_that_of_the_exact_lattice(tmp_path: Path) -> None:
-    scene = Scene.load("tr_oblique").with_values({"wave.amplitude": 0.2, "time.duration": 30.0})
-    coarse, fine = (run(scene.with_values({"time.timestep": step}), tmp_path / str(step)) for step in (0.05, 0.025))
-    theory = trajectory("exact-lattice", Wave.of(fine), fine.tau)
-    for name, values in zip(("p", "q", "phi"), theory, strict=True):
-        better = (4 * getattr(fine, name) - getattr(coarse, name)) / 3
-        # LAMMPS's geometry is in the lattice: along y the same pair is off by 1e-5 in p, 1e-6 in q and φ
-        assert relative_error(better, values) < (3e-5 if name == "p" else 3e-6)
 
 
 def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path: Path) -> None:
@@ -237,5 +228,19 @@ def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path:
     )
     found = sheets.compare(run(scene, tmp_path / "run"))
     static, harmonic = (np.sqrt(np.mean(found.around(found.beyond, multiple) ** 2)) for multiple in (0, 2))
-    assert static > 2 * harmonic
+    assert static > 3 * harmonic  # four times, says docs/waves.md
     assert sheets.relative(found.around(found.second, 0)[1:], found.around(found.beyond, 0)[1:]) < 5e-3
+
+
+@pytest.mark.parametrize("scene", [DRIVEN, BEAM, PULSE, GRATING], ids=lambda scene: scene.name)
+def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path) -> None:
+    record = run(scene.with_values({"time.duration": 8.0}), tmp_path / "run")
+    (note,) = (note for note in compare.notes(record) if "compared" in note)
+    form = compare.Wave.of(record).physics.form
+    assert FORMS[form][1] in note
+    if form == "finite":
+        sheets.refuse(record)
+    elif FORMS[form][1]:
+        load_form(tmp_path / "run", form)
+    else:
+        assert form == "driven beam"

@@ -9,8 +9,9 @@ from functools import cache
 from pathlib import Path
 
 from granular_lmp import Scene, build, launch
-from granular_lmp.deck import DUMP, Deck
+from granular_lmp.deck import Deck
 from granular_lmp.errors import GranularError
+from granular_lmp.outputs import DUMP
 from granular_lmp.record import read_status
 
 MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it

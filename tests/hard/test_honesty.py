@@ -18,9 +18,9 @@ import pytest
 from analysis import compare, figure3
 from granular_lmp import Record, Scene, build, launch, run, sweep
 from granular_lmp.cli import main
-from granular_lmp.deck import CHECKPOINTS, DUMP, STATUS
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError
 from granular_lmp.launch import resume
+from granular_lmp.outputs import CHECKPOINTS, DUMP, STATUS
 from granular_lmp.record import TRAJECTORY, read_status, write_status
 from granular_lmp.tolerance import run as run_any
 
