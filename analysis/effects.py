@@ -86,7 +86,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
         label = name(wave.physics)
         xis = [record.scene.wavenumber for record in records]
         exact = [trajectory("exact-lattice", Wave.of(record), record.tau)[0] for record in records]
-        closed = "second-order" in holding(wave.physics) and OBLIQUE not in wave.physics.beyond_the_paper
+        closed = "second-order" in holding(wave.physics)
         if closed:
             above.semilogy(*curve(wave), **line, linewidth=1.2, label=label)
             above.semilogy(*amplitudes(records), **marks, markerfacecolor="white")
@@ -120,6 +120,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     empty = [folder for folder, records in zip(chosen.sweeps, sweeps, strict=True) if not records]
     if empty:
         options.error(f"{empty[0]}: no sweep with finished runs")
+    for record in (record for records in sweeps for record in records):
+        if not {"exact-lattice"} <= set(holding(Wave.of(record).physics)):
+            options.error(f"{record.folder}: the exact lattice leaves out what its contacts or its wave do")
+        if OBLIQUE in Wave.of(record).physics.beyond_the_paper:
+            options.error(f"{record.folder}: its wave is not along y, as those drawn are; analysis.oblique takes it")
     save(draw(sweeps), chosen.output)
     return 0
 

@@ -337,7 +337,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = options.parse_args(arguments)
     try:
         comparison = compare(load(chosen.run))
-    except (GranularError, ValueError) as error:
+    except GranularError as error:  # which names the folder
+        raise SystemExit(str(error)) from error
+    except ValueError as error:
         raise SystemExit(f"{chosen.run}: {error}") from error
     print(table(comparison))
     nearest = np.argmin(np.abs(comparison.tau - min(chosen.tau, comparison.tau[-1])))

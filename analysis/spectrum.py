@@ -246,6 +246,8 @@ def refusal(record: Record) -> str | None:
     """Why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
+    if Wave.of(record).physics.form != "running":
+        return "its wave is no running plane wave"
     if OBLIQUE in Wave.of(record).physics.beyond_the_paper:
         return "its wave is not along y, as those of the closed form are; analysis.oblique takes it"
     if "second-order" not in holding(Wave.of(record).physics):

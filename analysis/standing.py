@@ -23,6 +23,7 @@ all rows and times that the walls have not reached. The left panels show the wav
 run when p_SH is largest to one side; the right ones over time, at rows where fundamental and second harmonic are large;
 dots are the run, lines theory; below, what is left. For L the second harmonic of the run is what the linear wave leaves
 of p: this holds third-order changes of the fundamental as well, so its relative error is of order a; for TR and RT, a².
+With the incremental shear law LAMMPS's own error is of first order in the step, and soon larger: halve it and compare.
 """
 
 import sys

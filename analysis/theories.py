@@ -22,7 +22,7 @@ leaves out what the scene has.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ FORMS = {
     "standing": ("a standing wave", "analysis.standing"),
     "driven": ("a driven wave", "analysis.driven"),
     "finite": ("a wave with an envelope, or a standing one of another direction,", "analysis.sheets"),
+    "between walls": ("a wave with an envelope between held rows", ""),
     "driven beam": ("a beam of a driven row", ""),
 }
 
@@ -147,14 +148,18 @@ def physics_of(record: Record) -> Physics:
         sliding=on.get("sliding", False),
         opening=effects.get("contact_opening", {}).get("called_for", False),
         direction=scene.direction,
-        form=_form(scene.wave.form, scene.direction, finite=scene.envelope.finite),
+        form=_form(scene),
     )
 
 
-def _form(declared: str, direction: float, *, finite: bool) -> str:
+def _form(scene: Any) -> str:
+    """The form of a scene's wave, "running" or a key of `FORMS`."""
+    declared, finite = scene.wave.form, scene.envelope.finite
     if declared == "driven":
         return "driven beam" if finite else "driven"
-    return "finite" if finite or (declared == "standing" and direction != ALONG_Y) else declared
+    if finite and scene.shape.ends == "fixed":
+        return "between walls"
+    return "finite" if finite or (declared == "standing" and scene.direction != ALONG_Y) else declared
 
 
 @dataclass(frozen=True)

@@ -109,11 +109,14 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
             "spheres (LAMMPS takes 690 MB for each million)"
         )
-    for name, count, deviation in zip(("rows", "columns"), (rows, columns), envelope.spread(declared), strict=True):
-        if count < FEWEST_DEVIATIONS * deviation:
+    spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]
+    between_walls = shape.ends == "fixed" and envelope.offset
+    needed = (spread[0] + (2 * abs(envelope.offset) if between_walls else 0.0), spread[1])
+    for name, count, least in zip(("rows", "columns"), (rows, columns), needed, strict=True):
+        if count < least:
             raise SceneError(
-                f"packing.{name} = {count}: must be at least {ceil(FEWEST_DEVIATIONS * deviation)}, "
-                f"{FEWEST_DEVIATIONS:g} standard deviations of the envelope"
+                f"packing.{name} = {count}: must be at least {ceil(least)}, {FEWEST_DEVIATIONS:g} standard deviations "
+                "of the envelope" + (" and twice its offset" if between_walls else "")
             )
     if vector.wavenumber == 0:
         raise SceneError(
@@ -124,8 +127,8 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
     if vector.wavenumber > edge * (1 + 1e-12):
         raise SceneError(
             f"packing.rows x packing.columns = {rows} x {columns}: wave.wavenumber = {wave.wavenumber!r} snaps to "
-            f"{vector.wavenumber:.6g} at {vector.direction:.6g} degrees, where the Brillouin zone ends at {edge:.6g}; "
-            "must be more"
+            f"{vector.wavenumber:.6g} at {vector.direction:.6g} degrees, but the Brillouin zone ends at {edge:.6g} "
+            "there; must be more rows or columns"
         )
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import product
@@ -13,14 +14,15 @@ from granular_lmp.errors import SceneError
 from granular_lmp.fields import cut, shown
 from granular_lmp.scene import Scene, assignment
 
+_AT_COMMAS = re.compile(r",(?![^\[]*\])")  # but for those of a pair
 MOST_RUNS = 100_000  # each a folder; file systems and the table stay quick up to here
 
 
 def axis(text: str) -> tuple[str, list[Any]]:
     """``("wave.amplitude", [0.02, 0.2])`` from ``"wave.amplitude=0.02,0.2"``.
 
-    The values are TOML scalars with commas between them; ``a:b:n`` stands for n values from a to b, both included,
-    each the double nearest to the exact a + k(b − a)/(n − 1), whole numbers where all are whole.
+    The values are TOML scalars or pairs with commas between them; ``a:b:n`` stands for n values from a to b, both
+    included, each the double nearest to the exact a + k(b − a)/(n − 1), whole numbers where all are whole.
 
     Raises
     ------
@@ -28,11 +30,11 @@ def axis(text: str) -> tuple[str, list[Any]]:
         When the text is something else.
     """
     key, equals, values = text.partition("=")
-    if not equals or not key.strip() or not all(value.strip() for value in values.split(",")):
+    if not equals or not key.strip() or not all(value.strip() for value in _AT_COMMAS.split(values)):
         raise SceneError(
             f"{shown(text)}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT"
         )
-    return key.strip(), [value for item in values.split(",") for value in _item(item, text)]
+    return key.strip(), [value for item in _AT_COMMAS.split(values) for value in _item(item, text)]
 
 
 def axes(texts: Iterable[str]) -> dict[str, list[Any]]:

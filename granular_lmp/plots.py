@@ -63,11 +63,13 @@ def draw_signals(
 
 
 def title(scene: Scene) -> str:
-    """Name, mode, ξ and direction that are used, and amplitude."""
+    """Name, mode and kind of wave, ξ and direction that are used, and amplitude."""
     wave = scene.wave
+    kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
+    form = "" if wave.form == "running" else f" {wave.form}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
-        rf"{scene.name}: {wave.mode}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"{scene.name}: {wave.mode}{form}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 
@@ -98,7 +100,8 @@ def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
         if vector.axis:
             axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **LINES[name])  # type: ignore[arg-type]
         else:
-            axes.plot(wavenumbers, [sorted(mode.frequency for mode in three)[index] for three in modes], color="black")
+            branch = [sorted(mode.frequency for mode in three)[index] for three in modes]
+            axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")
     wave = mode_of(scene, physics)
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))

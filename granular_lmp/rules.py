@@ -169,6 +169,8 @@ def damping(case: Case) -> Finding:
         return Finding(False, 0.0, "N s/m of viscosity, and no restitution below 1")
     rate = _decay(case)
     left = exp(-rate * case.scene.time.duration)
+    if case.scene.wave.form == "driven":
+        return Finding(True, rate, "per tau is the decay rate of the wave on its way from the driven row")
     return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
 
 
@@ -216,6 +218,8 @@ def without_shear(case: Case) -> str:
 
 
 def without_rotation(case: Case) -> str:
+    if case.scene.envelope.width > 0:
+        return "the sides of a beam, where spheres turn, are wrong"
     return _frequency_shift(case, Physics(shear=case.on.get("shear", True), rotation=False))
 
 
@@ -245,8 +249,8 @@ def no_friction(case: Case) -> str:
         return "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
     if case.on["shear"] and case.largest_slip() >= 1:
         return (
-            'effects.friction = "auto": must be a number in (0, 1e4], as contacts without adhesion that open slide '
-            "before, whatever their friction"
+            'effects.friction = "auto": must be a number in (0, 1e4], as in so strong a wave contacts that open slide '
+            "before"
         )
     return ""
 

@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from math import inf, pi
+from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
@@ -37,7 +37,7 @@ from granular_lmp.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, Shape, decide,
 from granular_lmp.sphere import Sphere
 from granular_lmp.tables import MODES as MODES
 from granular_lmp.tables import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
-from granular_lmp.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.wavevector import ROW_SPACING, WaveVector, zone_edge
 
 SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
 _TABLES: dict[str, type] = {
@@ -57,6 +57,7 @@ EXCLUSIVE = {
     "time.timestep": ("time.tolerance",),
     "wave.wavevector": ("wave.wavenumber", "wave.direction"),
 }
+FAR = 0.1  # of the wave vector: what snaps farther is another wave
 DEVIATIONS = 10.0  # standard deviations of an envelope for which "auto" has room: what is cut off is below 4e-6
 
 
@@ -281,13 +282,20 @@ class Scene:
         if self.wave.vector.axis == "y":
             return (
                 f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
-                f"2 pi {abs(in_rows)}/{rows}, which fits the periodic cell"
+                f"2 pi {abs(in_rows)}/{rows}, which fits the periodic cell{self._how_far}"
             )
         return (
             f"wave.wavenumber {self.wave.wavenumber!r} at {self.wave.degrees!r} degrees is snapped to "
             f"{self.wavenumber!r} at {self.direction!r}, which fits the periodic cell: its phase advances by "
-            f"2 pi {in_columns}/{columns} per column and 2 pi {in_rows}/{rows} per row"
+            f"2 pi {in_columns}/{columns} per column and 2 pi {in_rows}/{rows} per row{self._how_far}"
         )
+
+    @property
+    def _how_far(self) -> str:
+        """A warning where the wave that is used is quite another one than was asked for."""
+        (x, y), (declared_x, declared_y) = self.vector.components, self.wave.vector.components
+        share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)
+        return f"; that is {share:.0%} away: take more rows or columns" if share > FAR else ""
 
     @property
     def echo_time(self) -> float:
@@ -318,10 +326,18 @@ def _without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     for key in ("wavenumber", "direction"):
         if key in rest:
             raise SceneError(f"wave.wavevector = {shown(pair)}: excludes wave.{key} = {shown(rest[key])}; give one")
-    numbers = isinstance(pair, list | tuple) and [isinstance(x, int | float) and abs(x) < 1e3 for x in pair]
+    numbers = isinstance(pair, list | tuple) and [
+        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e3 for x in pair
+    ]
     if numbers != [True, True] or not any(pair):
         raise SceneError(
             f"wave.wavevector = {shown(pair)}: must be two numbers [kx, ky], not both 0, rad per lattice constant"
         )
     vector = WaveVector(float(pair[0]) + 0.0, ROW_SPACING * float(pair[1]) + 0.0)  # + 0.0: no minus zeros
+    edge = zone_edge(vector.direction) / ROW_SPACING
+    if hypot(*vector.components) > edge * (1 + 1e-12):
+        raise SceneError(
+            f"wave.wavevector = {shown(pair)}: must be in the Brillouin zone, which ends at {edge:.6g} in its "
+            "direction, rad per lattice constant"
+        )
     return {**tables, "wave": rest | {"wavenumber": vector.wavenumber, "direction": vector.direction}}

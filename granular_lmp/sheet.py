@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import Deck, build, writable
-from granular_lmp.errors import EffectError, RunFolderError
+from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.launch import locked, run_input
 from granular_lmp.outputs import LOG, SCENE, read_log
 from granular_lmp.packing import lattice_constant
@@ -77,12 +77,16 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
 
     Raises
     ------
+    SceneError
+        For a strip between fixed ends.
     RunFolderError
         When the folder is there (without `force`).
     EffectError
         When spheres do not turn, or contacts slid or opened: the kick was too hard.
     LammpsMissingError, LammpsError
     """
+    if scene.shape.ends != "periodic":
+        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene

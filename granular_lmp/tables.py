@@ -72,7 +72,11 @@ class Wave:
         float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
     )
     phase: float = declared(
-        float, "rad, at the centre sphere", "a number in [-2 pi, 2 pi], rad", between(-2 * pi, 2 * pi), default=0.0
+        float,
+        "rad, at the centre sphere, or of the driven row",
+        "a number in [-2 pi, 2 pi], rad",
+        between(-2 * pi, 2 * pi),
+        default=0.0,
     )
     form: str = choice("running, standing, or driven by the first row", FORMS, default="running")
     direction: float | str = declared(

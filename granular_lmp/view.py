@@ -103,7 +103,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     key = max(sweep.over, key=lambda each: len(sweep.over[each]))
     if any(isinstance(value, list | tuple) for value in sweep.over[key]):
         raise ViewError(
-            f"{sweep.folder}: {key} has no axis to draw over; sweep over wave.direction and wave.wavenumber"
+            f"{sweep.folder}: {key} holds pairs, and is no axis; sweep over wave.direction and wave.wavenumber"
         )
     curves: dict[str, list[dict[str, Any]]] = {}
     for row in sweep.rows:

@@ -9,7 +9,7 @@ import pytest
 from analysis import dispersion
 from analysis.directions import modes
 from granular_lmp import Scene, build
-from granular_lmp.errors import EffectError, RunFolderError
+from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.sheet import DUMP, kicked, read_sheet, run_kicked
 
 SMALL = Scene.load("tr_periodic").with_values(
@@ -100,6 +100,12 @@ def test_a_kick_changes_nothing_but_the_wave() -> None:
 def test_spheres_that_do_not_turn_are_refused() -> None:
     with pytest.raises(EffectError, match=r"effects\.rotation"):
         kicked(build(SMALL.with_values({"effects.rotation": False})))
+
+
+def test_a_strip_between_walls_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r'packing\.ends = .fixed.: must be "periodic" for a sheet that is kicked'):
+        run_kicked(Scene.load("tr_driven"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import directions, oblique
+from analysis import directions, effects, oblique, spectrum
 from granular_lmp import Record, Scene, run
 from granular_lmp.sweep import sweep
 
@@ -97,3 +97,13 @@ def test_the_script_prints_a_table_and_draws_a_figure(
     assert (tmp_path / "oblique.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
         oblique.main([str(tmp_path), "-o", str(tmp_path / "none.png")])
+
+
+def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
+    runs: list[Record], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert runs[0].folder is not None
+    for script in (effects, spectrum):
+        with pytest.raises(SystemExit):
+            script.main([str(runs[0].folder.parents[1])])
+        assert "analysis.oblique takes it" in capsys.readouterr().err.splitlines()[-1]

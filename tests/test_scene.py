@@ -96,6 +96,12 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"wave.form": "still"}, r"wave\.form = 'still': must be one of \"running\", \"standing\", \"driven\""),
     ({"wave.wavevector": [1.0]}, r"wave\.wavevector = \[1\.0\]: must be two numbers \[kx, ky\], not both 0"),
     ({"wave.wavevector": [0, 0]}, r"wave\.wavevector = \[0, 0\]: must be two numbers"),
+    ({"wave.wavevector": [True, 1]}, r"wave\.wavevector = \[True, 1\]: must be two numbers"),
+    ({"wave.wavevector": [5, 5]}, r"wave\.wavevector = \[5, 5\]: must be in the Brillouin zone, .* ends at 3\.75"),
+    (
+        {"envelope.length": 10.0, "envelope.offset": 80.0},
+        r"packing\.rows = 201: must be at least 220, 6 standard deviations of the envelope and twice its offset",
+    ),
     ({"wave.wavevector": [nan, 1]}, r"wave\.wavevector = \[nan, 1\]: must be two numbers"),
     (
         {"wave.wavevector": [0.5, 0.5], "wave.direction": "x"},
@@ -314,3 +320,11 @@ def test_columns_carry_the_rounding_of_positions_as_rows_do() -> None:
                     "wave.amplitude": 1e-7,
                 }
             )
+
+
+def test_a_wave_that_snaps_to_quite_another_one_is_warned_of() -> None:
+    cell = {"packing.ends": "periodic", "packing.rows": 24, "packing.columns": 3, "wave.direction": 40.0}
+    (remark,) = PAPER.with_values(cell).remarks()
+    assert re.search(r"per row; that is \d\d% away: take more rows or columns", remark)
+    (near,) = PAPER.with_values(cell | {"packing.rows": 200, "packing.columns": 200}).remarks()
+    assert "away" not in near

@@ -214,6 +214,8 @@ def test_the_script_prints_medians_and_locations(
     [
         ({"wave.phase": 0.4}, "wave.phase = 0.4"),
         ({"effects.viscosity": 1e-7, "effects.damping": True}, "the closed form leaves out"),
+        ({"wave.form": "standing"}, "no running plane wave"),
+        ({"wave.direction": 60.0, "packing.columns": 24}, "is not along y"),
     ],
 )
 def test_runs_that_have_no_such_amplitude_are_refused(

@@ -47,6 +47,7 @@ TWO = {"wave.amplitude": [0.1, 0.2]}
         ("wave.mode=TR,RT,L", ["TR", "RT", "L"]),
         ('wave.mode="TR"', ["TR"]),
         ("time.allow_echo=true,false", [True, False]),
+        ("wave.wavevector=[0.5, 1.0],[1, 0.5]", [[0.5, 1.0], [1, 0.5]]),
     ],
 )
 def test_values_are_read_as_they_are_written(text: str, values: list[Any]) -> None:

@@ -226,15 +226,21 @@ def test_what_is_no_running_plane_wave_is_left_to_its_script(form: str, with_phy
         ("driven", 90.0, 9.0, "driven beam"),
     ],
 )
-def test_the_scene_says_what_kind_of_wave_it_is(form: str, direction: float, width: float, expected: str) -> None:
+@pytest.mark.parametrize("ends", ["periodic", "fixed"])
+def test_the_scene_says_what_kind_of_wave_it_is(
+    form: str, direction: float, width: float, expected: str, ends: str
+) -> None:
     scene = SimpleNamespace(
         sphere=PAPER.sphere,
         effects=PAPER.effects,
         direction=direction,
         envelope=Envelope(width=width),
+        shape=SimpleNamespace(ends=ends),
         wave=SimpleNamespace(form=form),
     )
     found = physics_of(replace(PLAIN, scene=scene))
+    if expected == "finite" and ends == "fixed" and width:
+        expected = "between walls"
     assert (found.form, found.direction) == (expected, direction)
 
 
