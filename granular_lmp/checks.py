@@ -144,13 +144,8 @@ def check_size(sphere: Sphere, shape: Shape, amplitude: float) -> None:
         )
 
 
-def check_time(time: Time, output: Output, shape: Shape, echo: float, *, plane_along_y: bool) -> None:
-    """Records and snapshots fit into the run, its end comes before the echo, and a tolerance has a law."""
-    if time.tolerance is not None and not plane_along_y:
-        raise SceneError(
-            f"time.tolerance = {time.tolerance!r}: must be a time.timestep for this wave; the law by which the step "
-            "is chosen holds for a running plane wave along y"
-        )
+def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:
+    """Records and snapshots fit into the run, and its end comes before the echo."""
     if time.sample > time.duration:
         raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
     if time.duration > echo and not time.allow_echo:

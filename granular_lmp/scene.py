@@ -308,7 +308,7 @@ class Scene:
         checks.check_wave(wave, self.envelope, self.packing, shape)
         checks.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         checks.check_size(self.sphere, shape, wave.amplitude)
-        checks.check_time(self.time, self.output, shape, self.echo_time, plane_along_y=self.plane_along_y)
+        checks.check_time(self.time, self.output, shape, self.echo_time)
 
 
 def _without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -17,7 +17,8 @@ full this is right to a few percent where a² ≪ 1 (docs/accuracy.md). One erro
 of a contact with the contact's direction at the end of the step, which leaves ½h (t·v)(n·v)/ℓ in the rate of the slip;
 it is of the order of h Δ0/R, survives the extrapolation, and counts where p is small, near the antiresonance.
 
-It is the law of a running plane wave along y (`Scene.plane_along_y`), and of no other.
+It is the law of a running plane wave along y (`Scene.plane_along_y`). Of other waves only the phase of the fundamental
+is known; it chooses the first step, and the runs have to tell the error (`granular_lmp.tolerance`).
 
 Breaks when contacts open, for long times near the resonance, and where p is of fourth order (antiresonance), whose
 waves are faster: `granular_lmp.tolerance` finds that out from the runs.
@@ -87,6 +88,8 @@ class Waves:
         ϑ of the centre sphere at τ = 0.
     tau : (T,) array
         Times of the record.
+    plane : bool
+        Is it a running plane wave along y; of others nothing but the fundamental is known.
     """
 
     mode: Mode
@@ -97,13 +100,14 @@ class Waves:
     turning: float
     phase: float
     tau: Floats
+    plane: bool
 
 
 def waves(scene: Scene) -> Waves:
     """The waves of a scene, in LAMMPS's contact geometry."""
     sphere, a, xi = scene.sphere, scene.wave.amplitude, scene.wavenumber
-    mode = mode_of(scene)
-    drive = second_harmonic_drive(scene, mode, sphere.overlap_ratio)
+    mode, plane = mode_of(scene), scene.plane_along_y
+    drive = second_harmonic_drive(scene, mode, sphere.overlap_ratio) if plane else 0.0
     kappa, q, sine = sphere.stiffness_ratio, -mode.ux, sin(xi)
     unit = sphere.nonlinearity(a) / 2 * sine * _s2(xi)
     # Force of the slip error: κC h √3/4 η s²Q²Ω sin ξ a, C = 1/(2(κ+3))
@@ -118,6 +122,7 @@ def waves(scene: Scene) -> Waves:
         turning=sphere.overlap_ratio * a * a * scene.time.duration * sin(xi / 2) ** 5,
         phase=scene.wave.phase,
         tau=scene.time.sample * np.arange(0, scene.time.samples + 1, every, dtype=np.float64),
+        plane=plane,
     )
 
 
@@ -181,6 +186,14 @@ def driven(frequency: float, free: float, tau: Floats, step: float) -> Complexes
 def signals(w: Waves, step: float) -> dict[str, Floats]:
     """p, q, φ of the centre sphere in D0, those that do not vanish by symmetry."""
     wave = np.exp(1j * w.phase) * fundamental(w.mode.frequency, w.tau, step)
+    if not w.plane:
+        mode = w.mode
+        parts = {
+            "p": (mode.p, mode.p * wave.real),
+            "q": (mode.q, mode.q * wave.real),
+            "phi": (mode.f, -mode.f * wave.imag),
+        }
+        return {name: values for name, (share, values) in parts.items() if abs(share) > _SILENT}
     harmonic = 1j * np.exp(2j * w.phase) * driven(w.mode.frequency, w.free, w.tau, step)
     if w.mode.name == "L":
         return {"p": (wave + w.drive * harmonic).real}
@@ -272,10 +285,11 @@ def step_for(scene: Scene) -> float:
 
 
 def planned_steps(scene: Scene) -> int:
-    """Time steps that running a scene takes: those of its one run, or of the two that a tolerance begins with."""
+    """Time steps that running a scene takes: those of its one run, or of the two or three that a tolerance takes."""
     if scene.time.tolerance is None:
         return scene.time.steps
-    return 3 * with_step(scene, step_for(scene)).time.steps
+    runs = 3 if scene.plane_along_y else 7  # of one, two and four times the steps
+    return runs * with_step(scene, step_for(scene)).time.steps
 
 
 def with_step(scene: Scene, step: float) -> Scene:
@@ -291,6 +305,8 @@ def rounding(scene: Scene) -> dict[str, float]:
     in the law.
     """
     far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
+    if not scene.plane_along_y:  # no signal lies along the rows
+        near = far = max(far, near)
     return {name: (far if name == "p" else near) / size for name, size in sizes(scene).items()}
 
 

@@ -6,11 +6,13 @@ pair itself shows, the difference d of the two runs, so the error of the extrapo
     E = E_law max(1, d/d_law)²  up to d = 2 d_law (d goes as Δτ², E as Δτ⁴);        E = 4 d  beyond
 
 If that misses the tolerance, the step is halved and one run added; so it is where an effect makes the error one of
-first order (`granular_lmp.effects.order`), which the law does not know and which is extrapolated as such. Then there
-are two extrapolated records, of errors 16 : 1 where the step's error is of second order (the runs tell: their
-differences go as 4 : 1), and
+first order (`granular_lmp.effects.order`), which is extrapolated as such, and for waves that are not running, plane and
+along y (`Scene.plane_along_y`): the law knows neither. Then there are two extrapolated records, of errors 16 : 1 where
+the step's error is of second order (the runs tell: their differences go as 4 : 1), and
 
     E = |older − newer|/15,               |older − newer| where it is not                + the error of first order in p
+
+The latter also for waves that the law does not know: what their p keeps of first order, the turned slip, is not known.
 
 One halving after a bad guess costs 7/6 of a right guess, since every run but the first is used again.
 
@@ -50,6 +52,8 @@ LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
 # its size: 2 d if it is of first order, 2.9 d if it does not depend on the step.
 _MISJUDGED, _UNKNOWN = 2.0, 4.0
 _SECOND_ORDER = 3.0  # differences of three runs go as 4 : 1 for an error of second order, as 2 : 1 for one of first
+
+_STILL = 1e-7  # of the largest signal: less is what rounding leaves where a symmetry makes it zero
 
 OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
 
@@ -158,26 +162,34 @@ def estimate(records: list[Record]) -> dict[str, float]:
     exponent = order(records[-1].scene)
     first_order = exponent == 1
     newer = richardson(coarse, records[-1], exponent)
-    law = step_errors(coarse.scene, coarse.scene.time.step)
+    law = step_errors(coarse.scene, coarse.scene.time.step) if coarse.scene.plane_along_y else {}
     law = {name: error for name, error in law.items() if not np.isnan(getattr(newer, name)).any()}  # not tracked: φ
-    found = {name: newer.info["error_estimate"][name] or 0.0 for name in law}
+    names = list(law) or _moving(newer)
+    found = {name: newer.info["error_estimate"][name] or 0.0 for name in names}
     if len(records) == 2:
-        if first_order:
-            return dict.fromkeys(law, inf)  # the law is that of velocity Verlet
+        if first_order or not law:
+            return dict.fromkeys(names, inf)  # the law is that of velocity Verlet, and of a plane wave along y
         return {name: _of_two(error, found[name]) for name, error in law.items()}
     older = richardson(records[-3], coarse, exponent)
     result = {}
-    for name in law:
+    for name in names:
         values = getattr(newer, name)
         size = np.linalg.norm(values)
         moved = float(np.linalg.norm(getattr(older, name) - values) / size)
         coarser = older.info["error_estimate"][name] or 0.0
-        second_order = not first_order and coarser > _SECOND_ORDER * found[name]
+        second_order = bool(law) and not first_order and coarser > _SECOND_ORDER * found[name]
         result[name] = moved / 15 if second_order else moved
     if not first_order:
         for name, error in turning_errors(coarse.scene, coarse.scene.time.step).items():
             result[name] = result.get(name, 0.0) + error / 3
     return result
+
+
+def _moving(record: Record) -> list[str]:
+    """Names of the signals that are known and not zero by symmetry."""
+    sizes = {name: float(np.linalg.norm(values)) for name, values in record.signals.items()}
+    largest = max(size for size in sizes.values() if np.isfinite(size))
+    return [name for name, size in sizes.items() if size > _STILL * largest]
 
 
 def _of_two(law: StepError, found: float) -> float:

@@ -1,7 +1,6 @@
 """The driven row: amplitudes against the row equations and against an integrated strip, and what its script does."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,9 @@ from analysis import second_harmonic as sh
 from analysis.laws import shear_law_ratios
 from analysis.norms import relative_error
 from analysis.rows import rows_of
-from granular_lmp import Scene
-from granular_lmp.errors import RunFolderError
+from granular_lmp.tables import Envelope
+from tests.conftest import PAPER
+from tests.stand_in import AMPLITUDE, run_of_rows
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -271,47 +271,28 @@ def test_a_wave_without_group_velocity_is_refused(name: sh.ModeName) -> None:
         driven.driven_amplitudes(sh.mode(name, np.pi, SILICA), SILICA, 0.2, [1])
 
 
-class Changed:
-    """An object with some attributes changed."""
-
-    def __init__(self, base: Any, **changes: Any) -> None:
-        self._base = base
-        vars(self).update(changes)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._base, name)
-
-
-BASE = Scene.load("tr_nonresonant")
-
-
 def record(
     *, mode: str = "TR", form: str = "driven", more: float = 1.0, end: float = 250.0, every: float = 0.5,
     rows: int = 90, snapshots: bool = True, xi: float = 0.802
 ) -> Any:  # fmt: skip
     """A run in which the steady state of theory stands from the start, second order times `more`."""
-    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
-    linear, tau, columns = sh.mode(mode, xi, ratios), np.arange(0, end, every), 3
-    (p, q, phi), second = driven.driven_amplitudes(linear, ratios, 0.1, np.arange(rows), phase=0.3)
+    ratios = sh.ratios(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
+    linear, tau = sh.mode(mode, xi, ratios), np.arange(0, end, every)
+    (p, q, phi), second = driven.driven_amplitudes(linear, ratios, AMPLITUDE, np.arange(rows), phase=0.3)
     turn = np.exp(-1j * linear.frequency * tau)[:, None]
-    mean = driven.static(linear, ratios, 0.1, np.arange(rows))
+    mean = driven.static(linear, ratios, AMPLITUDE, np.arange(rows))
     p = (p * turn).real + more * (mean + (second * turn**2).real)
-    moved = [each.repeat(columns, axis=1) for each in (p, (q * turn).real, (phi * turn).real)]
-    fields = {"displacement": np.stack([-moved[1], moved[0]], axis=-1), "rotation": moved[2]}
-
-    def particles() -> Any:
-        if not snapshots:
-            raise RunFolderError("run: holds no snapshots of all spheres")
-        return SimpleNamespace(tau=tau, stack=fields.__getitem__)
-
-    scene = Changed(
-        BASE,
-        wave=Changed(BASE.wave, form=form, mode=mode, amplitude=0.1, phase=0.3),
+    return run_of_rows(
+        tau,
+        (p, (q * turn).real, (phi * turn).real),
         wavenumber=xi,
-        envelope=replace(BASE.envelope, ramp=40.0),
-        shape=SimpleNamespace(rows=rows, columns=columns, ends="fixed", centre_row=(rows - 1) // 2),
+        ends="fixed",
+        envelope=Envelope(ramp=40.0),
+        snapshots=snapshots,
+        form=form,
+        mode=mode,
+        phase=0.3,
     )
-    return SimpleNamespace(scene=scene, info={}, particles=particles)
 
 
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
@@ -331,7 +312,7 @@ def test_one_percent_more_second_order_is_one_percent() -> None:
 
 
 def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
-    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
+    ratios = sh.ratios(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
     linear = sh.mode("TR", 0.802, ratios)
     long, short = (driven.compare(run, rows_of(run)).n for run in (record(), record(rows=76)))
     assert long[0] == short[0] == 1
@@ -342,7 +323,7 @@ def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        (record(form="plane"), "has the form 'plane'"),
+        (record(form="running"), "has the form 'running'"),
         (record(snapshots=False), "holds no snapshots"),
         (record(end=100.0), "too short a run"),
         (record(end=160.0), "too short a run or strip: 0 of 3 rows"),

@@ -1,8 +1,6 @@
 """The standing wave in closed form against the integrated lattice, and what its script makes of runs."""
 
 from collections.abc import Callable
-from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,9 @@ from analysis import second_harmonic as sh
 from analysis.laws import shear_law_ratios
 from analysis.norms import relative_error
 from analysis.rows import rows_of
-from granular_lmp import Scene
-from granular_lmp.errors import RunFolderError
+from granular_lmp.tables import Envelope
+from tests.conftest import PAPER
+from tests.stand_in import AMPLITUDE, run_of_rows
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -116,46 +115,27 @@ def test_second_harmonic_is_zero_at_nodes_and_at_antinodes(name: sh.ModeName, qu
 # ---------------------------------------------------------------- the script
 
 
-class Changed:
-    """An object with some attributes changed."""
-
-    def __init__(self, base: Any, **changes: Any) -> None:
-        self._base = base
-        vars(self).update(changes)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._base, name)
-
-
-BASE = Scene.load("tr_nonresonant")
-
-
 def record(
     p: Callable[..., Any] = lambda values: values, *, form: str = "standing", snapshots: bool = True, **changes: Any
 ) -> Any:
     """A run of the theory itself, 101 rows of 3 spheres, with p changed."""
-    rows, columns, phase = changes.get("rows", 101), 3, changes.get("phase", 0.3)
+    rows, phase = changes.get("rows", 101), changes.get("phase", 0.3)
     xi, name, ends = changes.get("xi", 0.802), changes.get("mode", "TR"), changes.get("ends", "periodic")
-    ratios = sh.ratios(BASE.sphere.poisson_ratio, overlap_ratio=BASE.sphere.overlap_ratio)
+    ratios = sh.ratios(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
     n = np.arange(rows) - (rows - 1) // 2
-    values = standing.standing(sh.mode(name, xi, ratios), ratios, 0.1, TAU[:, None], n, phase)
-    moved = [each.repeat(columns, axis=1) for each in (p(values[0]), *values[1:])]
-    fields = {"displacement": np.stack([-moved[1], moved[0]], axis=-1), "rotation": moved[2]}
-
-    def particles() -> Any:
-        if not snapshots:
-            raise RunFolderError("run: holds no snapshots of all spheres")
-        return SimpleNamespace(tau=TAU, stack=fields.__getitem__)
-
-    scene = Changed(
-        BASE,
-        wave=Changed(BASE.wave, form=form, mode=name, amplitude=0.1, phase=phase),
+    values = standing.standing(sh.mode(name, xi, ratios), ratios, AMPLITUDE, TAU[:, None], n, phase)
+    return run_of_rows(
+        TAU,
+        (p(values[0]), *values[1:]),
         wavenumber=xi,
-        envelope=replace(BASE.envelope, width=changes.get("width", 0.0)),
-        shape=SimpleNamespace(rows=rows, columns=columns, ends=ends, centre_row=(rows - 1) // 2),
+        ends=ends,
+        envelope=Envelope(width=changes.get("width", 0.0)),
+        snapshots=snapshots,
+        info={"effects": {"sliding": {"on": True}}} if changes.get("sliding") else {},
+        form=form,
+        mode=name,
+        phase=phase,
     )
-    info = {"effects": {"sliding": {"on": True}}} if changes.get("sliding") else {}
-    return SimpleNamespace(scene=scene, info=info, particles=particles)
 
 
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
@@ -187,7 +167,7 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
 @pytest.mark.parametrize(
     ("run", "message"),
     [
-        (record(form="plane"), "has the form 'plane'"),
+        (record(form="running"), "has the form 'running'"),
         (record(snapshots=False), "holds no snapshots"),
         (record(sliding=True), "leaves out sliding"),
         (record(width=5.0), "has an envelope"),

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from analysis import compare, driven, sheets, standing
+from analysis.norms import relative_error
 from analysis.rows import load_form
 from analysis.theories import FORMS
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy import richardson
 from granular_lmp.errors import RunInterrupted
 from granular_lmp.launch import resume, run_deck
 from granular_lmp.launch import run as run_once
+from granular_lmp.tolerance import run_to_tolerance
 from tests.conftest import PAPER
 
 EIGHTH = np.pi / 4  # rad per row
@@ -28,6 +31,7 @@ DRIVEN = Scene.load("tr_driven").with_values({"packing.rows": 41, "time.duration
 BEAM = Scene.load("l_beam").with_values({"time.duration": 20.0, "packing.rows": 21})
 PULSE = Scene.load("tr_pulse").with_values({"time.duration": 6.0})
 GRATING = Scene.load("tr_grating").with_values({"time.duration": 10.0})
+HEARD = DRIVEN.with_values({"packing.rows": 25})  # at the centre, within the duration
 ALL = [OBLIQUE, DRIVEN, BEAM, PULSE, GRATING]
 
 
@@ -248,3 +252,22 @@ def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path)
         load_form(tmp_path / "run", form)
     else:
         assert form == "driven beam"
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+@pytest.mark.parametrize("scene", [OBLIQUE, GRATING, HEARD, PULSE], ids=lambda scene: scene.name)
+def test_a_tolerance_is_met_for_every_wave(scene: Scene, tolerance: float, tmp_path: Path) -> None:
+    # No law is known of these: three runs tell. Against a pair of a quarter of the finest step that was taken
+    scene = scene.with_values({"output.particles": 0.0})
+    record = run_to_tolerance(scene.with_values({"time.tolerance": tolerance}), tmp_path / "run")
+    finest = min(record.info["extrapolated_from"])
+    runs = [run(scene.with_values({"time.timestep": finest / part}), tmp_path / str(part)) for part in (2, 4)]
+    reference = richardson(*runs)
+    estimates = {name: value for name, value in record.info["error_estimate"].items() if value is not None}
+    assert {"p", "q", "phi"} >= set(estimates)
+    assert estimates
+    for name, estimate in estimates.items():
+        error = relative_error(getattr(record, name), getattr(reference, name))
+        assert error <= tolerance
+        assert error <= estimate + 1e-7  # what two extrapolated records differ by; the reference has an error too
+    assert len(list((tmp_path / "run").glob("*_per_sample"))) >= 3
