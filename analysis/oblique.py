@@ -26,7 +26,7 @@ from analysis import directions
 from analysis.effects import sweep
 from analysis.norms import relative_error
 from analysis.plotting import parser, save
-from analysis.sheets import component
+from analysis.sheets import component, fields_of, in_frame
 from analysis.theories import Physics, holding, physics_of
 from granular_lmp.record import GranularError, Record
 
@@ -80,19 +80,11 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
     """
     particles, scene = record.particles(), record.scene
     k = directions.wavevector_of(scene.wavenumber, scene.direction)
-    lattice_constant = 2 * (1 - scene.sphere.overlap_ratio)  # radii
-    rest = particles.rest / lattice_constant
+    rest = particles.rest * scene.sphere.radius / scene.sphere.lattice_constant
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]
     if np.allclose(np.exp(4j * rest @ k), 1, atol=1e-6):
         raise ValueError("2k is half a wave vector of the reciprocal lattice: its wave has no direction")
-    fields = np.concatenate([particles.stack("displacement"), particles.stack("rotation")[..., None]], axis=-1)
-    return particles.tau, in_frame(component(fields, rest, 2 * k), scene.direction)
-
-
-def in_frame(wave: Complexes, direction: float) -> Complexes:
-    """(…, 3) of u, v, φ as p along a direction (degrees from x), q across it, φ."""
-    x, y = np.cos(np.radians(direction)), np.sin(np.radians(direction))
-    return wave @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
+    return particles.tau, in_frame(component(fields_of(particles), rest, 2 * k), k)
 
 
 def predicted(
@@ -104,7 +96,7 @@ def predicted(
     wave = directions.doubled_wave(
         k, branch, amplitude, tau, poisson_ratio=physics.poisson_ratio, phase=phase, **contacts
     )
-    return in_frame(wave, direction)
+    return in_frame(wave, k)
 
 
 def refusal(record: Record) -> str | None:

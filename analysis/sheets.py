@@ -35,6 +35,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -51,6 +52,7 @@ STEP = 0.5  # τ. It leaves 6e-9 of the y2 of noise on all modes, whose frequenc
 NORMAL, TANGENT = np.concatenate([BONDS, -BONDS]), np.concatenate([TANGENTS, -TANGENTS])  # of the six contacts
 ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
+FieldOrWave = TypeVar("FieldOrWave", Floats, Complexes)
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
 
 
@@ -185,6 +187,18 @@ def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
     return 2 / len(rest) * np.einsum("...nc,n->...c", field, phases)
 
 
+def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
+    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ."""
+    k = np.asarray(wavevector, dtype=float)
+    x, y = k / (np.linalg.norm(k) or 1.0)
+    return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
+
+
+def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
+    """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
+    return np.concatenate([particles.stack(moved), particles.stack(turned)[..., None]], axis=-1)
+
+
 def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
     """The wave vector (2,) of the strongest wave in an initial field, in the first zone, upwards (ky > 0)."""
     power = sum(np.sum(np.abs(sheet.shares(part)) ** 2, axis=-1) for part in (field, rate))
@@ -236,10 +250,7 @@ def compare(record: Record) -> Comparison:
     sphere, shape = record.scene.sphere, record.scene.shape
     if len(particles.tau) < 2:
         raise ValueError(f"{len(particles.tau)} snapshots; the theory starts from the first and predicts the others")
-    fields, rates = (
-        np.concatenate([particles.stack(moved), particles.stack(turned)[..., None]], axis=-1)
-        for moved, turned in (("displacement", "rotation"), ("velocity", "spin"))
-    )
+    fields, rates = fields_of(particles), fields_of(particles, "velocity", "spin")
     if np.isnan(fields[..., 2]).any():
         raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
     sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, SOLID_SPHERE / (1 - sphere.overlap_ratio))
@@ -289,8 +300,7 @@ def table(c: Comparison) -> str:
 
 def draw(c: Comparison, snapshot: int = -1) -> Figure:
     """Maps of y1, run − y1 and a y2 at a snapshot, of the component largest in theory; below, the errors over time."""
-    x, y = c.wavevector / (np.linalg.norm(c.wavevector) or 1.0)
-    fields = [f[snapshot] @ [[x, -y, 0], [y, x, 0], [0, 0, 1]] for f in (c.linear, c.beyond, c.second)]
+    fields = [in_frame(f[snapshot], c.wavevector) for f in (c.linear, c.beyond, c.second)]
     first, second = (int(np.argmax(np.linalg.norm(fields[which], axis=0))) for which in (0, 2))
     scales = np.abs(fields[0][:, first]).max(), np.abs([f[:, second] for f in fields[1:]]).max()
     tall = c.sheet.rows * ROW / c.sheet.columns
