@@ -6,6 +6,7 @@
 import json
 import re
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from datetime import date
 from math import inf, nan, pi
 from pathlib import Path
@@ -27,12 +28,13 @@ from tests.conftest import PAPER
 SCENES = [Scene.load(path) for path in sorted(SHIPPED.glob("*/scene.toml"))]
 COLLISIONS = [Collision.load(path) for path in sorted((SHIPPED / "collisions").glob("*.toml"))]
 KEYS = sorted({f"{table}.{key}" for table, keys in PAPER.to_dict().items() if table != "name" for key in keys})
-KEYS += ["name", "time.tolerance"]
+KEYS += ["name", "time.tolerance", "wave.wavevector"]
 MOST_BUILT = 3000  # spheres; a larger packing takes seconds, and is no other code
 
 NASTY: list[Any] = [
     *(nan, inf, -inf, 0, -1, 1, 2, 3, 1e300, -1e300, 1e-300, 5e-324, 1e308, 1e-9, 1e7, pi, 0.5, 1.0),
     *(10**400, -(10**400), 2**31, 2**63, True, False, "", "auto", "fixed", "periodic", "L", "RT", "nan", "a b"),
+    *("x", "y", "standing", "driven", 45.0, 90.0, -90.0, [0.5, 1.0], [0.0, 3.0], [nan, 1.0], [1e9, 1], ["a", "b"]),
     *("a\nb", "\x00", "\x1b[31m", "ünï\u202ecode", "x" * 10_000, [], [1.0], {}, {"a": 1}, date(2020, 2, 29)),
 ]
 values = st.one_of(st.sampled_from(NASTY), st.floats(), st.floats(1e-9, 1e9), st.integers(), st.text(max_size=8))
@@ -48,7 +50,7 @@ def mutated(draw: Callable[..., Any], bases: list[Any]) -> dict[str, Any]:
         inner = tables[table]
         what = draw(st.sampled_from(["value", "value", "value", "drop", "add", "table"]))
         if what == "table" or not isinstance(inner, dict) or not inner:
-            tables[table] = draw(values)
+            tables[table] = deepcopy(draw(values))  # what is sampled is one object, and the next change writes into it
         elif what == "add":
             inner[draw(names)] = draw(values)
         else:
@@ -69,8 +71,8 @@ def is_one_line(error: GranularError, words: set[str]) -> None:
 
 
 def is_finite(deck: str) -> bool:
-    """Whether the commands of a deck, which the first line with its name is not, hold numbers only."""
-    return not re.search(r"\b(nan|inf)\b", deck.partition("\n")[2].replace("in.nan", "").replace(".inf", ""))
+    """Whether the commands of a deck hold numbers only: its first line and its files are named by the scene."""
+    return not re.search(r"\b(nan|inf)\b", deck.partition("\n")[2].replace(".nan", "").replace(".inf", ""))
 
 
 def survives(make: Callable[[], Scene], words: set[str]) -> None:
