@@ -147,6 +147,8 @@ def rotation(case: Case) -> Finding:
     said = f"of the kinetic energy of {_wave(case)} is rotation"
     if case.scene.envelope.width > 0:
         return Finding(True, share, said + ", but at the sides of a beam spheres turn")
+    if case.scene.wave.mode == "RT":  # at K along x it does not turn them, but without rotation there is no such branch
+        return Finding(True, share, said)
     if share <= NOTHING and case.mode.name == "TR" and case.scene.shape.ends == "fixed":  # at ξ = π
         return Finding(True, share, said + ", but the held rows turn their neighbours")
     return Finding(share > NOTHING, share, said)

@@ -8,6 +8,7 @@ from analysis.second_harmonic import ModeName
 from tests.hard.case import Cases
 from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
+from tests.hard.oblique import CORNERS, corner, pulse
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, origin, signal
 from tests.hard.scales import NUS, corners, similar
@@ -27,6 +28,8 @@ FAST: Mapping[str, Measure] = {
         for mode in MODES
         for cycles, rows in ENDS
     },
+    **{f"{mode} at {place} of the zone": partial(corner, place, mode) for mode in MODES for place in CORNERS},
+    "pulse": pulse,
     **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
     **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
     **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},

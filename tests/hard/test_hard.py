@@ -9,6 +9,7 @@ from tests.hard.case import Case
 from tests.hard.cases import FAST, LONG, Measure
 from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
+from tests.hard.oblique import corner, pulse
 from tests.hard.report import table
 from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, moved, origin, signal
@@ -47,6 +48,9 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "short TR of another ν": (partial(end, "TR", 2, 4, 0.025, 20, reference=0.18), "TR"),
     "long RT of another ν": (partial(end, "RT", 1, 628, 0.025, 20, reference=0.18), "RT"),
     "short RT of another ν": (partial(end, "RT", 2, 4, 0.025, 20, reference=0.18), "RT"),
+    "a corner of another ν": (partial(corner, "K", "TR", reference=0.18), "TR"),
+    "an edge on a fast clock": (partial(corner, "edge", "L", edits=FAST_CLOCK), "L"),
+    "a pulse that meets a held sphere": (partial(pulse, 40.0, edits=A_HELD_SPHERE), "momentum"),
     "TR in L where they are degenerate": (partial(degenerate, "L", 0.0, edits=SHEAR_IN_L), "L at"),
     "L in TR where they are degenerate": (partial(degenerate, "TR", 0.0, edits=L_IN_SHEAR), "TR at"),
     "L in RT where they are degenerate": (partial(degenerate, "RT", 0.4, edits=SPIN_IN_L), "RT at"),
