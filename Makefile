@@ -5,7 +5,7 @@
 #
 # Also: make spectrum (the paper's figure 2 by simulation, a few minutes: docs/spectrum.md),
 # make dispersion (all branches from one kicked sheet), make waves (other directions, gratings, driven rows and
-# pulses, two minutes: docs/waves.md), make figures (the others of the docs),
+# pulses, a minute: docs/waves.md), make figures (the others of the docs),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
