@@ -6,6 +6,9 @@ A plane wave is one Bloch mode. A wave with a Gaussian envelope is a sum of Bloc
 
 each with its own shape and frequency, so that all of it runs forward and no other branch is excited: an envelope that
 is just multiplied to the mode would send the rest, of relative order 1/(k length), everywhere.
+
+Breaks where a packet is shorter than 4/ξ (refused: part of it would run backward), and where the branch touches another
+within the envelope: which of the two a wave vector then belongs to is not defined.
 """
 
 from dataclasses import dataclass

@@ -102,12 +102,13 @@ def rows_of(record: Record) -> dict[str, Any]:
     }
 
 
-def test_the_driven_row_does_what_it_is_told_and_does_not_turn(tmp_path: Path) -> None:
-    scene = DRIVEN.with_values({"wave.phase": 0.4})
+@pytest.mark.parametrize("phase", [0.4, -1.3])
+def test_the_driven_row_does_what_it_is_told_and_does_not_turn(phase: float, tmp_path: Path) -> None:
+    scene = DRIVEN.with_values({"wave.phase": phase})
     record = run(scene, tmp_path / "run")
     rows = rows_of(record)
     s = np.minimum(rows["tau"] / scene.envelope.ramp, 1)
-    swing = s**3 * (10 - 15 * s + 6 * s**2) * np.cos(record.info["frequency"] * rows["tau"] - 0.4)
+    swing = s**3 * (10 - 15 * s + 6 * s**2) * np.cos(record.info["frequency"] * rows["tau"] - phase)
     # 1e-9: the rounding of positions of the first row, 17 µm from the centre
     np.testing.assert_allclose(-rows["displacement"][:, 0, :, 0], np.tile(swing[:, None], 3), atol=1e-9)
     assert not rows["displacement"][:, 0, :, 1].any()
