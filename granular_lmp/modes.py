@@ -157,11 +157,6 @@ def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
 
 
-def mode_along_y(packing: ase.Atoms, sphere: Sphere, wavenumber: float, name: str, physics: Physics = FULL) -> Mode:
-    """`bloch_mode` at ξ (rad per row) along y."""
-    return bloch_mode(packing, sphere, WaveVector(0.0, wavenumber), name, physics)
-
-
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
     """The mode of a scene's wave in its lattice, or in one with other physics."""
     sphere = scene.sphere

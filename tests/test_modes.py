@@ -16,7 +16,6 @@ from granular_lmp.modes import (
     contact_stretches,
     decay_rate,
     highest_frequency,
-    mode_along_y,
 )
 from granular_lmp.packing import lattice_constant, unit_lattice
 from granular_lmp.scene import MODES
@@ -35,7 +34,7 @@ def test_modes_equal_the_closed_form_along_y(name: str, poisson_ratio: float) ->
     constants = second_harmonic.ratios(poisson_ratio, overlap_ratio=sphere.overlap_ratio)
     for xi in (1e-3, 0.1, 0.802, 1.475, 2.127, 3.0, pi - 1e-3):
         closed = second_harmonic.mode(name, xi, constants)
-        mode = mode_along_y(lattice, sphere, xi, name)
+        mode = bloch_mode(lattice, sphere, WaveVector.of(xi), name)
         # 1e-12: 13 digits of the singular values, less one for the smallest of them at ξ = 1e-3
         assert abs(mode.frequency / closed.frequency - 1) < 1e-12
         np.testing.assert_allclose([mode.uy, -mode.ux, mode.f], [closed.p, closed.q, closed.f], atol=1e-12)
@@ -44,14 +43,14 @@ def test_modes_equal_the_closed_form_along_y(name: str, poisson_ratio: float) ->
 def test_a_wrong_inertia_is_seen() -> None:
     # The comparison above is able to fail: the paper's own geometry, 2.5e-4 away, is told apart
     closed = second_harmonic.mode("TR", 0.802, second_harmonic.ratios(0.17))
-    assert abs(mode_along_y(LATTICE, SILICA, 0.802, "TR").frequency / closed.frequency - 1) > 1e-6
+    assert abs(bloch_mode(LATTICE, SILICA, WaveVector.of(0.802), "TR").frequency / closed.frequency - 1) > 1e-6
 
 
 def test_translation_and_rotation_part_at_the_zone_boundary() -> None:
-    tr, rt = (mode_along_y(LATTICE, SILICA, pi, name) for name in ("TR", "RT"))
+    tr, rt = (bloch_mode(LATTICE, SILICA, WaveVector.of(pi), name) for name in ("TR", "RT"))
     assert (tr.ux, tr.f) == pytest.approx((-1, 0), abs=1e-12)
     assert (rt.ux, rt.f) == pytest.approx((0, -1), abs=1e-12)
-    near = mode_along_y(LATTICE, SILICA, pi - 1e-6, "RT")
+    near = bloch_mode(LATTICE, SILICA, WaveVector.of(pi - 1e-6), "RT")
     assert near.frequency == pytest.approx(rt.frequency, abs=1e-11)  # dΩ/dξ vanishes at π
     assert near.f == pytest.approx(rt.f, abs=1e-9)
 
@@ -60,16 +59,20 @@ def test_long_waves_run_with_the_elastic_speeds() -> None:
     kappa = SILICA.stiffness_ratio
     for xi in (1e-2, 1e-4, 1e-6):
         # L: sin(ξ/2)/ξ → 1/2; TR: √((κ+1)/(κ+3))/2 from the determinant of M, both with a correction of order ξ²
-        assert mode_along_y(LATTICE, SILICA, xi, "L").frequency / xi == pytest.approx(0.5, rel=xi**2 + 1e-9)
+        assert bloch_mode(LATTICE, SILICA, WaveVector.of(xi), "L").frequency / xi == pytest.approx(
+            0.5, rel=xi**2 + 1e-9
+        )
         expected = sqrt((kappa + 1) / (kappa + 3)) / 2
-        assert mode_along_y(LATTICE, SILICA, xi, "TR").frequency / xi == pytest.approx(expected, rel=xi**2 + 1e-9)
+        assert bloch_mode(LATTICE, SILICA, WaveVector.of(xi), "TR").frequency / xi == pytest.approx(
+            expected, rel=xi**2 + 1e-9
+        )
 
 
 def test_any_direction_holds_the_three_modes_of_y() -> None:
     xi = 1.3
     k = [0.0, xi / (ROW_SPACING * lattice_constant(SILICA))]
     frequencies, shapes = bloch_modes(LATTICE, SILICA, k)
-    along_y = sorted(mode_along_y(LATTICE, SILICA, xi, name).frequency for name in MODES)
+    along_y = sorted(bloch_mode(LATTICE, SILICA, WaveVector.of(xi), name).frequency for name in MODES)
     np.testing.assert_allclose(frequencies, along_y, rtol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(shapes, axis=1), 1, rtol=1e-14)
 
@@ -84,7 +87,7 @@ def test_frequencies_have_the_six_fold_symmetry_of_the_lattice() -> None:
 
 def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> None:
     xi = 0.802
-    stretches = contact_stretches(LATTICE, SILICA, mode_along_y(LATTICE, SILICA, xi, "L"))
+    stretches = contact_stretches(LATTICE, SILICA, bloch_mode(LATTICE, SILICA, WaveVector.of(xi), "L"))
     normal, shear = (np.abs(stretch).max() for stretch in stretches)
     # Contacts at 60° to x: δN = sin 60° Δv, δS = cos 60° Δv with Δv = 2 sin(ξ/2)
     assert normal == pytest.approx(sqrt(3) * np.sin(xi / 2), rel=1e-9)
@@ -124,7 +127,7 @@ def test_the_modes_of_a_wave_vector_are_three_different_ones() -> None:
 
 def test_an_unknown_mode_is_refused() -> None:
     with pytest.raises(SceneError, match="wave.mode = 'X'"):
-        mode_along_y(LATTICE, SILICA, 1.0, "X")
+        bloch_mode(LATTICE, SILICA, WaveVector.of(1.0), "X")
 
 
 @pytest.mark.parametrize("poisson_ratio", [-0.9, -0.5, 0.0, 0.17, 0.5])
@@ -152,11 +155,11 @@ def test_without_rotation_the_transverse_branch_is_that_of_the_springs() -> None
     kappa = SILICA.stiffness_ratio
     for xi in (1e-3, 0.802, 2.5, pi):
         for physics, stiffness in ((Physics(rotation=False), 3 * kappa + 1), (Physics(False, False), 1.0)):
-            mode = mode_along_y(LATTICE, SILICA, xi, "TR", physics)
+            mode = bloch_mode(LATTICE, SILICA, WaveVector.of(xi), "TR", physics)
             assert mode.frequency == pytest.approx(sqrt(stiffness / (kappa + 3)) * np.sin(xi / 2), rel=1e-12)
             assert (mode.ux, mode.uy, mode.f) == (-1, 0, 0)
     with pytest.raises(SceneError, match="needs effects.rotation"):
-        mode_along_y(LATTICE, SILICA, 1.0, "RT", Physics(rotation=False))
+        bloch_mode(LATTICE, SILICA, WaveVector.of(1.0), "RT", Physics(rotation=False))
 
 
 def test_compression_softens_what_moves_sideways() -> None:
@@ -164,14 +167,14 @@ def test_compression_softens_what_moves_sideways() -> None:
     kappa, chi = pressed.stiffness_ratio, pressed.prestress
     for xi in (1e-3, 0.802, 2.5):
         # Contacts of a longitudinal wave: 3/4 along, 1/4 sideways
-        longitudinal = mode_along_y(LATTICE, pressed, xi, "L").frequency
+        longitudinal = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "L").frequency
         assert longitudinal == pytest.approx(sqrt((3 + kappa - chi) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
-        held = mode_along_y(LATTICE, pressed, xi, "TR", Physics(rotation=False)).frequency
+        held = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "TR", Physics(rotation=False)).frequency
         assert held == pytest.approx(sqrt((3 * (kappa - chi) + 1) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
 
 
 def test_decay_of_a_longitudinal_wave_is_that_of_its_springs_as_dashpots() -> None:
     # δN² + δS² of the contacts is |Δu|² without rotation: two contacts a row step, |2 sin(ξ/2)|² each
     for xi in (0.3, 0.802, 2.0):
-        mode = mode_along_y(LATTICE, SILICA, xi, "L")
+        mode = bloch_mode(LATTICE, SILICA, WaveVector.of(xi), "L")
         assert decay_rate(LATTICE, SILICA, mode, 0.01) == pytest.approx(0.04 * np.sin(xi / 2) ** 2, rel=1e-12)

@@ -10,7 +10,7 @@ from granular_lmp import Scene
 from granular_lmp import wave as wave_module
 from granular_lmp.checks import FEWEST_RADIANS
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import bloch_mode, bloch_modes, mode_along_y, mode_of
+from granular_lmp.modes import bloch_mode, bloch_modes, mode_of
 from granular_lmp.packing import hexagonal, lattice_constant, offsets, unit_lattice
 from granular_lmp.scene import MODES
 from granular_lmp.shape import Shape
@@ -35,7 +35,7 @@ def fields_of(scene: Scene) -> Fields:
 def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
     # p, q = P, Q cos ϑ and φ = −f sin ϑ, ϑ = ξn − Ωτ + phase: the signs of the closed form
     packing = hexagonal(SILICA, Shape(41, 3, "fixed"))
-    mode = mode_along_y(unit_lattice(SILICA), SILICA, 0.9, name)
+    mode = bloch_mode(unit_lattice(SILICA), SILICA, WaveVector.of(0.9), name)
     fields = plane_wave(packing, mode, phase=0.4)
     theta = 0.9 * (packing.arrays["row"] - 20) + 0.4
     moving = ~packing.arrays["fixed"]
@@ -47,7 +47,7 @@ def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
 
 def test_held_rows_do_not_move() -> None:
     packing = hexagonal(SILICA, Shape(9, 3, "fixed"))
-    fields = plane_wave(packing, mode_along_y(packing, SILICA, 0.9, "TR"))
+    fields = plane_wave(packing, bloch_mode(packing, SILICA, WaveVector.of(0.9), "TR"))
     held = packing.arrays["fixed"]
     assert not fields.displacement[held].any()
     assert not fields.velocity[held].any()
