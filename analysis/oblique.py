@@ -26,7 +26,8 @@ from analysis import directions
 from analysis.effects import sweep
 from analysis.norms import relative_error
 from analysis.plotting import parser, save
-from analysis.sheets import component, fields_of, in_frame
+from analysis.quasilinear import component, in_frame
+from analysis.sheets import fields_of
 from analysis.theories import Physics, holding, physics_of
 from granular_lmp.record import GranularError, Record
 

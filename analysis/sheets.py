@@ -3,195 +3,31 @@
     python -m analysis.sheets RUN [-o FILE] [--tau TAU]
 
 RUN holds snapshots of all spheres (``output.particles``). The first is taken as the initial field, all of it first
-order, and the later ones are predicted. With y = (u, v, φ), φ = Rθ, in D0 and a = D0/Δ0,
+order, and `analysis.quasilinear` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with the time
+step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of velocity
+Verlet is not small.
 
-    y = y1 + a y2,    M y1″ = −D y1,    M y2″ = −D y2 + N(y1, y1),    y2 = y2′ = 0 at the start,
-
-    N = Σ_l [n f_N + (t, 1) f_S]/(2(κ+3)),    f_N = −¼ δN²,    f_S = −½ κ δN δS        (all six contacts)
-
-the second-order part of the paper's springN and springS, with δN, δS, units and axes of `analysis.directions`. Each
-wave vector that the sheet holds has three modes there, which to first order oscillate by themselves. N is taken on the
-spheres, where it is a product, and what a mode has of it, F, is answered by the mode:
-
-    y2 = S(τ) ∫₀^τ C(s) F(s) ds − C(τ) ∫₀^τ S(s) F(s) ds,    C = cos Ωτ,  S = sin Ωτ/Ω,
-
-with four points of Gauss a step, of order eight. Waves of k and k′ meet in it at k + k′ and k − k′, which is all of
-second order: second harmonic, static field, and what crossing or spreading waves make of each other.
-
-**The run's time step is in the theory.** The second order of a run is seen in its difference to y1, next to which the
-phase error of velocity Verlet is not small. With the step h of the run a mode has Ω_h = (2/h) arcsin(Ωh/2) for Ω, and
-S = sin Ω_hτ/(Ω cos(Ω_hh/2)): exact for y1, with O(h²) of y2 left.
-
-LAMMPS's contact geometry is exact in D, by Ĩ/(1−η), and left out of N. Measured, that misses 3η to 10η of the static
-field of beams, η = Δ0/2R (2.5e-4 for the paper's spheres), η to 2η of their second harmonic, and more where N cancels.
-
-When it breaks: as in `directions` (contacts open, long on a resonance). run − y1 holds the third order too, whose part
-at the fundamental is a drift of its phase, a²τ; hence the split by wave number, around multiples of the strongest wave
-vector k. A field without one (noise) is predicted all the same.
+run − y1 holds the third order too, whose part at the fundamental is a drift of its phase, a²τ; hence the split by wave
+number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
 """
 
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
 
-from analysis.directions import Complexes, Floats, modes
+from analysis.directions import Floats
 from analysis.plotting import load, parser, save
-from analysis.springs import BONDS, SOLID_SPHERE, TANGENTS, stiffness_ratio
+from analysis.quasilinear import ROW, Sheet, evolve, in_frame
 from analysis.theories import physics_of
 from granular_lmp.record import GranularError, Record
 
-STEP = 0.5  # τ. It leaves 6e-9 of the y2 of noise on all modes, whose frequencies add to 6.
-NORMAL, TANGENT = np.concatenate([BONDS, -BONDS]), np.concatenate([TANGENTS, -TANGENTS])  # of the six contacts
-ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
-FieldOrWave = TypeVar("FieldOrWave", Floats, Complexes)
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A periodic hexagonal sheet, spheres row by row as in LAMMPS's deck, rows even; lengths in lattice constants.
-
-    inertia is Ĩ = I/(mR²), in LAMMPS's contact geometry Ĩ/(1−η).
-    """
-
-    rows: int
-    columns: int
-    poisson_ratio: float
-    inertia: float = SOLID_SPHERE
-
-    def __post_init__(self) -> None:
-        if self.rows < 2 or self.rows % 2 or self.columns < 1:
-            raise ValueError(f"{self.rows} rows x {self.columns} columns: rows must be even, and there must be columns")
-
-    @cached_property
-    def _index(self) -> tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_]]:
-        """Row and column of each sphere, and whether its row is shifted by half a lattice constant, 1 or 0; (R, C)."""
-        row, column = np.indices((self.rows, self.columns))
-        return row, column, (row - (self.rows - 1) // 2) % 2
-
-    @cached_property
-    def rest(self) -> Floats:
-        """Positions (N, 2) at rest; no sphere is on the border of the cell."""
-        row, column, odd = self._index
-        x, y = column - self.columns // 2 + 0.25 + 0.5 * odd, (row - (self.rows - 1) // 2) * ROW
-        return np.stack([x, y], axis=-1).reshape(-1, 2)
-
-    @cached_property
-    def neighbours(self) -> NDArray[np.intp]:
-        """Indices (6, N) of the spheres at the ends of `NORMAL`, seen from each sphere."""
-        row, column, odd = self._index
-        right = column + odd  # of the two above and of the two below
-        ends = [(row, column + 1), (row + 1, right), (row + 1, right - 1)]
-        ends += [(row, column - 1), (row - 1, right - 1), (row - 1, right)]
-        return np.array([(r % self.rows * self.columns + c % self.columns).ravel() for r, c in ends])
-
-    @cached_property
-    def wavevectors(self) -> Floats:
-        """(R, columns//2 + 1, 2): half of those that the sheet holds, −k being the conjugate of k; any zone."""
-        y, x = np.indices((self.rows, self.columns // 2 + 1))
-        return 2 * np.pi * np.stack([x / self.columns, y / (self.rows * ROW)], axis=-1)
-
-    @cached_property
-    def modes(self) -> tuple[Floats, Complexes]:
-        """Frequencies (..., 3) and polarisations (..., mode, 3) of all wave vectors."""
-        return modes(self.wavevectors, self.poisson_ratio, self.inertia)
-
-    @cached_property
-    def _turn(self) -> Complexes:
-        return np.exp(-0.5j * self.wavevectors[0, :, 0] * self._index[2][:, :1])[..., None]
-
-    def shares(self, field: Floats) -> Complexes:
-        """What each mode U has of a field (..., N, 3): U†My/(U†MU), (..., R, columns//2 + 1, mode)."""
-        rows = field.reshape(*field.shape[:-2], self.rows, self.columns, 3)
-        waves = np.fft.fft(np.fft.rfft(rows, axis=-2) * self._turn, axis=-3)
-        shapes, mass = self.modes[1], np.array([1.0, 1.0, self.inertia])
-        return (shapes.conj() @ (mass * waves)[..., None])[..., 0] / (np.abs(shapes) ** 2 @ mass)
-
-    def field(self, shares: Complexes) -> Floats:
-        """The field (..., N, 3) of these shares of the modes."""
-        waves = (shares[..., None, :] @ self.modes[1])[..., 0, :]
-        rows = np.fft.irfft(np.fft.ifft(waves, axis=-3) * self._turn.conj(), self.columns, axis=-2)
-        return rows.reshape(*rows.shape[:-3], self.rows * self.columns, 3)
-
-
-def quadratic_acceleration(sheet: Sheet, field: Floats) -> Floats:
-    """M⁻¹N(y, y) of every sphere, (N, 3), for a field (N, 3) in any unit, of which it is the square."""
-    kappa = stiffness_ratio(sheet.poisson_ratio)
-    ends = field[sheet.neighbours]  # contact, sphere, component
-    stretch = np.einsum("lnc,lc->ln", ends[..., :2] - field[:, :2], NORMAL)
-    slide = np.einsum("lnc,lc->ln", ends[..., :2] - field[:, :2], TANGENT) - ends[..., 2] - field[:, 2]
-    normal, shear = -0.25 * stretch**2, -0.5 * kappa * stretch * slide
-    push = np.einsum("ln,lc->nc", normal, NORMAL) + np.einsum("ln,lc->nc", shear, TANGENT)
-    return np.column_stack([push, shear.sum(axis=0) / sheet.inertia]) / (2 * (kappa + 3))
-
-
-def evolve(
-    sheet: Sheet, field: Floats, rate: Floats, tau: ArrayLike, *, timestep: float = 0.0, step: float = STEP
-) -> tuple[Floats, Floats]:
-    """First and second order y1, y2 at the times tau, of the initial field at the first of them: y = y1 + a y2.
-
-    field and rate (N, 3) are (u, v, Rθ) in D0 and its derivative by τ; tau (T,) ascends. timestep, of velocity Verlet,
-    is 0 for exact frequencies; step is the largest of the quadrature. Returns two arrays (T, N, 3), in D0.
-
-    Raises ValueError for other shapes and times, and for a timestep at which Verlet is not stable.
-    """
-    times, shape = np.asarray(tau, dtype=float), (sheet.rows * sheet.columns, 3)
-    if {field.shape, rate.shape} != {shape} or times.ndim != 1 or not len(times) or not (np.diff(times) > 0).all():
-        raise ValueError(f"field {field.shape} and rate {rate.shape} must be {shape}, tau {times.shape} must ascend")
-    frequencies = sheet.modes[0]
-    half = frequencies * timestep / 2
-    if half.max() >= 1:
-        raise ValueError(f"timestep = {timestep}: must be below 2/Omega_max = {2 / frequencies.max():.4g}")
-    actual = 2 / timestep * np.arcsin(half) if timestep else frequencies
-    # Ω_h/(Ω cos(Ω_hh/2)), at rest (Ω = 0) its limit
-    gain = np.divide(actual, frequencies, out=np.ones_like(half), where=frequencies > 0) / np.sqrt(1 - half**2)
-
-    def swing(time: float) -> tuple[Floats, Floats]:
-        return np.cos(actual * time), time * np.sinc(actual * time / np.pi) * gain
-
-    start, push = sheet.shares(field), sheet.shares(rate)
-    with_cosine, with_sine = 0.0 * start, 0.0 * start
-    points, weights = np.polynomial.legendre.leggauss(4)
-    first, second = [field], [0.0 * field]
-    for before, after in pairwise(times - times[0]):
-        edges = np.linspace(before, after, int(np.ceil((after - before) / step - 1e-9)) + 1)
-        width = edges[1] - edges[0]
-        for middle in (edges[1:] + edges[:-1]) / 2:
-            for point, weight in zip(points, weights * width / 2, strict=True):
-                cosine, sine = swing(middle + point * width / 2)
-                force = sheet.shares(quadratic_acceleration(sheet, sheet.field(cosine * start + sine * push)))
-                with_cosine += weight * cosine * force
-                with_sine += weight * sine * force
-        cosine, sine = swing(after)
-        first.append(sheet.field(cosine * start + sine * push))
-        second.append(sheet.field(sine * with_cosine - cosine * with_sine))
-    return np.array(first), np.array(second)
-
-
-def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
-    """Amplitude X of a wave vector in a field: X = (2/N) Σ field e^{−ik·r}, of a real field Re[X e^{ik·r}].
-
-    Shapes (..., N, 3), (N, 2) in lattice constants and (2,) in their inverse give (..., 3). Other waves leak in where
-    the sheet does not hold this one. Where −k is k (at k = 0, in the middle of the zone's sides) it is twice as large.
-    """
-    phases = np.exp(-1j * rest @ np.asarray(wavevector, dtype=float))
-    return 2 / len(rest) * np.einsum("...nc,n->...c", field, phases)
-
-
-def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ."""
-    k = np.asarray(wavevector, dtype=float)
-    x, y = k / (np.linalg.norm(k) or 1.0)
-    return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
 
 
 def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
@@ -253,7 +89,7 @@ def compare(record: Record) -> Comparison:
     fields, rates = fields_of(particles), fields_of(particles, "velocity", "spin")
     if np.isnan(fields[..., 2]).any():
         raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
-    sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, SOLID_SPHERE / (1 - sphere.overlap_ratio))
+    sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
     if not np.allclose(particles.rest / (2 * (1 - sphere.overlap_ratio)), sheet.rest, rtol=0, atol=1e-6):
         raise ValueError("the spheres at rest are not where this theory has them, row by row")
     # Of a run to a tolerance the snapshots are of the finest step, which their own scene says

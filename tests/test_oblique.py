@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import directions, effects, oblique, sheets, spectrum
+from analysis import directions, effects, oblique, quasilinear, spectrum
 from granular_lmp import Record, Scene, run
 from granular_lmp.sweep import sweep
 
@@ -45,8 +45,10 @@ def test_a_wrong_second_harmonic_is_seen(runs: list[Record]) -> None:
 
 def test_the_components_are_those_along_and_across_the_wave() -> None:
     wave = np.array([[1 + 1j, 2.0, 3j]])
-    np.testing.assert_allclose(sheets.in_frame(wave, [0.0, 2.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15)  # p = v, q = −u
-    np.testing.assert_allclose(sheets.in_frame(wave, [2.0, 0.0]), [[1 + 1j, 2.0, 3j]], atol=1e-15)
+    np.testing.assert_allclose(
+        quasilinear.in_frame(wave, [0.0, 2.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15
+    )  # p = v, q = −u
+    np.testing.assert_allclose(quasilinear.in_frame(wave, [2.0, 0.0]), [[1 + 1j, 2.0, 3j]], atol=1e-15)
 
 
 def test_along_y_theory_is_the_closed_form() -> None:

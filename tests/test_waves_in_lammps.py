@@ -221,8 +221,8 @@ def test_a_pulse_is_that_of_second_order_on_a_sheet(changes: dict[str, Any], tmp
     found = sheets.compare(run(scene, tmp_path / "run"))
     beyond = found.beyond[1:]
     whole = sheets.relative(found.linear[1:] + found.second[1:], found.run[1:])
-    # Third order is a² = 4e-4 of the field over τ, measured 2e-5 (TR) and 4e-5 (L); the contact geometry, which the
-    # theory leaves out, 10η = 2.5e-3 of the static part; fourth order with it 5e-3 of the second harmonic
+    # Third order is a² = 4e-4 of the field over τ, measured 2e-5 (TR) and 4e-5 (L). The parts are off by fourth order,
+    # a² times a number that a narrow pulse, whose parts overlap, makes 10
     assert whole < 1e-4
     for multiple, bound in ((0, 5e-3), (2, 1e-2)):
         part, theory = (found.around(each, multiple) for each in (beyond, found.second[1:]))
