@@ -50,7 +50,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.plotting import parser, save
-from analysis.rows import Rows, echo, load_form
+from analysis.rows import AIRY, Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, nonlinearity
 from analysis.theories import physics_of
 from granular_lmp.record import Record
@@ -290,7 +290,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
     tau, velocity = rows.tau[first:], slowest(linear, constants)
     distance = np.arange(rows.count - 1)
     # Airy's front of the slowest wave, at the pace of that wave; then the echo of the held end, at the fastest
-    reached = scene.envelope.ramp + (distance + 3.5 * np.cbrt(distance)) / velocity < tau[0]
+    reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
     n = distance[reached & (echo(2 * (rows.count - 1) - distance) > last) & (distance > 0)]
     if len(n) < FEWEST_ROWS:
         raise ValueError(

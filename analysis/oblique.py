@@ -27,7 +27,7 @@ from analysis.effects import sweep
 from analysis.norms import relative_error
 from analysis.plotting import parser, save
 from analysis.quasilinear import component, in_frame
-from analysis.sheets import fields_of
+from analysis.sheets import fields_of, rest_of
 from analysis.theories import Physics, holding, physics_of
 from granular_lmp.record import GranularError, Record
 
@@ -81,7 +81,7 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
     """
     particles, scene = record.particles(), record.scene
     k = directions.wavevector_of(scene.wavenumber, scene.direction)
-    rest = particles.rest * scene.sphere.radius / scene.sphere.lattice_constant
+    rest = rest_of(particles)
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]
     if np.allclose(np.exp(4j * rest @ k), 1, atol=1e-6):
         raise ValueError("2k is half a wave vector of the reciprocal lattice: its wave has no direction")

@@ -46,6 +46,7 @@ UP_TO = (
 STEP = 0.5  # τ. It leaves 6e-9 of the y2 of noise on all modes, whose frequencies add to 6.
 NORMAL, TANGENT = np.concatenate([BONDS, -BONDS]), np.concatenate([TANGENTS, -TANGENTS])  # of the six contacts
 ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
+Bonds = tuple[Floats, Floats, Floats]  # δN, δT, δS of the six contacts of every sphere, (6, N) each
 FieldOrWave = TypeVar("FieldOrWave", Floats, Complexes)
 
 
@@ -126,20 +127,22 @@ class Sheet:
         return rows.reshape(*rows.shape[:-3], self.rows * self.columns, 3)
 
 
-def elongations(sheet: Sheet, field: Floats) -> tuple[Floats, Floats, Floats]:
+def elongations(sheet: Sheet, field: Floats) -> Bonds:
     """δN, δT and δS of the six contacts of every sphere, (6, N) each, in a field (N, 3)."""
     ends = field[sheet.neighbours]  # contact, sphere, component
     stretch, sideways = (np.einsum("lnc,lc->ln", ends[..., :2] - field[:, :2], each) for each in (NORMAL, TANGENT))
     return stretch, sideways, sideways - ends[..., 2] - field[:, 2]
 
 
-def quadratic_acceleration(sheet: Sheet, field: Floats, gathered: Floats | float = 0.0) -> Floats:
-    """M⁻¹N(y, y) of every sphere, (N, 3), for a field (N, 3) in any unit, of which it is the square.
+def quadratic_acceleration(
+    sheet: Sheet, bonds: tuple[Floats, Floats, Floats], gathered: Floats | float = 0.0
+) -> Floats:
+    """M⁻¹N(y, y) of every sphere, (N, 3), from the `elongations` of a field y in any unit, of which it is the square.
 
     gathered (6, N) is the bracket of S₂, which counts where η > 0.
     """
     kappa, h = stiffness_ratio(sheet.poisson_ratio), sheet.slenderness
-    stretch, sideways, slide = elongations(sheet, field)
+    stretch, sideways, slide = bonds
     slip = -kappa * (0.5 * stretch * slide + h * gathered)
     normal = -0.25 * stretch**2 + h * sideways * (0.5 * sideways - kappa * slide)
     shear = slip + h * sideways * stretch
@@ -172,7 +175,7 @@ def evolve(
     def swing(time: float) -> tuple[Floats, Floats]:
         return np.cos(actual * time), time * np.sinc(actual * time / np.pi) * gain
 
-    def gathering(time: float, stretch: Floats, sideways: Floats) -> Floats:
+    def gathering(time: float, sideways: Floats) -> Floats:
         """δT dδN/dτ of the contacts."""
         rate = gain * np.cos(actual * time) * push - actual * np.sin(actual * time) * start
         return sideways * elongations(sheet, sheet.field(rate))[0]
@@ -180,23 +183,22 @@ def evolve(
     start, push = sheet.shares(field), sheet.shares(rate)
     with_cosine, with_sine = 0.0 * start, 0.0 * start
     first, second = [field], [0.0 * field]
-    stretch, sideways, _ = elongations(sheet, field)
-    gathered = stretch * sideways
+    gathered = np.prod(elongations(sheet, field)[:2], axis=0)  # δT δN
     for before, after in pairwise(times - times[0]):
         edges = np.linspace(before, after, int(np.ceil((after - before) / step - 1e-9)) + 1)
         half = (edges[1] - edges[0]) / 2
         for middle in (edges[1:] + edges[:-1]) / 2:
             swings = [swing(middle + point * half) for point in POINTS]
-            fields = [sheet.field(cosine * start + sine * push) for cosine, sine in swings]
+            bonds = [elongations(sheet, sheet.field(cosine * start + sine * push)) for cosine, sine in swings]
             so_far = np.zeros((4, 1, 1))
             if sheet.overlap_ratio:
-                bonds = [elongations(sheet, each)[:2] for each in fields]
+                sideways = (bond[1] for bond in bonds)
                 gained = half * np.array(
-                    [gathering(middle + p * half, *bond) for p, bond in zip(POINTS, bonds, strict=True)]
+                    [gathering(middle + p * half, each) for p, each in zip(POINTS, sideways, strict=True)]
                 )
                 so_far = gathered + np.tensordot(UP_TO, gained, axes=1)
                 gathered = gathered + np.tensordot(WEIGHTS, gained, axes=1)
-            for (cosine, sine), each, known, weight in zip(swings, fields, so_far, WEIGHTS * half, strict=True):
+            for (cosine, sine), each, known, weight in zip(swings, bonds, so_far, WEIGHTS * half, strict=True):
                 force = sheet.shares(quadratic_acceleration(sheet, each, known))
                 with_cosine += weight * cosine * force
                 with_sine += weight * sine * force

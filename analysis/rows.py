@@ -12,6 +12,8 @@ from granular_lmp.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 
+AIRY = 3.5  # widths d^{1/3}, after d rows, ahead of a front at which the lattice moves by 1e-6 of the wave
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -60,4 +62,4 @@ def rows_of(record: Record) -> Rows:
 def echo(distance: ArrayLike) -> Floats:
     """τ after which a signal that has run so many rows is heard to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
     rows = np.asarray(distance, dtype=float)
-    return 2 * np.maximum(rows - 3.5 * np.cbrt(rows), 0)
+    return 2 * np.maximum(rows - AIRY * np.cbrt(rows), 0)

@@ -30,6 +30,12 @@ RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
 
 
+def rest_of(particles: Any) -> Floats:
+    """Positions (N, 2) at rest of the spheres of a run, in lattice constants."""
+    sphere = particles.scene.sphere
+    return particles.rest * sphere.radius / sphere.lattice_constant
+
+
 def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
     """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
     return np.concatenate([particles.stack(moved), particles.stack(turned)[..., None]], axis=-1)
@@ -90,7 +96,7 @@ def compare(record: Record) -> Comparison:
     if np.isnan(fields[..., 2]).any():
         raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
     sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
-    if not np.allclose(particles.rest / (2 * (1 - sphere.overlap_ratio)), sheet.rest, rtol=0, atol=1e-6):
+    if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
         raise ValueError("the spheres at rest are not where this theory has them, row by row")
     # Of a run to a tolerance the snapshots are of the finest step, which their own scene says
     linear, second = evolve(sheet, fields[0], rates[0], particles.tau, timestep=particles.scene.time.step)

@@ -29,7 +29,7 @@ from scipy.optimize import least_squares
 from analysis import second_harmonic as closed
 from analysis.effects import sweep
 from analysis.plotting import COLOURS, parser, save
-from analysis.theories import OBLIQUE, Wave, holding
+from analysis.theories import OBLIQUE, Wave, holding, physics_of
 from granular_lmp.record import Record
 
 Floats = NDArray[np.float64]
@@ -246,11 +246,12 @@ def refusal(record: Record) -> str | None:
     """Why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
-    if Wave.of(record).physics.form != "running":
+    physics = physics_of(record)
+    if physics.form != "running":
         return "its wave is no running plane wave"
-    if OBLIQUE in Wave.of(record).physics.beyond_the_paper:
+    if OBLIQUE in physics.beyond_the_paper:
         return "its wave is not along y, as those of the closed form are; analysis.oblique takes it"
-    if "second-order" not in holding(Wave.of(record).physics):
+    if "second-order" not in holding(physics):
         return "the closed form leaves out what its contacts do"
     return None
 

@@ -23,7 +23,7 @@ from PIL import Image
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.packing import lattice_constant
 from granular_lmp.particles import Particles, Spheres
-from granular_lmp.plots import Picture, draw_signals, moving, title
+from granular_lmp.plots import Picture, draw_signals, signals_to_draw, title
 from granular_lmp.record import Record
 from granular_lmp.wavevector import ROW_SPACING, WaveVector
 
@@ -187,7 +187,7 @@ class _Scenery:
         magnify: float | None,
         rows: int | None,
     ):
-        names = moving(record.signals)
+        names = signals_to_draw(record.signals)
         self.record, self.names = record, names
         self.figure = Picture(figsize=(8.0, 5.0), layout="constrained")
         grid = self.figure.add_gridspec(len(names), 2, width_ratios=[1.0, 1.3])

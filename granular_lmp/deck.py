@@ -189,8 +189,7 @@ variable tau    equal step*v_step/v_t0"""
 
 _FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
 
-_LATTICE = (
-    """\
+_LATTICE = """\
 # --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        <style>
 dimension    2
@@ -198,14 +197,11 @@ boundary     p <along_y> p
 atom_style   <atom_style>
 atom_modify  map array
 comm_modify  vel yes
-"""
-    + _FIELD
-    + """
+<field>
 read_data    ${data} fix wave NULL wave
 <mass>
 group        mobile type 1
 neighbor     <skin> bin"""
-)
 
 _CONTACTS = """\
 # --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
@@ -298,7 +294,7 @@ def _blocks(scene: Scene) -> tuple[str, ...]:
 
 
 def _resumed(scene: Scene) -> tuple[str, ...]:
-    drive = (_FIELD, _DRIVE) if scene.wave.form == "driven" else ()
+    drive = ("<field>", _DRIVE) if scene.wave.form == "driven" else ()
     return (
         "# <title>: continues from <from>\nlog <log> append",
         _VARIABLES,
@@ -333,6 +329,8 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
         "name": scene.name,
         "style": units.style,
         "units": units.names,
+        "field": _FIELD,
+        "ramp": _RAMP if scene.wave.form == "driven" else "",
         "guards": "\n".join(watched),
         "dump": DUMP,
         "snapshots": PARTICLES,
@@ -345,6 +343,9 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
     }
     measured = {
         "amplitude": scene.wave.amplitude,
+        "phase": scene.wave.phase,
+        "frequency": mode.frequency,
+        "switch_on": scene.envelope.ramp,
         "timestep": time.timestep,
         "sample": time.sample,
         "particles": scene.output.particles,
@@ -355,9 +356,6 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
         "skin": units.number(sphere.radius / 10, length=1),
     }
     optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
-    driven = scene.wave.form == "driven"
-    optional = optional | {"ramp": _RAMP if driven else ""}
-    measured |= {"frequency": mode.frequency, "phase": scene.wave.phase, "switch_on": scene.envelope.ramp}
     numbers = {name: repr(value) for name, value in measured.items()}
     return plain | optional | numbers | effects.values(scene, chosen, units)
 

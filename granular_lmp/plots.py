@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.modes import Physics, bloch_mode, mode_of
+from granular_lmp.rounding import moving
 from granular_lmp.scene import Scene
 from granular_lmp.wavevector import WaveVector, zone_edge
 
@@ -25,8 +26,6 @@ LINES = {
 ROTATION = {"phi": r"$\varphi = R\theta/D_0$"}
 ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION
 OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION
-# Of the largest signal: what a symmetry makes zero is rounding, 1e-9, and would fill a panel of its own with noise
-_STILL = 1e-7
 
 
 class Picture(Figure):
@@ -38,11 +37,10 @@ class Picture(Figure):
         return stream.getvalue()
 
 
-def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Names of the signals that are worth a panel: not zero by symmetry, and known; p always."""
-    sizes = {name: float(np.max(np.abs(values), initial=0.0)) for name, values in signals.items()}
-    largest = max(size for size in sizes.values() if np.isfinite(size))
-    return [name for name, size in sizes.items() if name == "p" or size > _STILL * largest]
+def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Names of the signals that are worth a panel: those that move; p always."""
+    worth = {"p", *moving(signals)}
+    return [name for name in signals if name in worth]
 
 
 def draw_signals(
@@ -66,17 +64,16 @@ def title(scene: Scene) -> str:
     """Name, mode and kind of wave, ξ and direction that are used, and amplitude."""
     wave = scene.wave
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
-    form = "" if wave.form == "running" else f" {wave.form}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
-        rf"{scene.name}: {wave.mode}{form}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"{scene.name}: {wave.words}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 
 
 def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
     """p, q, φ of the centre sphere over τ, those that move."""
-    names = moving(signals)
+    names = signals_to_draw(signals)
     figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
     draw_signals(panels, tau, signals, names, scene)

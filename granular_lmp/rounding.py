@@ -4,13 +4,26 @@ LAMMPS adds displacements of a fraction of the static overlap, 1e-10 m, to posit
 are left for the displacement of the farthest sphere.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.modes import mode_of
 from granular_lmp.scene import Scene
 from granular_lmp.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.units import units_for
 from granular_lmp.wavevector import ROW_SPACING
+
+# Of the largest signal. What a symmetry makes zero is rounding, 1e-9 of it
+_STILL = 1e-7
+
+
+def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Names of the signals that are known and not zero by symmetry."""
+    sizes = {name: float(np.max(np.abs(values), initial=0.0)) for name, values in signals.items()}
+    largest = max(size for size in sizes.values() if np.isfinite(size))
+    return [name for name, size in sizes.items() if size > _STILL * largest]
 
 
 def position_rounding(scene: Scene, lattice_constants: float) -> float:

@@ -247,16 +247,14 @@ class Scene:
     @property
     def wave_label(self) -> str:
         """The wave in the fewest words, for a repr: "TR xi=0.802 a=0.2"."""
-        form = "" if self.wave.form == "running" else f" {self.wave.form}"
         along = "" if self.along == "y" else f" along {self.along}"
-        return f"{self.wave.mode}{form} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+        return f"{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
     @property
     def wave_words(self) -> str:
         """The wave in a few words, for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
-        form = "" if self.wave.form == "running" else f" {self.wave.form}"
         return (
-            f"{self.wave.mode}{form} {self.envelope.kind} along {self.along}, xi = {self.wavenumber!r} rad per row, "
+            f"{self.wave.words} {self.envelope.kind} along {self.along}, xi = {self.wavenumber!r} rad per row, "
             f"D0 = {self.wave.amplitude!r} Delta0"
         )
 

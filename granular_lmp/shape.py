@@ -6,7 +6,6 @@ the walls must be farther from the centre than the wave runs; a periodic cell ha
 2πk/rows and 2πk/columns only.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal
@@ -132,7 +131,10 @@ def quiet_rows(duration: float, *, driven: bool = False) -> int:
     return max(rows, 5)
 
 
-def smallest_cell(advance: float, tolerance: float, counts: Iterable[int]) -> int:
+def smallest_cell(advance: float, tolerance: float, counts: range) -> int:
     """The first of these numbers of rows (columns) with a 2πk/count this near to a phase advance; else the nearest."""
-    distance = {count: abs(snapped(advance, count) - advance) for count in counts}
-    return next((count for count in distance if distance[count] <= tolerance), min(distance, key=distance.__getitem__))
+
+    def distance(count: int) -> float:
+        return abs(snapped(advance, count) - advance)
+
+    return next((count for count in counts if distance(count) <= tolerance), None) or min(counts, key=distance)

@@ -89,6 +89,11 @@ class Wave:
     )
 
     @property
+    def words(self) -> str:
+        """Mode and form: "TR", "TR standing"."""
+        return self.mode if self.form == "running" else f"{self.mode} {self.form}"
+
+    @property
     def degrees(self) -> float:
         """The direction in degrees from x towards y."""
         return DIRECTIONS[self.direction] if isinstance(self.direction, str) else self.direction

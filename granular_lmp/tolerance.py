@@ -44,6 +44,7 @@ from granular_lmp.record import (
     scene_digest,
     write_status,
 )
+from granular_lmp.rounding import moving
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_errors, with_step
 
@@ -53,7 +54,6 @@ LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
 _MISJUDGED, _UNKNOWN = 2.0, 4.0
 _SECOND_ORDER = 3.0  # differences of three runs go as 4 : 1 for an error of second order, as 2 : 1 for one of first
 
-_STILL = 1e-7  # of the largest signal: less is what rounding leaves where a symmetry makes it zero
 
 OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
 
@@ -164,7 +164,7 @@ def estimate(records: list[Record]) -> dict[str, float]:
     newer = richardson(coarse, records[-1], exponent)
     law = step_errors(coarse.scene, coarse.scene.time.step) if coarse.scene.plane_along_y else {}
     law = {name: error for name, error in law.items() if not np.isnan(getattr(newer, name)).any()}  # not tracked: φ
-    names = list(law) or _moving(newer)
+    names = list(law) or moving(newer.signals)
     found = {name: newer.info["error_estimate"][name] or 0.0 for name in names}
     if len(records) == 2:
         if first_order or not law:
@@ -183,13 +183,6 @@ def estimate(records: list[Record]) -> dict[str, float]:
         for name, error in turning_errors(coarse.scene, coarse.scene.time.step).items():
             result[name] = result.get(name, 0.0) + error / 3
     return result
-
-
-def _moving(record: Record) -> list[str]:
-    """Names of the signals that are known and not zero by symmetry."""
-    sizes = {name: float(np.linalg.norm(values)) for name, values in record.signals.items()}
-    largest = max(size for size in sizes.values() if np.isfinite(size))
-    return [name for name, size in sizes.items() if size > _STILL * largest]
 
 
 def _of_two(law: StepError, found: float) -> float:

@@ -14,7 +14,7 @@ from granular_lmp import Record, Scene, crystal, run, view
 from granular_lmp.cli import _parser, main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.particles import Particles
-from granular_lmp.plots import moving
+from granular_lmp.plots import signals_to_draw
 from granular_lmp.scene import assignment, note
 from granular_lmp.sweep import Sweep, sweep
 
@@ -129,7 +129,7 @@ def test_an_l_wave_has_no_rotation_to_be_coloured_by(small: Scene, tmp_path: Pat
     assert "angles" not in axes.get_xlabel()
     with pytest.raises(ViewError, match=r"colour = 'rotation': the run holds no angles"):
         drawn(tmp_path / "run", colour="rotation")
-    assert moving(Record.load(tmp_path / "run").signals) == ["p"]
+    assert signals_to_draw(Record.load(tmp_path / "run").signals) == ["p"]
 
 
 @pytest.mark.parametrize(
