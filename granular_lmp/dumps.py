@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import Deck
+from granular_lmp.outputs import DUMP
 from granular_lmp.packing import centre
 from granular_lmp.record import TRAJECTORY, Record
 from granular_lmp.units import units_for
@@ -110,7 +111,8 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     phi = np.arctan2(rows[:, 3], rows[:, 2]) * radius / d0 if rows.shape[1] == 4 else record.phi
     kept = replace(record, p=y, q=-x, phi=phi)
     kept.write_csv(record.folder / TRAJECTORY)
-    path.unlink()
+    for stale in (path, record.folder / DUMP):  # the trajectory is no longer that of the dump of the centre sphere
+        stale.unlink()
     return kept
 
 

@@ -216,7 +216,7 @@ def select(scene: Scene) -> list[Effect]:
         case, possible = Case(scene, dict(on)), on.get(row.needs, True)
         finding = row.rule(case) if possible else Finding(False, 0.0, f"needs {row.needs}, which is off")
         on[row.name] = _is_on(row, scene, finding.called_for, possible)
-        guard = row.guard if possible and (row.always or not on[row.name]) else ""
+        guard = _guard(row, on)
         loss = (row.loss if isinstance(row.loss, str) else row.loss(case)) if finding.called_for else "nothing"
         switch = row.switch or f"effects.{row.name}"
         chosen.append(Effect(row.name, switch, on[row.name], *finding, guard=guard, cost=row.cost, loss=loss))
@@ -225,6 +225,24 @@ def select(scene: Scene) -> list[Effect]:
         if reason:
             raise SceneError(reason)
     return chosen
+
+
+def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
+    """Return for each effect whether it is on, and the guard that the deck has for it ("": none).
+
+    The scene is one whose every "auto" is decided (`resolve`): no rule is asked.
+    """
+    on: dict[str, bool] = {}
+    found = {}
+    for row in ROWS:
+        on[row.name] = row.declared(scene) if row.declared else getattr(scene.effects, row.name) is True
+        found[row.name] = on[row.name], _guard(row, on)
+    return found
+
+
+def _guard(row: Row, on: Mapping[str, bool]) -> str:
+    """Return the guard that watches an effect, which is on or off as the mapping says; "" where none is needed."""
+    return row.guard if on.get(row.needs, True) and (row.always or not on[row.name]) else ""
 
 
 def _is_on(row: Row, scene: Scene, called_for: bool, possible: bool) -> bool:

@@ -94,8 +94,16 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
 
 
 def scene_hash(scene: Scene) -> str:
-    """Name of the run of a scene: 16 hexadecimal digits of the SHA-256 of its sorted JSON, without its name."""
-    values = concrete(scene).to_dict() | {"name": None}
+    """Name of the run of a scene: the `concrete_hash` of what its defaults and choices come to."""
+    return concrete_hash(concrete(scene))
+
+
+def concrete_hash(scene: Scene) -> str:
+    """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name.
+
+    The scene is one whose every choice is made, as that of a run folder.
+    """
+    values = scene.to_dict() | {"name": None}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from granular_lmp.agreement import refuse_other_scene
 from granular_lmp.deck import Deck, build, resume_text, writable
 from granular_lmp.errors import (
     EffectError,
@@ -44,7 +45,7 @@ from granular_lmp.outputs import (
     read_log,
     replace_text,
 )
-from granular_lmp.record import TRAJECTORY, Record, read_status, refuse_other_scene, write_status
+from granular_lmp.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.status import description, outcome, woken
 

@@ -7,7 +7,6 @@ scripts may import.
 """
 
 import csv
-import hashlib
 import io
 import json
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.outputs import DUMP, SCENE, read_dump, replace_text
@@ -33,7 +33,7 @@ TRAJECTORY = "trajectory.csv"
 # The objects of run.json, and what each of their entries holds at least
 _ENTRIES: dict[str, set[str]] = {
     "effects": {"on", "called_for", "guard"},
-    "guards": {"effect", "quiet", "value", "meaning"},
+    "guards": {"effect", "quiet", "value", "meaning", "judges"},
     "versions": set(),
     "wall_seconds": set(),
 }
@@ -71,14 +71,16 @@ class Record:
         Raises
         ------
         RunFolderError
-            When a file is missing or malformed, or the run did not finish, unless `unfinished` runs are wanted too.
+            When a file is missing or malformed, files disagree with each other (`granular_lmp.agreement`), or the run
+            did not finish, unless `unfinished` runs are wanted too.
         """
         folder = Path(folder)
         info = read_status(folder)
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
-        scene = Scene.load(folder / SCENE)
         refuse_other_scene(folder, info)
+        scene = Scene.load(folder / SCENE)
+        refuse_other_physics(folder, info, scene)
         try:
             text = (folder / TRAJECTORY).read_text(encoding="utf-8")
             if not text.endswith("\n"):
@@ -93,7 +95,11 @@ class Record:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
         except (OSError, ValueError, IndexError, csv.Error) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
-        return cls(tau, p, q, phi, scene, info, folder)
+        record = cls(tau, p, q, phi, scene, info, folder)
+        if (folder / DUMP).is_file():
+            dumped, whole = cls.from_dump(folder, scene), info["status"] == "finished"
+            refuse_other_trajectory(folder / TRAJECTORY, record.columns, dumped.columns, whole=whole)
+        return record
 
     @classmethod
     def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
@@ -123,6 +129,11 @@ class Record:
     def signals(self) -> dict[str, NDArray[np.float64]]:
         """p, q, φ by name."""
         return {"p": self.p, "q": self.q, "phi": self.phi}
+
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """τ, p, q, φ by name: the columns of ``trajectory.csv``."""
+        return {"tau": self.tau} | self.signals
 
     def particles(self) -> Particles:
         """The snapshots of all spheres.
@@ -211,18 +222,6 @@ def read_status(folder: str | Path) -> dict[str, Any]:
     if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
         raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
     return info
-
-
-def scene_digest(text: str) -> str:
-    """What ``run.json`` keeps of the ``scene.toml`` that was run: the SHA-256 of its text."""
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
-    """RunFolderError if the folder's scene is not the one that was run."""
-    said = info.get("scene_sha256")
-    if said is not None and said != scene_digest((folder / SCENE).read_text(encoding="utf-8")):
-        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:

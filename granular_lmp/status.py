@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
+from granular_lmp.agreement import scene_digest
 from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import Deck
 from granular_lmp.effects import warnings
 from granular_lmp.guards import GUARDS
 from granular_lmp.outputs import LOG, read_log
-from granular_lmp.record import Record, scene_digest
+from granular_lmp.record import Record
 from granular_lmp.scene import Scene
 
 

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.deck import writable
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
-from granular_lmp.grid import points, scene_hash
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.grid import concrete_hash, points, scene_hash
 from granular_lmp.launch import locked
-from granular_lmp.outputs import replace_text
+from granular_lmp.outputs import SCENE, replace_text
 from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import planned_steps
@@ -75,7 +75,7 @@ class Sweep:
         Raises
         ------
         RunFolderError
-            When the folder holds no sweep.
+            When the folder holds no sweep, or in the folder of a run is that of another scene.
         SceneError
             When its scene is not one of this version.
         """
@@ -95,8 +95,16 @@ class Sweep:
         return np.array(values, dtype=float if numbers else None)
 
     def record(self, row: Point) -> Record:
-        """The record of the run of a row."""
-        return Record.load(self.folder / row["run"])
+        """The record of the run of a row.
+
+        Raises
+        ------
+        RunFolderError
+            When the folder holds no finished run, or that of another scene.
+        """
+        folder = self.folder / row["run"]
+        _refuse_other_point(folder)
+        return Record.load(folder)
 
     def having(self, status: str) -> list[Point]:
         """Rows of this status."""
@@ -175,7 +183,8 @@ def sweep(
     SceneError
         For a key or a value that does not fit, before anything is written.
     RunFolderError
-        When the folder is there and is not that of this sweep (without `force`), or another sweep is at work in it.
+        When the folder is there and is not that of this sweep (without `force`), when another sweep is at work in it,
+        or in the folder of a run is that of another scene.
     RunInterrupted
         On Ctrl-C; what is finished is kept.
     """
@@ -351,9 +360,34 @@ def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list
     return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
 
 
+def _refuse_other_point(folder: Path) -> None:
+    """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
+
+    A scene that cannot be read is left to `Record.load`.
+    """
+    try:
+        scene = Scene.load(folder / SCENE)
+    except SceneError:
+        return
+    name = concrete_hash(scene)
+    if name != folder.name:
+        raise RunFolderError(
+            f"{folder}: holds the run of another scene ({scene.wave_label}), that of {RUNS}/{name}; "
+            "move it there, or away, and start the sweep again"
+        )
+
+
 def _row(folder: Path) -> Point:
-    """What the table says of a run folder, or of one that is not there."""
+    """What the table says of a run folder, or of one that is not there.
+
+    Raises
+    ------
+    RunFolderError
+        When it holds the run of another scene: to run it again would destroy that.
+    """
     info = _status(folder)
+    if info:
+        _refuse_other_point(folder)
     if info.get("status") != "finished":
         return _summary(info, None)
     try:

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy import richardson
+from granular_lmp.agreement import scene_digest
 from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import order
 from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
 from granular_lmp.outputs import SCENE, replace_text
-from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, scene_digest, write_status
+from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.steplaw import sizes
 
 RUNS = "runs"

@@ -30,6 +30,7 @@ import numpy as np
 
 from granular_lmp import launch
 from granular_lmp.accuracy import richardson
+from granular_lmp.agreement import refuse_other_scene, scene_digest
 from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import writable
 from granular_lmp.effects import order, resolve
@@ -40,8 +41,6 @@ from granular_lmp.record import (
     TRAJECTORY,
     Record,
     read_status,
-    refuse_other_scene,
-    scene_digest,
     write_status,
 )
 from granular_lmp.rounding import moving

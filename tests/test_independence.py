@@ -82,7 +82,7 @@ rounding
 guards
 wave rules datafile
 effects
-grid steplaw
+grid steplaw agreement
 deck plots
 particles
 record

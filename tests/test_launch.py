@@ -348,6 +348,16 @@ def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_pa
         assert table["v_spread"].max() == 4e-12
 
 
+def test_what_a_continuation_writes_again_replaces_what_the_log_had_of_it(tmp_path: Path) -> None:
+    # The run was killed at step 100; its last checkpoint, from which it went on, was that of step 50
+    head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
+    lines = [head, "0 0 1e-12", "50 0 2e-12", "100 0 3e-12", head, "50 0 4e-12", "100 0 5e-12", "150 0 6e-12", end, ""]
+    (tmp_path / "log").write_text("\n".join(lines))
+    table, _ = read_log(tmp_path / "log")
+    assert table["Step"].tolist() == [0, 50, 100, 150]
+    assert table["v_spread"].tolist() == [1e-12, 4e-12, 5e-12, 6e-12]
+
+
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     table, seconds = read_log(tmp_path / "run" / "log.lammps")
