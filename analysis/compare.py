@@ -4,14 +4,17 @@
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
-walls, rounding. Each run gets a figure ``compare.png`` in its folder. A theory that leaves out what the scene has is
-refused; a run with physics that none here holds, contacts that slide or open, is compared with nothing, and a note says
-so. So is a run that is no running plane wave; the note names the script that compares it.
+walls, rounding. Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs
+between their scenes. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a
+key of the scene that stands in no line of `analysis.catalogue`. A run whose contacts slide or open, which LAMMPS alone
+holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that has
+a theory of it.
 """
 
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,19 +23,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.catalogue import script_for
 from analysis.norms import relative_error
 from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theories import (
     ALONG_Y,
-    BEYOND_ALL,
-    FORMS,
-    LEAVES_OUT,
-    OBLIQUE,
     THEORIES,
     TheoryError,
     Wave,
     best,
+    beyond,
     drive_cancels,
     holding,
     trajectory,
@@ -52,6 +53,8 @@ class Comparison:
 
     Attributes
     ----------
+    folder : str or None
+        Of the run, as it was given; None for a record that is in no folder.
     direction : float
         Of k, degrees from a close-packed row; 90 is y.
     theory : str or None
@@ -69,6 +72,7 @@ class Comparison:
         Why the comparison does not mean what it seems to.
     """
 
+    folder: str | None
     name: str
     mode: str
     wavenumber: float
@@ -83,6 +87,11 @@ class Comparison:
     notes: list[str]
     budget: list[dict[str, Any]]
 
+    @property
+    def run(self) -> str:
+        """The run in words: its folder, else the name of its scene."""
+        return self.folder or self.name
+
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best for its wave.
@@ -94,6 +103,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     name = theory or (best(wave, record.tau) if covered else None)
     measured, fit_error = measured_amplitude(record, wave)
     return Comparison(
+        folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
         mode=wave.mode.name,
         wavenumber=wave.mode.wavenumber,
@@ -117,13 +127,12 @@ def notes(record: Record) -> list[str]:
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     physics = Wave.of(record).physics
-    present = physics.beyond_the_paper & BEYOND_ALL - set(FORMS)
-    if present:
-        named = " and ".join(sorted(present))
-        loud.append(f"{named} of contacts is in no theory here: the run is compared with nothing")
-    if physics.form in FORMS:
-        words, script = FORMS[physics.form]
-        loud.append(f"{words} is compared " + (f"by `python -m {script}`, here " if script else "") + "with nothing")
+    if not holding(physics):
+        script = script_for(physics.traits)
+        loud.append(
+            f"no theory here holds {', '.join(beyond(physics))}: the run is compared with nothing"
+            + (f"; `python -m {script}` has a theory of it" if script else "")
+        )
     echo = record.scene.echo_time
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
@@ -136,7 +145,7 @@ def predicted_amplitude(wave: Wave) -> float | None:
     None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
     harmonic is three waves, in p, q and φ, not one amplitude.
     """
-    if (LEAVES_OUT["second-order"] | {OBLIQUE}) & wave.physics.beyond_the_paper:
+    if "second-order" not in holding(wave.physics) or wave.physics.direction != ALONG_Y:
         return None
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
@@ -187,25 +196,56 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
 
 def table(comparisons: list[Comparison]) -> str:
     """The comparisons as text, two lines a run: against theory, against the exact lattice; then the notes."""
+    width = max([len("run"), *(len(c.run) for c in comparisons)])
     titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'fit ±':>9}{'predicted':>11}"
-    lines = [f"{'run':18}{'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
+    lines = [f"{'run':{width}} {'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
     for c in comparisons:
-        head = f"{c.name:18.18}{c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
+        head = f"{c.run:{width}} {c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
         measured = f"{'-':>12}{'-':>9}" if c.measured is None else f"{c.measured:12.4g}{c.fit_error:9.0e}"
         predicted = f"{'-':>11}" if c.predicted is None else f"{c.predicted:11.4g}"
         lines.append(f"{head}  {c.theory or '-':15}{_cells(c.error)}   {measured}{predicted}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
-    lines += [f"note on {c.name}: {note}" for c in comparisons for note in c.notes]
+    lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
         lines += budget_lines(c)
     return "\n".join(lines)
+
+
+def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
+    """Return the values of all runs, in their order, for each key of the scene that is not the same in all.
+
+    A key that a scene does not have, a time step beside a tolerance, has the value None there.
+    """
+    scenes = [
+        {
+            f"{table}.{key}": value
+            for table, values in tables.items()
+            if table != "name"
+            for key, value in values.items()
+        }
+        for tables in (record.scene.to_dict() for record in records)
+    ]
+    keys = dict.fromkeys(key for scene in scenes for key in scene)
+    values = {key: [scene.get(key) for scene in scenes] for key in keys}
+    return {key: row for key, row in values.items() if any(value != row[0] for value in row)}
+
+
+def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison]) -> list[str]:
+    """Return what differs between the scenes of several runs, a line each; nothing for one run or equal scenes."""
+    found = differences(records)
+    if not found:
+        return []
+    lines = ["", "what differs between the scenes:"]
+    for number, comparison in enumerate(comparisons):
+        lines.append(f"  {comparison.run}: " + ", ".join(f"{key} = {row[number]!r}" for key, row in found.items()))
+    return lines
 
 
 def budget_lines(comparison: Comparison) -> list[str]:
     """The error budget that the run estimated for itself, * at the largest of p, q and phi; nothing if it has none."""
     if not comparison.budget:
         return []
-    lines = ["", f"error budget of {comparison.name:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
+    lines = ["", f"error budget of {comparison.run:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
     for source in comparison.budget:
         cells = "".join(
             f"{'0' if source[name] is None else format(source[name], '.1e'):>9}"
@@ -227,7 +267,7 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     Raises TheoryError for a comparison without a theory.
     """
     if comparison.theory is None:
-        raise TheoryError(f"theory = None: {comparison.name} is compared with nothing")
+        raise TheoryError(f"theory = None: {comparison.run} is compared with nothing")
     theory = trajectory(comparison.theory, Wave.of(record), record.tau)
     along_y = comparison.direction == ALONG_Y
     labels = LABELS if along_y else OBLIQUE_LABELS
@@ -267,16 +307,15 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
     parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
     options = parser.parse_args(argv)
-    comparisons = []
-    for folder in options.runs:
-        record = load(folder, unfinished=options.force)
+    comparisons, records = [], [load(folder, unfinished=options.force) for folder in options.runs]
+    for folder, record in zip(options.runs, records, strict=True):
         try:
             comparisons.append(compare(record, options.theory))
         except TheoryError as error:
             raise SystemExit(f"{folder}: {error}") from error
         if comparisons[-1].theory:
             save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
-    print(table(comparisons))
+    print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:
         write(Path(options.json), json.dumps([asdict(c) for c in comparisons], indent=2) + "\n")
     return 0

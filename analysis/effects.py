@@ -19,10 +19,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.catalogue import OBLIQUE, missing
 from analysis.compare import measured_amplitude
 from analysis.plotting import load, parser, save
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
-from analysis.theories import OBLIQUE, Physics, Wave, holding, physics_of, trajectory
+from analysis.theories import Physics, Wave, holding, physics_of, trajectory
 from granular_lmp.record import STATUS, Record
 
 # Told apart by marker and dashes without colour.
@@ -122,9 +123,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.error(f"{empty[0]}: no sweep with finished runs")
     for record in (record for records in sweeps for record in records):
         physics = physics_of(record)
-        if "exact-lattice" not in holding(physics):
-            options.error(f"{record.folder}: the exact lattice leaves out what its contacts or its wave do")
-        if OBLIQUE in physics.beyond_the_paper:
+        if left_out := missing("exact-lattice", physics.traits):
+            options.error(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
+        if OBLIQUE in physics.traits:
             options.error(f"{record.folder}: its wave is not along y, as those drawn are; analysis.oblique takes it")
     save(draw(sweeps), chosen.output)
     return 0

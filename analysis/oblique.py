@@ -23,12 +23,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import directions
+from analysis.catalogue import missing
 from analysis.effects import sweep
 from analysis.norms import relative_error
 from analysis.plotting import parser, save
 from analysis.quasilinear import component, in_frame
 from analysis.sheets import fields_of, rest_of
-from analysis.theories import Physics, holding, physics_of
+from analysis.theories import Physics, physics_of
 from granular_lmp.record import GranularError, Record
 
 Floats = NDArray[np.float64]
@@ -102,13 +103,8 @@ def predicted(
 
 def refusal(record: Record) -> str | None:
     """Why a run is not one of these, or None."""
-    if record.scene.wave.form != "running" or record.scene.envelope.finite:
-        return "its wave is not a running plane wave"
-    if record.scene.shape.ends != "periodic":
-        return "its cell is not periodic"
-    if "second-order" not in holding(physics_of(record)):
-        return "the general formula leaves out what its contacts do"
-    return None
+    left_out = missing("analysis.oblique", physics_of(record).traits)
+    return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 
 
 def points(records: Iterable[Record]) -> list[Point]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.catalogue import missing
 from analysis.plotting import load
 from analysis.theories import physics_of
 from granular_lmp.record import GranularError, Record
@@ -33,18 +34,16 @@ class Rows:
 def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     """A run whose wave, along y, has the form, and the motion of its rows.
 
-    Raises SystemExit with one line for another form, an envelope, a run without snapshots, and physics that is not in
-    the second order.
+    Raises SystemExit with one line for another form, a run without snapshots, and physics that the theory of the form
+    does not hold.
     """
     record = load(folder)
     found = record.scene.wave.form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
-    if record.scene.envelope.finite:
-        raise SystemExit(f"{folder}: its wave has an envelope; the theory is that of a plane wave")
-    missing = physics_of(record).beyond_the_paper - {form, "incremental", "finite"}
-    if missing:
-        raise SystemExit(f"{folder}: the theory leaves out {', '.join(sorted(missing))}, which this run has")
+    left_out = missing(f"analysis.{form}", physics_of(record).traits)
+    if left_out:
+        raise SystemExit(f"{folder}: the theory leaves out {', '.join(left_out)}, which this run has")
     try:
         return record, rows_of(record)
     except GranularError as error:

@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from analysis.catalogue import missing
 from analysis.directions import Floats
 from analysis.plotting import load, parser, save
 from analysis.quasilinear import ROW, Sheet, evolve, in_frame
@@ -106,13 +107,9 @@ def compare(record: Record) -> Comparison:
 
 def refuse(record: Record) -> None:
     """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
-    physics = physics_of(record)
-    present = sorted(physics.beyond_the_paper & {"damping", "incremental", "opening", "sliding"})
-    present += [f"no {name}" for name in ("shear", "rotation") if not getattr(physics, name)]
-    present += ["compression of the contacts at rest"] if physics.prestress else []
-    present += ["rows held at the ends"] if record.scene.shape.ends != "periodic" else []
-    if present:
-        raise ValueError(f"{', '.join(present)}: the theory of sheets leaves that out")
+    left_out = missing("analysis.sheets", physics_of(record).traits)
+    if left_out:
+        raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
 
 
 def relative(estimate: Floats, reference: Floats, axis: tuple[int, ...] | None = None) -> Floats:

@@ -27,9 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from analysis import second_harmonic as closed
+from analysis.catalogue import OBLIQUE, missing
 from analysis.effects import sweep
 from analysis.plotting import COLOURS, parser, save
-from analysis.theories import OBLIQUE, Wave, holding, physics_of
+from analysis.theories import Wave, physics_of
 from granular_lmp.record import Record
 
 Floats = NDArray[np.float64]
@@ -246,14 +247,10 @@ def refusal(record: Record) -> str | None:
     """Why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
-    physics = physics_of(record)
-    if physics.form != "running":
-        return "its wave is no running plane wave"
-    if OBLIQUE in physics.beyond_the_paper:
+    left_out = missing("analysis.spectrum", physics_of(record).traits)
+    if OBLIQUE in left_out:
         return "its wave is not along y, as those of the closed form are; analysis.oblique takes it"
-    if "second-order" not in holding(physics):
-        return "the closed form leaves out what its contacts do"
-    return None
+    return f"the closed form leaves out {', '.join(left_out)}" if left_out else None
 
 
 def table(points: Sequence[Point], records: Sequence[Record]) -> str:

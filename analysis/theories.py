@@ -10,24 +10,24 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | hierarchy | all waves to order a⁶, every law | once any correction has grown large: long times |
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
-A scene may call for other physics than the paper's (`Physics`). All five hold compression in place of adhesion, no
-rotation and no shear; what else one leaves out is in `LEAVES_OUT`. With compression, frequency shift and three waves
-lack corrections of relative order η, as they do without; they are for waves along y only. Contacts that slide or open
-are in none, and what is no running plane wave is compared elsewhere (`FORMS`).
+A scene may call for other physics than the paper's (`Physics`). What each theory holds of it stands in
+`analysis.catalogue`, and nothing else is held. With compression, frequency shift and three waves lack corrections of
+relative order η, as they do without. Contacts that slide or open are in none, and what is no running plane wave is
+compared by other scripts (`catalogue.script_for`).
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
 leaves out what the scene has.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import directions
+from analysis import catalogue, directions
 from analysis.frequency_shift import shifted_second_order
 from analysis.hierarchy import hierarchy, hierarchy_orders
 from analysis.lattice import Effects, Law, torus
@@ -45,15 +45,8 @@ class TheoryError(ValueError):
 
 
 ALONG_Y = 90.0  # degrees
-OBLIQUE = "another direction than y"
-# What is no running plane wave, in words, and the script that compares it with its theory
-FORMS = {
-    "standing": ("a standing wave", "analysis.standing"),
-    "driven": ("a driven wave", "analysis.driven"),
-    "finite": ("a wave with an envelope, or a standing one of another direction,", "analysis.sheets"),
-    "between walls": ("a wave with an envelope between held rows", ""),
-    "driven beam": ("a beam of a driven row", ""),
-}
+# Effects that have a field of their own in `Physics`
+_FIELDS = frozenset({"shear", "rotation", "damping", "sliding", "contact_opening"})
 
 
 @dataclass(frozen=True)
@@ -61,7 +54,8 @@ class Physics:
     """The physics of a run, in the words of `lattice.contact`, whether contacts were let slide or open, and what waves.
 
     prestress is F0/(F0 + adhesive force); viscosity is in m/t0; direction is that of k, degrees from a close-packed row
-    (90: the paper's y); form is "running" or one of `FORMS`.
+    (90: the paper's y); form is that of the scene, and finite says whether the wave has an envelope. others are the
+    names of all traits that have no field here.
     """
 
     poisson_ratio: float
@@ -76,6 +70,8 @@ class Physics:
     opening: bool = False
     direction: float = ALONG_Y
     form: str = "running"
+    finite: bool = False
+    others: frozenset[str] = frozenset()
 
     @property
     def effects(self) -> Effects:
@@ -114,27 +110,32 @@ class Physics:
         )
 
     @property
-    def beyond_the_paper(self) -> frozenset[str]:
-        """What of it not every theory holds, in the words of `LEAVES_OUT`."""
+    def traits(self) -> frozenset[str]:
+        """All that a theory must hold, in the words of `analysis.catalogue`."""
         present = {
-            "damping": self.viscosity > 0 or self.restitution is not None,
-            "incremental": self.law == "incremental",
-            "sliding": self.sliding,
-            "opening": self.opening,
-            OBLIQUE: self.direction != ALONG_Y,
-            **{form: self.form == form for form in FORMS},
+            "effects.shear" if self.shear else catalogue.NO_SHEAR: True,
+            "effects.rotation" if self.rotation else catalogue.NO_ROTATION: True,
+            catalogue.said("effects.shear_law", self.law): self.shear,
+            catalogue.COMPRESSED: self.prestress > 0,
+            catalogue.DAMPING: self.viscosity > 0 or self.restitution is not None,
+            catalogue.SLIDING: self.sliding,
+            catalogue.OPENING: self.opening,
+            catalogue.said("wave.form", self.form): True,
+            catalogue.ENVELOPE: self.finite,
+            catalogue.OBLIQUE: self.direction != ALONG_Y,
         }
-        return frozenset(name for name, there in present.items() if there)
+        return self.others.union(name for name, there in present.items() if there)
 
 
 def physics_of(record: Record) -> Physics:
     """The physics of a run: the one place that knows where scene and ``run.json`` say it.
 
-    A record without ``run.json`` has what its scene has and every effect at its usual.
+    A record without ``run.json`` has the effects that its scene switches, and those that are "auto" at their usual.
     """
     scene, sphere, declared = record.scene, record.scene.sphere, record.scene.effects
-    effects = record.info.get("effects", {})
-    on = {name: effect["on"] for name, effect in effects.items()}
+    effects, guards = record.info.get("effects", {}), record.info.get("guards", {})
+    on = {name: value for name, value in vars(declared).items() if isinstance(value, bool)}
+    on |= {name: effect["on"] for name, effect in effects.items()}
     damped = on.get("damping", True)
     return Physics(
         poisson_ratio=sphere.poisson_ratio,
@@ -146,20 +147,27 @@ def physics_of(record: Record) -> Physics:
         viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
         sliding=on.get("sliding", False),
-        opening=effects.get("contact_opening", {}).get("called_for", False),
+        opening=effects.get("contact_opening", {}).get("called_for", False)
+        or guards.get("open_contacts", {}).get("woke_at") is not None,
         direction=scene.direction,
-        form=_form(scene),
+        form=scene.wave.form,
+        finite=scene.envelope.finite,
+        others=_others(scene, on),
     )
 
 
-def _form(scene: Any) -> str:
-    """The form of a scene's wave, "running" or a key of `FORMS`."""
-    declared, finite = scene.wave.form, scene.envelope.finite
-    if declared == "driven":
-        return "driven beam" if finite else "driven"
-    if finite and scene.shape.ends == "fixed":
-        return "between walls"
-    return "finite" if finite or (declared == "standing" and scene.direction != ALONG_Y) else declared
+def _others(scene: Any, on: Mapping[str, bool]) -> frozenset[str]:
+    """Return the traits that have no field in `Physics`: mode, ends, effects that are on, and keys that none knows."""
+    unknown = {
+        key
+        for key, value in scene.departures().items()
+        if key not in {"name", *catalogue.KEYS} and not (key.startswith("effects.") and value is False)
+    }
+    return frozenset(
+        {catalogue.said("wave.mode", scene.wave.mode), catalogue.said("packing.ends", scene.shape.ends)}
+        | {f"effects.{name}" for name, there in on.items() if there and name not in _FIELDS}
+        | unknown
+    )
 
 
 @dataclass(frozen=True)
@@ -174,8 +182,14 @@ class Wave:
 
     @classmethod
     def of(cls, record: Record) -> Self:
-        """The wave that a run started with, in LAMMPS's contact geometry."""
+        """The wave that a run started with, in LAMMPS's contact geometry.
+
+        Raises TheoryError for a run with anything that no theory knows.
+        """
         wave, physics = record.scene.wave, physics_of(record)
+        unknown = physics.traits - catalogue.KNOWN
+        if unknown:
+            raise TheoryError(f"no theory here holds {', '.join(sorted(unknown))}")
         constants = physics.ratios
         linear = linear_mode(wave.mode, record.scene.wavenumber, physics)  # type: ignore[arg-type]  # checked by the scene
         return cls(linear, constants, wave.amplitude, wave.phase, physics)
@@ -227,31 +241,25 @@ THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
     "exact-lattice": _integrated(torus),
 }
 
-# A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
-BEYOND_ALL = frozenset({"sliding", "opening", *FORMS})
-# Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
-LEAVES_OUT: dict[str, frozenset[str]] = {
-    "second-order": frozenset({"damping", *BEYOND_ALL}),
-    "frequency-shift": frozenset({"damping", "incremental", OBLIQUE, *BEYOND_ALL}),
-    "three-mode": frozenset({"damping", "incremental", OBLIQUE, *BEYOND_ALL}),
-    "hierarchy": BEYOND_ALL,
-    "exact-lattice": BEYOND_ALL,
-}
-
 
 def holding(physics: Physics) -> list[str]:
-    """Names of the theories that leave out nothing of the physics."""
-    return [name for name in THEORIES if not LEAVES_OUT[name] & physics.beyond_the_paper]
+    """Names of the theories that hold all of the physics."""
+    return [name for name in THEORIES if not catalogue.missing(name, physics.traits)]
+
+
+def beyond(physics: Physics) -> list[str]:
+    """Return what keeps the physics from the theory that lacks least of it; nothing if one holds it all."""
+    return min((catalogue.missing(name, physics.traits) for name in THEORIES), key=len)
 
 
 def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
     """p, q, φ of a theory; TheoryError if there is none of that name or it leaves out what the wave's contacts do."""
     if name not in THEORIES:
         raise TheoryError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
-    missing = LEAVES_OUT[name] & wave.physics.beyond_the_paper
+    missing = catalogue.missing(name, wave.physics.traits)
     if missing:
         allowed = ", ".join(holding(wave.physics)) or "none"
-        raise TheoryError(f"theory = {name!r} leaves out {', '.join(sorted(missing))}; that hold it: {allowed}")
+        raise TheoryError(f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {allowed}")
     return THEORIES[name](wave, tau)
 
 
@@ -266,7 +274,7 @@ def best(wave: Wave, tau: Floats) -> str:
     """
     allowed = holding(wave.physics)
     if not allowed:
-        raise TheoryError(f"no theory here holds {', '.join(sorted(wave.physics.beyond_the_paper))}")
+        raise TheoryError(f"no theory here holds {', '.join(beyond(wave.physics))}")
     if drive_cancels(wave) or (tau[-1] <= LONGEST and last_orders(wave, tau) < CONVERGED):
         return "hierarchy"
     return "three-mode" if "three-mode" in allowed else "exact-lattice"

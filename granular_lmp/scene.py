@@ -8,7 +8,7 @@ the static overlap Δ0. What is declared "auto" is decided here where it concern
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from math import hypot, inf, pi
 from pathlib import Path
@@ -143,6 +143,20 @@ class Scene:
         tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), _RULES.get(key)) for key in _TABLES}
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         return {"name": self.name} | tables
+
+    def departures(self) -> dict[str, Any]:
+        """Return every value that is not its key's default, by dotted key; keys without a default are always there."""
+        found: dict[str, Any] = {}
+        for section in fields(self):
+            value = getattr(self, section.name)
+            if not is_dataclass(value):
+                found |= {section.name: value} if value != _default(section) else {}
+                continue
+            key = next((name for name, held in _ATTRIBUTES.items() if held == section.name), section.name)
+            for item in fields(value):
+                if getattr(value, item.name) != _default(item):
+                    found[f"{key}.{item.name}"] = getattr(value, item.name)
+        return found
 
     def to_toml(self) -> str:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
@@ -307,6 +321,11 @@ class Scene:
         checks.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         checks.check_size(self.sphere, shape, wave.amplitude)
         checks.check_time(self.time, self.output, shape, self.echo_time)
+
+
+def _default(item: Field[Any]) -> Any:
+    """Return what a field holds if it is not given; MISSING if it must be given."""
+    return item.default if item.default_factory is MISSING else item.default_factory()
 
 
 def _without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:

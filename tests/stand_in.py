@@ -1,17 +1,50 @@
 """Runs that LAMMPS has not made: what a script reads of a record whose rows move as given."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from granular_lmp import Record, Scene
+from granular_lmp.agreement import scene_digest
+from granular_lmp.effects import resolve, switches
 from granular_lmp.errors import RunFolderError
+from granular_lmp.outputs import SCENE
+from granular_lmp.record import TRAJECTORY, write_status
 from granular_lmp.tables import Envelope
 from tests.conftest import PAPER
 
 AMPLITUDE = 0.1
 COLUMNS = 3
+
+
+def status_of(scene: Scene) -> dict[str, Any]:
+    """Return what ``run.json`` says of the scene of a run, its effects and guards, all of which were quiet."""
+    found = switches(scene)
+    return {
+        "scene_sha256": scene_digest(scene.to_toml()),
+        "particles": scene.shape.spheres,
+        "wavenumber_used": scene.wavenumber,
+        "direction_used": scene.direction,
+        "amplitude": scene.wave.amplitude,
+        "effects": {name: {"on": on, "called_for": on, "guard": guard} for name, (on, guard) in found.items()},
+        "guards": {
+            guard: {"effect": name, "quiet": True, "value": 0.0, "meaning": "", "judges": not on}
+            for name, (on, guard) in found.items()
+            if guard
+        },
+    }
+
+
+def leave_folder(record: Record, folder: Path) -> None:
+    """Write what a finished run leaves that a script reads; ``run.json`` holds the record's info besides."""
+    scene, _ = resolve(record.scene)
+    folder.mkdir(parents=True)
+    (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
+    record.write_csv(folder / TRAJECTORY)
+    write_status(folder, {"status": "finished", "samples": len(record.tau)} | status_of(scene) | record.info)
 
 
 class Changed:

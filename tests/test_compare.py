@@ -160,7 +160,7 @@ def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dic
 
 def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tmp_path: Path) -> None:
     opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"))
-    assert any("opening of contacts is in no theory here" in note for note in opened.notes)
+    assert any("no theory here holds effects.contact_opening" in note for note in opened.notes)
     still = compare.compare(run(small.with_values({"effects.rotation": False}), tmp_path / "still"))
     assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})
@@ -175,7 +175,55 @@ def test_an_unknown_theory_is_refused() -> None:
         compare.compare(from_theory(PAPER, "second-order", TAU), "none")
 
 
+@pytest.mark.parametrize("status", ["failed", "interrupted", "running"])
+def test_a_run_that_did_not_finish_has_a_note_whatever_ended_it(status: str) -> None:
+    record = from_theory(PAPER, "second-order", TAU)
+    unfinished = replace(record, info={"status": status, "message": "for the test"})
+    assert compare.compare(unfinished, "second-order").notes == [f"status '{status}': for the test"]
+    finished = replace(record, info={"status": "finished", "message": ""})
+    assert compare.compare(finished, "second-order").notes == []
+
+
+def test_the_table_names_each_run_by_its_folder_and_a_record_without_one_by_its_scene() -> None:
+    record = from_theory(PAPER, "second-order", TAU)
+    runs = [replace(record, folder=Path(name)) for name in ("sweep/runs/0123456789abcdef", "b")]
+    compared = [compare.compare(each, "second-order") for each in (*runs, record)]
+    lines = compare.table(compared).splitlines()
+    assert [line.split()[0] for line in lines[1::2]] == ["sweep/runs/0123456789abcdef", "b", "tr_nonresonant"]
+    assert len({line.index("second-order") for line in lines[1::2]}) == 1
+
+
+def test_what_differs_between_runs_is_named_by_key_and_value() -> None:
+    record = from_theory(PAPER, "second-order", TAU)
+    changes = [{}, {"wave.amplitude": 0.1}, {"time.tolerance": 1e-3, "name": "other"}]
+    runs = [replace(record, scene=PAPER.with_values(each), folder=Path(f"runs/{i}")) for i, each in enumerate(changes)]
+    found = compare.differences(runs)
+    step = PAPER.time.timestep
+    assert found == {
+        "wave.amplitude": [0.2, 0.1, 0.2],
+        "time.timestep": [step, step, None],
+        "time.tolerance": [None, None, 1e-3],
+    }
+    compared = [compare.compare(each, "second-order") for each in runs]
+    lines = compare.difference_lines(runs, compared)
+    assert lines[-2] == f"  runs/1: wave.amplitude = 0.1, time.timestep = {step!r}, time.tolerance = None"
+    assert compare.difference_lines(runs[:1], compared[:1]) == []
+    assert compare.difference_lines([runs[0], runs[0]], compared[:2]) == []
+
+
 # --- the scripts ---
+
+
+def test_compare_says_which_folder_is_which_and_what_differs(
+    small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folders = [tmp_path / name for name in ("one", "two")]
+    for folder, amplitude in zip(folders, (0.1, 0.2), strict=True):
+        run(small.with_values({"wave.amplitude": amplitude}), folder)
+    assert compare.main([*map(str, folders), "--theory", "second-order", "--json", str(tmp_path / "out.json")]) == 0
+    out = capsys.readouterr().out
+    assert f"{folders[0]}: wave.amplitude = 0.1\n  {folders[1]}: wave.amplitude = 0.2\n" in out
+    assert [entry["folder"] for entry in json.loads((tmp_path / "out.json").read_text())] == list(map(str, folders))
 
 
 @pytest.fixture

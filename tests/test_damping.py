@@ -58,8 +58,11 @@ def test_long_waves_decay_as_four_times_viscosity_times_frequency_squared():
     assert decay_rate(mode, SILICA, 0.01) == pytest.approx(0.04 * mode.frequency**2, rel=1e-14)
 
 
-def six_dashpots(moving, contact):
-    """Force and torque on the middle of three rows by dashpots in its six contacts, in m Δ0/t0², directions at rest."""
+def six_dashpots(moving, contact, between_rows=1.0):
+    """Force and torque on the middle of three rows by dashpots in its six contacts, in m Δ0/t0², directions at rest.
+
+    between_rows is how much of their dashpot at rest the four contacts with the other rows have.
+    """
     p, q, phi = moving
     total = np.zeros(3)
     for degrees, row in ((60, 2), (0, 1), (-60, 0), (240, 0), (180, 1), (120, 2)):
@@ -67,8 +70,9 @@ def six_dashpots(moving, contact):
         t = np.array([-n[1], n[0]])
         d = np.array([-(q[row] - q[1]), p[row] - p[1]])
         slip = t @ d - phi[row] - phi[1]
-        total[:2] += contact.viscosity * ((n @ d) * n + slip * t)
-        total[2] += contact.viscosity * slip
+        viscosity = contact.viscosity * (1.0 if row == 1 else between_rows)
+        total[:2] += viscosity * ((n @ d) * n + slip * t)
+        total[2] += viscosity * slip
     return total
 
 
@@ -128,6 +132,23 @@ def test_a_wave_damped_by_restitution_decays_as_by_its_viscosity_at_rest():
     ]
     assert np.allclose(damped[0][0], damped[1][0], rtol=0, atol=1e-8)
     assert np.max(np.abs(damped[0][1] - damped[1][1])) > 1e-5  # (1−x)^{1/4} is seen in the second order
+
+
+@pytest.mark.parametrize("stretch", [0.9, 0.5, -1.0, -15.0])
+def test_the_dashpot_of_a_restitution_goes_as_the_fourth_root_of_the_overlap(stretch):
+    # Rows 0 … 4 pulled apart or pressed alike, so that their contacts are longer by the stretch; row 2 is looked at
+    contact, free = (lattice.contact(NU, prestress=1.0, restitution=e) for e in (0.9, None))
+    rates = np.random.default_rng(3).uniform(-1, 1, (3, 5))
+    places = np.zeros((3, 5))
+    places[0] = np.arange(5) * stretch / (np.sqrt(3) / 2)
+    state = np.concatenate([places, rates])
+    damped, still = (lattice.rhs(state, each, lattice.ring_neighbours())[3:, 2] for each in (contact, free))
+    force = six_dashpots(rates[:, 1:4], contact, between_rows=(1 - stretch) ** 0.25)
+    wrong = six_dashpots(rates[:, 1:4], contact, between_rows=(1 - stretch) ** 0.5)
+    p, q, phi = damped - still
+    # Rounding of forces that are at most (2/3) 16^{3/2}/(2(κ+3)) = 5.5, thousandfold
+    assert [p, q, phi * 0.4] == pytest.approx([force[1], -force[0], force[2]], rel=0, abs=1e-12)
+    assert np.max(np.abs(force - wrong)) > 1e-3
 
 
 def test_no_restitution_is_no_damping():

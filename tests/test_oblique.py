@@ -78,9 +78,12 @@ def test_pairs_are_extrapolated_and_anything_else_refused(runs: list[Record]) ->
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"wave.form": "standing"}, "is not a running plane wave"),
-        ({"packing.ends": "fixed", "packing.rows": 41, "wave.direction": "y"}, "cell is not periodic"),
-        ({"effects.viscosity": 1e-7}, "leaves out what its contacts do"),
+        ({"wave.form": "standing"}, "leaves out wave.form = 'standing'"),
+        (
+            {"packing.ends": "fixed", "packing.rows": 41, "wave.direction": "y"},
+            "effects.walls, packing.ends = 'fixed'",
+        ),
+        ({"effects.viscosity": 1e-7}, "leaves out effects.damping"),
     ],
 )
 def test_other_runs_are_refused_with_a_reason(changes: dict[str, object], reason: str, tmp_path: Path) -> None:

@@ -293,14 +293,14 @@ def recorded(changes: dict[str, Any] | None = None, effects: dict[str, Any] | No
 @pytest.mark.parametrize(
     ("changes", "effects", "said"),
     [
-        ({"packing.ends": "fixed", "packing.rows": 201}, {}, "rows held"),
-        ({}, {"shear": {"on": False}}, "no shear"),
-        ({}, {"rotation": {"on": False}}, "no rotation"),
-        ({}, {"sliding": {"on": True}}, "sliding"),
-        ({}, {"contact_opening": {"on": True, "called_for": True}}, "opening"),
-        ({"effects.viscosity": 1e-9}, {}, "damping"),
+        ({"packing.ends": "fixed", "packing.rows": 201}, {}, "packing.ends = 'fixed'"),
+        ({}, {"shear": {"on": False}}, "effects.shear = false"),
+        ({}, {"rotation": {"on": False}}, "effects.rotation = false"),
+        ({}, {"sliding": {"on": True}}, "effects.sliding"),
+        ({}, {"contact_opening": {"on": True, "called_for": True}}, "effects.contact_opening"),
+        ({"effects.viscosity": 1e-9}, {}, "effects.damping"),
         ({"effects.shear_law": "incremental"}, {}, "incremental"),
-        ({"packing.contact_force": 1e-6}, {}, "compression"),
+        ({"packing.contact_force": 1e-6}, {}, "packing.contact_force"),
     ],
 )
 def test_physics_that_the_theory_leaves_out_is_refused(

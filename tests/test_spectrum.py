@@ -12,7 +12,7 @@ from analysis import spectrum
 from analysis.theories import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import halved_step
-from granular_lmp.record import TRAJECTORY, write_status
+from tests.stand_in import leave_folder
 
 ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})
 TAU = np.arange(0.0, 120.1, 0.5)
@@ -185,11 +185,7 @@ def folder(tmp_path: Path) -> Callable[[Iterable[Record]], Path]:
 
     def make(records: Iterable[Record]) -> Path:
         for number, record in enumerate(records):
-            place = tmp_path / "sweep" / "runs" / str(number)
-            place.mkdir(parents=True)
-            (place / "scene.toml").write_text(record.scene.to_toml(), encoding="utf-8")
-            record.write_csv(place / TRAJECTORY)
-            write_status(place, {"status": "finished", "samples": len(record.tau)} | record.info)
+            leave_folder(record, tmp_path / "sweep" / "runs" / str(number))
         return tmp_path / "sweep"
 
     return make
@@ -214,7 +210,7 @@ def test_the_script_prints_medians_and_locations(
     [
         ({"wave.phase": 0.4}, "wave.phase = 0.4"),
         ({"effects.viscosity": 1e-7, "effects.damping": True}, "the closed form leaves out"),
-        ({"wave.form": "standing"}, "no running plane wave"),
+        ({"wave.form": "standing"}, "leaves out wave.form = 'standing'"),
         ({"wave.direction": 60.0, "packing.columns": 24}, "is not along y"),
     ],
 )

@@ -169,8 +169,8 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
     [
         (record(form="running"), "has the form 'running'"),
         (record(snapshots=False), "holds no snapshots"),
-        (record(sliding=True), "leaves out sliding"),
-        (record(width=5.0), "has an envelope"),
+        (record(sliding=True), "leaves out effects.sliding"),
+        (record(width=5.0), "leaves out an envelope"),
         (record(xi=np.pi / 2, phase=0.0), "no second harmonic at any row"),
         (record(rows=9, ends="fixed"), "no row is undisturbed"),
     ],

@@ -9,8 +9,6 @@ import pytest
 
 from analysis import compare, directions, figure3, theories
 from analysis.theories import (
-    FORMS,
-    LEAVES_OUT,
     THEORIES,
     Physics,
     TheoryError,
@@ -23,6 +21,7 @@ from analysis.theories import (
 from granular_lmp import Record
 from granular_lmp.tables import Envelope
 from tests.conftest import PAPER
+from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 30.0, 0.5)
 PLAIN = Record(TAU, TAU, TAU, TAU, PAPER)
@@ -99,9 +98,9 @@ def test_sliding_contacts_are_compared_with_nothing(with_physics: With) -> None:
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error) == (None, {}, {})
     assert (result.predicted, result.measured) == (None, None)
-    assert "sliding of contacts is in no theory here" in result.notes[-1]
+    assert result.notes == ["no theory here holds effects.sliding: the run is compared with nothing"]
     assert f"{'-':>9}{'-':>9}{'-':>9}" in compare.table([result])
-    with pytest.raises(TheoryError, match="no theory here holds sliding"):
+    with pytest.raises(TheoryError, match="no theory here holds effects.sliding"):
         best(wave, TAU)
     with pytest.raises(TheoryError, match="that hold it: none"):
         compare.compare(PLAIN, "exact-lattice")
@@ -131,15 +130,20 @@ def test_run_json_says_what_was_left_out() -> None:
     found = physics_of(replace(PLAIN, info=info))
     assert (found.shear, found.rotation, found.sliding) == (False, False, True)
     sphere = PAPER.sphere
-    assert Physics(sphere.poisson_ratio, sphere.overlap_ratio) == USUAL
+    assert Physics(sphere.poisson_ratio, sphere.overlap_ratio, others=USUAL.others) == USUAL
 
 
-def test_every_theory_says_what_it_leaves_out() -> None:
-    assert set(LEAVES_OUT) == set(THEORIES)
-    everything = replace(
-        USUAL, viscosity=0.1, law="incremental", sliding=True, opening=True, direction=17.0
-    ).beyond_the_paper | set(FORMS)
-    assert all(left <= everything for left in LEAVES_OUT.values())
+def test_a_scene_without_run_json_says_it_too() -> None:
+    switched = {"effects.rotation": False, "effects.damping": False, "effects.viscosity": 1e-9}
+    found = physics_of(replace(PLAIN, scene=PAPER.with_values(switched)))
+    assert (found.shear, found.rotation, found.viscosity) == (True, False, 0.0)
+
+
+def test_contacts_that_were_seen_to_open_have_opened(with_physics: With) -> None:
+    seen = {"effect": "contact_opening", "value": 1.0, "woke_at": 3.0}
+    found = physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen}}))
+    assert found.opening
+    assert not physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen | {"woke_at": None}}})).opening
 
 
 # --- any direction, and what is no running plane wave ---
@@ -201,47 +205,50 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
     assert compare.compare(replace(wrong, q=1.01 * wrong.q)).error["q"] == pytest.approx(0.01, rel=1e-2)
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_what_is_no_running_plane_wave_is_left_to_its_script(form: str, with_physics: With) -> None:
-    script = FORMS[form][1]
-    wave = with_physics(form=form)
+NO_PLANE_RUNNING_WAVE = [
+    ({"form": "standing"}, "analysis.standing"),
+    ({"form": "standing", "direction": 17.0}, "analysis.sheets"),
+    ({"form": "standing", "finite": True}, "analysis.sheets"),
+    ({"form": "driven"}, "analysis.driven"),
+    ({"form": "driven", "finite": True}, None),
+    ({"finite": True}, "analysis.sheets"),
+    ({"finite": True, "ends": "fixed"}, None),
+    ({"finite": True, "viscosity": 1e-3}, None),
+]
+
+
+@pytest.mark.parametrize(("changes", "script"), NO_PLANE_RUNNING_WAVE, ids=str)
+def test_what_is_no_running_plane_wave_is_left_to_its_script(
+    changes: dict[str, object], script: str | None, with_physics: With
+) -> None:
+    ends = changes.get("ends", "fixed" if changes.get("form") == "driven" else "periodic")
+    fields = {key: value for key, value in changes.items() if key != "ends"}
+    others = USUAL.others - {"packing.ends = 'fixed'"} | {f"packing.ends = '{ends}'"}
+    wave = with_physics(**fields, others=others)
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
-    by = f"by `python -m {script}`, here " if script else ""
-    assert f"is compared {by}with nothing" in result.notes[-1]
+    assert "the run is compared with nothing" in result.notes[-1]
+    assert result.notes[-1].endswith(f"; `python -m {script}` has a theory of it" if script else "nothing")
     assert holding(wave.physics) == []
-    with pytest.raises(TheoryError, match=f"leaves out {form}"):
+    named = f"wave.form = '{changes['form']}'" if "form" in changes else "an envelope"
+    assert named in result.notes[-1]
+    with pytest.raises(TheoryError, match=f"leaves out .*{named}"):
         compare.compare(PLAIN, "exact-lattice")
 
 
-@pytest.mark.parametrize(
-    ("form", "direction", "width", "expected"),
-    [
-        ("running", 17.0, 0.0, "running"),
-        ("running", 90.0, 9.0, "finite"),
-        ("standing", 90.0, 0.0, "standing"),
-        ("standing", 17.0, 0.0, "finite"),
-        ("standing", 90.0, 9.0, "finite"),
-        ("driven", 90.0, 0.0, "driven"),
-        ("driven", 90.0, 9.0, "driven beam"),
-    ],
-)
-@pytest.mark.parametrize("ends", ["periodic", "fixed"])
-def test_the_scene_says_what_kind_of_wave_it_is(
-    form: str, direction: float, width: float, expected: str, ends: str
-) -> None:
-    scene = SimpleNamespace(
-        sphere=PAPER.sphere,
-        effects=PAPER.effects,
-        direction=direction,
+@pytest.mark.parametrize("form", ["running", "standing", "driven", "spiral"])
+@pytest.mark.parametrize("width", [0.0, 9.0])
+@pytest.mark.parametrize("ends", ["periodic", "fixed", "free"])
+def test_the_scene_says_what_kind_of_wave_it_is(form: str, width: float, ends: str) -> None:
+    scene = Changed(
+        PAPER,
         envelope=Envelope(width=width),
         shape=SimpleNamespace(ends=ends),
-        wave=SimpleNamespace(form=form),
+        wave=replace(PAPER.wave, form=form),
     )
     found = physics_of(replace(PLAIN, scene=scene))
-    if expected == "finite" and ends == "fixed" and width:
-        expected = "between walls"
-    assert (found.form, found.direction) == (expected, direction)
+    assert (found.form, found.finite, found.direction) == (form, width > 0, 90.0)
+    assert found.traits >= {f"wave.form = '{form}'", f"packing.ends = '{ends}'", "wave.mode = 'TR'"}
 
 
 @pytest.mark.parametrize(
@@ -252,5 +259,5 @@ def test_scripts_refuse_in_one_line_what_a_theory_leaves_out(
 ) -> None:
     with_physics(viscosity=0.01)
     monkeypatch.setattr(script, "load", lambda folder, **_: PLAIN)
-    with pytest.raises(SystemExit, match="leaves out damping"):
+    with pytest.raises(SystemExit, match="leaves out effects.damping"):
         script.main(["run", *words])

@@ -23,6 +23,7 @@ from granular_lmp.record import read_status
 from granular_lmp.steplaw import floor, rounding, sizes, step_errors, step_for, with_step
 from granular_lmp.tolerance import estimate, refine, resume
 from tests.conftest import PAPER
+from tests.stand_in import status_of
 
 NAMES = ("p", "q", "phi")
 TOLERANCES = (1e-2, 1e-3, 1e-4)
@@ -121,7 +122,9 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> list[Outcome]:
         folder = tmp_path_factory.mktemp("case")
         scene = scene_of(wave, tolerance)
         (folder / "scene.toml").write_text(scene.to_toml())
-        record = refine(scene, folder, lambda stepping, *_, wave=wave: runs.record(stepping, wave), None, {})
+        record = refine(
+            scene, folder, lambda stepping, *_, wave=wave: runs.record(stepping, wave), None, status_of(scene)
+        )
         halves.append((wave, tolerance, record.info, record.info["steps"] // scene.time.samples))
         error = runs.error(wave, np.column_stack([record.p, record.q, record.phi]))
         found.append((error, max(value for value in record.info["error_estimate"].values() if value is not None)))

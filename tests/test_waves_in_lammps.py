@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import compare, driven, sheets, standing
+from analysis import catalogue, compare, driven, sheets, standing
 from analysis.norms import relative_error
 from analysis.rows import load_form
-from analysis.theories import FORMS
+from analysis.theories import physics_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy import richardson
 from granular_lmp.errors import RunInterrupted
@@ -245,14 +245,15 @@ def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path:
 def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path) -> None:
     record = run(scene.with_values({"time.duration": 8.0}), tmp_path / "run")
     (note,) = (note for note in compare.notes(record) if "compared" in note)
-    form = compare.Wave.of(record).physics.form
-    assert FORMS[form][1] in note
-    if form == "finite":
+    script = catalogue.script_for(physics_of(record).traits)
+    assert script is None or script in note
+    if script == "analysis.sheets":
         sheets.refuse(record)
-    elif FORMS[form][1]:
-        load_form(tmp_path / "run", form)
+    elif script:
+        load_form(tmp_path / "run", script.removeprefix("analysis."))
     else:
-        assert form == "driven beam"
+        assert record.scene.wave.form == "driven"
+        assert record.scene.envelope.finite
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])

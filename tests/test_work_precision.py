@@ -14,10 +14,10 @@ from analysis import accuracy, compare
 from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record
-from granular_lmp.record import write_status
 from granular_lmp.steplaw import planned_steps, step_for
 from granular_lmp.tolerance import run
 from tests.conftest import PAPER
+from tests.stand_in import leave_folder
 from tests.test_compare import from_theory
 
 TAU = np.arange(0.0, 10.0, 0.5)
@@ -135,10 +135,7 @@ def content(study: Study) -> dict[str, Any]:
 
 
 def written(study: Study, folder: Path, record: Record) -> None:
-    (folder / "reference").mkdir()
-    (folder / "reference" / "scene.toml").write_text(record.scene.to_toml())
-    record.write_csv(folder / "reference" / "trajectory.csv")
-    write_status(folder / "reference", {"status": "finished", "samples": len(record.tau)})
+    leave_folder(record, folder / "reference")
     (folder / "cost.json").write_text(json.dumps(content(study)))
 
 

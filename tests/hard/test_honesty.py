@@ -105,8 +105,8 @@ def test_a_failed_run_can_be_forced_through_compare_and_shows_that_it_is_no_numb
         run(small, tmp_path / "run")
     assert compare.main([str(tmp_path / "run"), "--force"]) == 0
     out = capsys.readouterr().out
-    assert "note on small: status 'failed': " in out
-    assert "note on small: largest_slip = " in out
+    assert f"note on {tmp_path / 'run'}: status 'failed': " in out
+    assert f"note on {tmp_path / 'run'}: largest_slip = " in out
 
 
 def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Path) -> None:
@@ -114,6 +114,10 @@ def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Pa
     lines = (tmp_path / "run" / TRAJECTORY).read_text().splitlines()
     lines[3] = "1.0,nan,nan,nan"
     (tmp_path / "run" / TRAJECTORY).write_text("\n".join([*lines, ""]))
+    for words in ([], ["--force"]):
+        with pytest.raises(SystemExit, match=r"^[^\n]*p = nan at tau = 1, but [^\n]* by dump\.centre[^\n]*$"):
+            compare.main([str(tmp_path / "run"), *words])
+    (tmp_path / "run" / DUMP).unlink()
     for words in ([], ["--force"]):
         with pytest.raises(SystemExit, match=r"^[^\n]*not finite[^\n]*$"):
             compare.main([str(tmp_path / "run"), *words])

@@ -1,0 +1,260 @@
+"""What is not known is refused: every effect, form and key is declared by a theory, or refused by name."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, make_dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import catalogue, compare, effects, figure3, oblique, sheets, spectrum
+from analysis.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
+from analysis.rows import load_form
+from analysis.theories import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
+from granular_lmp import Record, Scene, run
+from granular_lmp import effects as package_effects
+from granular_lmp.effects import ROWS, Row
+from granular_lmp.rules import Case, Finding
+from granular_lmp.tables import FORMS, MODES, SHEAR_LAWS
+from tests.conftest import PAPER
+from tests.stand_in import Changed
+
+TAU = np.arange(0.0, 5.0, 0.5)
+EFFECTS = [row.name for row in ROWS]
+INVENTED_EFFECT, INVENTED_FORM = "rolling", "spiral"
+
+
+def record_of(scene: Any = PAPER, *on: str, off: tuple[str, ...] = ()) -> Record:
+    """A record that is the linear wave, of a run in which some effects were on."""
+    said = {name: {"on": name in on, "called_for": name in on, "guard": ""} for name in (*on, *off)}
+    still = np.zeros(len(TAU))
+    return Record(TAU, still, np.cos(TAU), np.sin(TAU), scene, {"effects": said})
+
+
+def with_wave(**changes: Any) -> Any:
+    """The paper's scene with a wave that no check of a scene has seen."""
+    return Changed(PAPER, wave=replace(PAPER.wave, **changes))
+
+
+def outcome(record: Record) -> tuple[bool, str]:
+    """Whether there is a number in the comparison of a run, and what is said where there is none."""
+    try:
+        result = compare.compare(record)
+    except TheoryError as error:
+        return False, str(error)
+    numbers = [*result.error.values(), *result.lattice_error.values(), result.predicted, result.measured]
+    return any(number is not None for number in numbers), " ".join(result.notes)
+
+
+# --- effects and forms ---
+
+
+@pytest.mark.parametrize("form", [*FORMS, INVENTED_FORM])
+@pytest.mark.parametrize("name", [*EFFECTS, INVENTED_EFFECT])
+def test_every_effect_and_form_is_declared_by_a_theory_or_refused_by_name(name: str, form: str) -> None:
+    record = record_of(with_wave(form=form), name)
+    traits, (judged, said) = physics_of(record).traits, outcome(record)
+    names = {f"effects.{name}", f"wave.form = '{form}'"}
+    assert names - {"effects.damping"} <= traits  # without a dashpot nothing is damped
+    left_out = (names & traits) - HOLDS["exact-lattice"]
+    assert judged == (not left_out)
+    # What nobody knows is an error, which names it alone; else the comparison is empty and a note names all
+    assert all(trait in said for trait in left_out - KNOWN or left_out), said
+    for theory in THEORIES if left_out else ():
+        with pytest.raises(TheoryError, match="no theory here holds|leaves out"):
+            compare.compare(record, theory)
+
+
+INVENTED = [
+    (record_of(PAPER, INVENTED_EFFECT), "effects.rolling"),
+    (record_of(with_wave(form=INVENTED_FORM)), "wave.form = 'spiral'"),
+]
+
+
+@pytest.mark.parametrize(("record", "name"), INVENTED, ids=[name for _, name in INVENTED])
+def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
+    record: Record, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert all(name in missing(theory, physics_of(record).traits) for theory in HOLDS)
+    assert script_for(physics_of(record).traits) is None
+    with pytest.raises(TheoryError, match=f"no theory here holds {name}"):
+        Wave.of(record)
+    with pytest.raises(ValueError, match=name):
+        sheets.refuse(record)
+    assert name in (spectrum.refusal(record) or "")
+    assert name in (oblique.refusal(record) or "")
+    for script in (compare, figure3):
+        monkeypatch.setattr(script, "load", lambda folder, **_: record)
+        with pytest.raises(SystemExit, match=f"no theory here holds {name}"):
+            script.main(["run"])
+    monkeypatch.setattr(effects, "sweep", lambda folder: [record])
+    with pytest.raises(SystemExit):
+        effects.main(["sweep"])
+    assert name in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", ["standing", "driven"])
+def test_an_invented_effect_or_form_is_no_standing_and_no_driven_wave(
+    form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rolling, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
+    for record, said in ((rolling, "leaves out effects.rolling, which"), (spiral, "has the form 'spiral'")):
+        monkeypatch.setattr("analysis.rows.load", lambda folder, record=record: record)
+        with pytest.raises(SystemExit, match=said):
+            load_form("run", form)
+
+
+@pytest.mark.parametrize("law", [*SHEAR_LAWS, "rescaled"])
+@pytest.mark.parametrize("mode", [*MODES, "TT"])
+def test_every_law_and_mode_is_declared_or_refused_by_name(law: str, mode: str) -> None:
+    scene = Changed(with_wave(mode=mode), effects=replace(PAPER.effects, shear_law=law))
+    judged, said = outcome(record_of(scene))
+    unknown = [f"effects.shear_law = '{law}'"] * (law == "rescaled") + [f"wave.mode = '{mode}'"] * (mode == "TT")
+    assert judged == (not unknown)
+    assert all(name in said for name in unknown)
+
+
+@pytest.mark.parametrize("ends", ["fixed", "periodic", "free"])
+def test_every_kind_of_ends_is_declared_or_refused_by_name(ends: str) -> None:
+    scene = Changed(PAPER, shape=SimpleNamespace(ends=ends))
+    judged, said = outcome(record_of(scene))
+    assert judged == (ends != "free")
+    assert judged or "packing.ends = 'free'" in said
+
+
+# --- keys and sections that nobody knows ---
+
+
+@dataclass(frozen=True)
+class Absorb:
+    """A section that scenes may have one day."""
+
+    rows: int = 0
+    reflection: float = 1e-3
+
+
+def grown(section: str, key: str, default: Any, value: Any) -> Any:
+    """The paper's scene whose section has one key more."""
+    before = getattr(PAPER, section)
+    kind = make_dataclass(
+        type(before).__name__, [(key, Any, field(default=default))], bases=(type(before),), frozen=True
+    )
+    return replace(PAPER, **{section: kind(**vars(before), **{key: value})})
+
+
+NEW_KEYS = [
+    ("packing", "lattice", "hexagonal", "chain"),
+    ("effects", "rolling", "auto", True),
+    ("effects", "rolling_friction", 0.0, 0.1),
+    ("material", "moment_of_inertia", 0.4, 0.5),
+    ("wave", "chirp", 0.0, 1e-3),
+]
+
+
+@pytest.mark.parametrize(("section", "key", "default", "value"), NEW_KEYS)
+def test_a_key_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
+    section: str, key: str, default: Any, value: Any
+) -> None:
+    judged, said = outcome(record_of(grown(section, key, default, value)))
+    assert not judged
+    assert said == f"no theory here holds {'sphere' if section == 'material' else section}.{key}"
+    assert outcome(record_of(grown(section, key, default, default)))[0]
+
+
+def test_an_effect_that_is_switched_off_is_not_there() -> None:
+    assert outcome(record_of(grown("effects", "rolling", "auto", False)))[0]
+
+
+@pytest.mark.parametrize(
+    ("default", "value", "said"), [(Absorb(), Absorb(rows=40), "absorb.rows"), ((), ({"vacancy": True},), "absorb")]
+)
+def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
+    default: Any, value: Any, said: str
+) -> None:
+    kind = make_dataclass("Grown", [("absorb", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False)
+    values = {name: getattr(PAPER, name) for name in Scene.__dataclass_fields__}
+    assert outcome(record_of(kind(**values)))[0]
+    assert outcome(record_of(kind(**values, absorb=value))) == (False, f"no theory here holds {said}")
+
+
+def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
+    tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2}).to_dict()}
+    keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
+    assert keys | {"time.timestep", "sphere.contact_force"} == KEYS  # one excludes the other; of the packing
+
+
+def test_departures_are_what_is_not_at_its_default() -> None:
+    scene = PAPER.with_values({"wave.phase": 0.3, "packing.contact_force": 0.0})
+    found = scene.departures()
+    assert found["wave.phase"] == 0.3
+    assert found["sphere.radius"] == PAPER.material.radius
+    assert not {"packing.contact_force", "wave.form", "effects.rotation", "envelope.length"} & set(found)
+
+
+# --- the catalogue itself ---
+
+
+def test_every_theory_has_its_line_and_lammps_alone_has_what_none_holds() -> None:
+    assert set(THEORIES) == {name for name in HOLDS if not name.startswith("analysis.")}
+    assert not LAMMPS_ALONE.intersection(*HOLDS.values())
+    assert not LAMMPS_ALONE & frozenset().union(*HOLDS.values())
+
+
+@pytest.mark.parametrize("theory", THEORIES)
+def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = record_of(PAPER, *("adhesion", "shear", "rotation", "tracking", "walls"))
+    wave = Wave.of(record)
+    assert theory in holding(wave.physics)
+    for trait in wave.physics.traits:
+        monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] - {trait})
+        assert theory not in holding(wave.physics)
+        with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; that hold it: "):
+            trajectory(theory, wave, TAU)
+        monkeypatch.undo()
+
+
+def test_best_names_what_no_theory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    wave = Wave.of(record_of(PAPER, "sliding"))
+    with pytest.raises(TheoryError, match="^no theory here holds effects.sliding$"):
+        best(wave, TAU)
+
+
+# --- an effect that somebody adds, in LAMMPS ---
+
+
+@pytest.fixture
+def rolling(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
+    """Adds rolling resistance to the table of effects, on or off."""
+
+    def add(on: bool) -> None:
+        def rule(case: Case) -> Finding:
+            return Finding(on, 1.0, "of everything rolls")
+
+        row = Row("rolling", rule, cost="1.00", loss="all", switch="packing.rolling", declared=lambda scene: on)
+        monkeypatch.setattr(package_effects, "ROWS", (*ROWS, row))
+
+    return add
+
+
+def test_an_effect_added_to_the_table_is_refused_until_a_theory_declares_it(
+    rolling: Callable[[bool], None], small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rolling(True)
+    record = run(small, tmp_path / "on")
+    assert record.info["effects"]["rolling"]["on"]
+    with pytest.raises(SystemExit, match=r"on: no theory here holds effects\.rolling$"):
+        compare.main([str(tmp_path / "on")])
+    for theory in THEORIES:
+        monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] | {"effects.rolling"})
+    monkeypatch.setattr(catalogue, "KNOWN", KNOWN | {"effects.rolling"})
+    assert compare.main([str(tmp_path / "on")]) == 0
+
+
+def test_an_effect_added_to_the_table_that_is_off_is_no_matter(
+    rolling: Callable[[bool], None], small: Scene, tmp_path: Path
+) -> None:
+    rolling(False)
+    run(small, tmp_path / "off")
+    assert compare.main([str(tmp_path / "off")]) == 0
