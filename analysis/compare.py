@@ -54,7 +54,7 @@ class Comparison:
     Attributes
     ----------
     folder : str or None
-        Of the run, as it was given; None for a record that is in no folder.
+        The run folder as it was given; None for a record that is in no folder.
     direction : float
         Of k, degrees from a close-packed row; 90 is y.
     theory : str or None
@@ -245,7 +245,7 @@ def budget_lines(comparison: Comparison) -> list[str]:
     """The error budget that the run estimated for itself, * at the largest of p, q and phi; nothing if it has none."""
     if not comparison.budget:
         return []
-    lines = ["", f"error budget of {comparison.run:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
+    lines = ["", f"error budget of {comparison.run}", f"{'':43}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
     for source in comparison.budget:
         cells = "".join(
             f"{'0' if source[name] is None else format(source[name], '.1e'):>9}"

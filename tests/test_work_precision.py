@@ -93,8 +93,11 @@ def test_the_level_of_model_is_measured_against_the_exact_lattice(study: Study) 
 
 
 def test_what_slides_has_no_theory(study: Study) -> None:
-    info = {"effects": {"sliding": {"on": True, "called_for": True}}}
-    assert models(replace(study, record=replace(study.record, info=info))) == []
+    for name in ("sliding", "rolling"):
+        record = replace(study.record, info={"effects": {name: {"on": True, "called_for": True}}})
+        assert models(replace(study, record=record)) == []
+        assert accuracy.unheld(record) == [f"effects.{name}"]
+    assert accuracy.unheld(study.record) == []
 
 
 def test_the_table_names_what_gives_each_accuracy(study: Study) -> None:
