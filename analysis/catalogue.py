@@ -27,14 +27,11 @@ RUNNING, STANDING, DRIVEN = (said("wave.form", form) for form in ("running", "st
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
 
-_SHEET = {
-    *(said("wave.mode", mode) for mode in ("L", "TR", "RT")),
-    *("effects.adhesion", "effects.shear", "effects.rotation", "effects.tracking", "effects.width"),
-    said("packing.ends", "periodic"),
-    SECANT,
-}
+_CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
+_MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
+_SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
 _LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
-_ALONG_Y = frozenset(_LATTICE | {RUNNING})
+_ALONG_Y = _LATTICE | {RUNNING}
 
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 HOLDS: dict[str, frozenset[str]] = {
@@ -45,9 +42,10 @@ HOLDS: dict[str, frozenset[str]] = {
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
     "analysis.spectrum": _ALONG_Y | {INCREMENTAL},
     "analysis.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
-    "analysis.standing": frozenset(_LATTICE | {STANDING, INCREMENTAL}),
-    "analysis.driven": frozenset(_LATTICE | {DRIVEN, INCREMENTAL}),
-    "analysis.sheets": frozenset(_SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE}),
+    "analysis.standing": _LATTICE | {STANDING, INCREMENTAL},
+    "analysis.driven": _LATTICE | {DRIVEN, INCREMENTAL},
+    "analysis.dispersion": _CONTACTS,
+    "analysis.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
 }
 
 # A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.

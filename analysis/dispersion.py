@@ -19,6 +19,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.catalogue import COMPRESSED, missing
 from analysis.directions import modes
 from analysis.plotting import parser, save
 from analysis.second_harmonic import SOLID_SPHERE
@@ -35,7 +36,10 @@ BRANCHES = ("lower", "middle", "upper")
 
 @dataclass(frozen=True)
 class Sheet:
-    """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants."""
+    """Velocities (T, N, 3) of all spheres in any unit at the times tau (T,), and the lattice, in lattice constants.
+
+    effects are the names of those that were on; contact_force is 0 where adhesion alone holds the lattice.
+    """
 
     tau: Floats
     velocity: Floats
@@ -43,12 +47,19 @@ class Sheet:
     box: Floats
     poisson_ratio: float
     overlap_ratio: float
+    contact_force: float = 0.0
+    effects: Sequence[str] = ()
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read ``sheet.npz``."""
+        """Read ``sheet.npz``; KeyError if it says too little, ValueError if the theory does not hold the sheet."""
         with np.load(path) as file:
-            return cls(**{name: file[name] for name in cls.__dataclass_fields__})
+            sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
+        traits = {f"effects.{name}" for name in sheet.effects} | ({COMPRESSED} if sheet.contact_force else set())
+        left_out = missing("analysis.dispersion", traits)
+        if left_out:
+            raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
+        return sheet
 
     @property
     def resolution(self) -> float:

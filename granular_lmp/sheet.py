@@ -73,7 +73,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     -------
     Path
         ``tau`` (T,); ``velocity`` (T, N, 3): ẋ, ẏ, Rθ̇ in D0/t0; ``position`` (N, 2) at rest and ``box`` (2,), in
-        lattice constants; ``poisson_ratio`` and ``overlap_ratio``.
+        lattice constants; ``poisson_ratio``, ``overlap_ratio`` and ``contact_force``; ``effects``, the names of those
+        that are on.
 
     Raises
     ------
@@ -114,6 +115,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         box=deck.packing.cell.lengths()[:2] / constant,
         poisson_ratio=sphere.poisson_ratio,
         overlap_ratio=sphere.overlap_ratio,
+        contact_force=sphere.contact_force,
+        effects=[effect.name for effect in deck.effects if effect.on],
     )
     return folder / SHEET
 

@@ -82,6 +82,24 @@ def test_the_script_draws(sheet: dispersion.Sheet, tmp_path: Path, capsys: pytes
         dispersion.main([str(tmp_path / "none.npz")])
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"contact_force": 1e-6}, "leaves out packing.contact_force"),
+        ({"effects": ["shear", "rotation", "damping", "rolling"]}, "leaves out effects.damping, effects.rolling"),
+        ({"effects": None}, "effects is not a file"),
+    ],
+)
+def test_a_sheet_that_the_linear_theory_does_not_hold_is_refused(
+    changes: dict[str, object], said: str, sheet: dispersion.Sheet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fields = {name: getattr(sheet, name) for name in dispersion.Sheet.__dataclass_fields__} | changes
+    np.savez(tmp_path / "sheet.npz", **{name: value for name, value in fields.items() if value is not None})
+    with pytest.raises(SystemExit):
+        dispersion.main([str(tmp_path / "sheet.npz")])
+    assert said in capsys.readouterr().err
+
+
 # ---------------------------------------------------------------- the kick
 
 
