@@ -7,11 +7,12 @@ import numpy as np
 
 from granular_lmp.crystal import MOVIES, run_figure, run_movie
 from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.outputs import SWEEP
 from granular_lmp.particles import Particles
 from granular_lmp.plots import Picture, save
 from granular_lmp.record import Record
 from granular_lmp.scene import note
-from granular_lmp.sweep import COLUMNS, REQUEST, Sweep
+from granular_lmp.sweep import COLUMNS, Sweep
 
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
@@ -56,7 +57,7 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
-    if (folder / REQUEST).is_file():
+    if (folder / SWEEP).is_file():
         _refuse(folder, "a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
