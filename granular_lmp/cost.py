@@ -24,7 +24,7 @@ from granular_lmp import tolerance
 from granular_lmp.deck import build
 from granular_lmp.dumps import OUTPUTS, edited, keep_centre
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.folder import locked, writable
+from granular_lmp.folder import locked, refuse_long, writable
 from granular_lmp.grid import scene_hash
 from granular_lmp.knobs import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.launch import core_count, run_deck
@@ -227,6 +227,7 @@ def _save(plan: Plan) -> dict[str, Any]:
 
 def _check_folder(folder: Path, scene: Scene) -> None:
     """Refuse a folder that is there and is not that of a study of this scene."""
+    refuse_long(folder)
     if not folder.exists():
         return
     if not folder.is_dir() or (any(folder.iterdir()) and not (folder / COST).is_file()):

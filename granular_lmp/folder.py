@@ -33,7 +33,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
         `force`, is there already.
     """
     if make:
-        _refuse_long(folder)
+        refuse_long(folder)
     with writable(folder):
         if make:
             folder.mkdir(parents=True, exist_ok=force)
@@ -87,7 +87,7 @@ def _scene_name(folder: Path) -> list[str]:
     return []
 
 
-def _refuse_long(folder: Path) -> None:
+def refuse_long(folder: Path) -> None:
     """Raise RunFolderError for a path that the system, or a file of a run below it, would find too long."""
     longest_part, longest = os.pathconf("/", "PC_NAME_MAX"), os.pathconf("/", "PC_PATH_MAX") - _BELOW
     part, whole = max(len(os.fsencode(part)) for part in folder.parts), len(os.fsencode(folder))

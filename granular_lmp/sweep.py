@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
-from granular_lmp.folder import locked, writable
+from granular_lmp.folder import clear, locked, writable
 from granular_lmp.grid import points, scene_hash
-from granular_lmp.outputs import SWEEP, replace_text
+from granular_lmp.outputs import STATUS, SWEEP, replace_text
 from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import planned_steps
@@ -223,6 +223,8 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
     if there is None and not force and any(folder.iterdir()):
         raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
+    if there is None and (folder / STATUS).exists():  # it was the folder of one run
+        clear(folder)
     if there != request:
         with writable(folder):
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")

@@ -132,7 +132,8 @@ def run_to_tolerance(
     }
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
-        return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
+        # By force: a folder of the user's own files may have been left there
+        return launch.run(scene, place, launcher=launcher, ranks=ranks, force=True, progress=told)
 
     with locked(folder, make=True, force=force):
         clear(folder)

@@ -124,3 +124,11 @@ def test_a_broken_dump_is_refused(tmp_path: Path) -> None:
     (tmp_path / DUMP).write_text("ITEM: TIMESTEP\nnone\n")
     with pytest.raises(RunFolderError, match="not a dump of a sheet"):
         read_sheet(tmp_path / DUMP)
+
+
+@pytest.mark.parametrize("columns", [4, 5, 8])
+def test_a_sheet_that_cannot_be_analysed_is_not_run(columns: int, tmp_path: Path) -> None:
+    scene = SMALL.with_values({"packing.columns": columns})
+    with pytest.raises(SceneError, match=rf"packing\.columns = {columns}: must be a multiple of 3"):
+        run_kicked(scene, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
