@@ -387,7 +387,7 @@ def _effects(options: argparse.Namespace) -> int:
     for effect in deck.effects:
         state = "on" if effect.on else "off"
         head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
-        _say(f"{head}{effect.number:.4g} {effect.reason}")
+        _say(head + effect.finding)
         if effect.loss != "nothing":
             _say(f"{'':{len(head)}}without it: {effect.loss}")
     _say("A guard fails the run when an effect that is off, and was not called for, is there after all.")

@@ -2,6 +2,7 @@
 
 import re
 from math import atan2, degrees, hypot, inf, nan, pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import pytest
