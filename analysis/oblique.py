@@ -179,9 +179,8 @@ def draw(made: Sequence[Point], records: Sequence[Record]) -> Figure:
     panels[0, 0].set(ylabel="second harmonic, rms over the run ($D_0$)")
     panels[1, 0].set(ylabel="relative error")
     panels[1, 0].text(0.02, BOUND * 1.15, f"{BOUND:.0%}", transform=panels[1, 0].get_yaxis_transform())
-    figure.legend(
-        *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2 * len(names), frameon=False
-    )
+    entries = panels[0, 0].get_legend_handles_labels()
+    figure.legend(*entries, loc="outside lower center", ncols=2 * len(names), frameon=False)
     figure.suptitle(
         "plane waves in LAMMPS"
         + (", " if len(names) > 1 else "\n")

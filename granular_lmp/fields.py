@@ -126,9 +126,10 @@ def assignment(text: str) -> tuple[str, Any]:
     if not equals or not key.strip() or not value.strip():
         raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except NOT_TOML:
+        (parsed,) = tomllib.loads(f"value = {value}").values()
+    except NOT_TOML:  # also where a second line sets another key
         return key.strip(), value.strip()
+    return key.strip(), parsed
 
 
 def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
@@ -144,7 +145,7 @@ def file_text(path: Path) -> str:
     try:
         with path.open("rb") as stream:
             raw = stream.read(LARGEST_FILE + 1)
-        text = raw.decode("utf-8")
+        text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
     if len(raw) > LARGEST_FILE:
@@ -166,8 +167,8 @@ def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
     if not plain or len(name) > LONGEST_NAME:
         origin = "" if "name" in tables else ", taken from the file's name as the file declares none"
         raise SceneError(
-            f"name = {shown(name)}{origin}: must be at most {LONGEST_NAME} ASCII letters, digits, '-' and '_' "
-            f"(it names {what})"
+            f"name = {shown(name)}{origin}: must be a string of at most {LONGEST_NAME} ASCII letters, digits, "
+            f"'-' and '_' (it names {what})"
         )
     return name
 

@@ -109,7 +109,7 @@ def test_a_folder_with_a_name_that_is_too_long_is_refused_before_it_is_made(
 
 
 def test_the_longest_names_allowed_can_be_run(small: Scene, tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"name = 'n+\.\.\.: must be at most 200 ASCII letters"):
+    with pytest.raises(SceneError, match=r"name = 'n+\.\.\.: must be a string of at most 200 ASCII letters"):
         small.with_values({"name": "n" * (LONGEST_NAME + 1)})
     longest = small.with_values({"name": "n" * LONGEST_NAME})
     folder = tmp_path
