@@ -11,7 +11,6 @@ so. So is a run that is no running plane wave; the note names the script that co
 
 import argparse
 import json
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.norms import relative_error
-from analysis.plotting import load, save, write
+from analysis.plotting import load, save, start, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theories import (
     ALONG_Y,
@@ -283,4 +282,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

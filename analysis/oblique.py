@@ -12,7 +12,6 @@ Theory is `directions.doubled_wave`, in LAMMPS's contact geometry. Where a mirro
 the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
 """
 
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isclose
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 from analysis import directions
 from analysis.effects import sweep
 from analysis.norms import relative_error
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.quasilinear import component, in_frame
 from analysis.sheets import fields_of, rest_of
 from analysis.theories import Physics, holding, physics_of
@@ -228,4 +227,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -15,14 +15,16 @@ from granular_lmp.deck import Deck, build
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.folder import clear, locked, writable
 from granular_lmp.launch import check_machine, run_input
+from granular_lmp.modes import highest_frequency
 from granular_lmp.outputs import LOG, SCENE, read_log
-from granular_lmp.packing import lattice_constant
+from granular_lmp.packing import lattice_constant, unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
 
 INPUT = "in.sheet"
 DUMP = "dump.sheet"
 SHEET = "sheet.npz"
+FEWEST_SAMPLES = 8  # beside that at tau = 0; below, the window of a spectrum leaves next to nothing
 
 # Guards of the deck, at what value they say that the sheet is not linear, and why
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
@@ -79,20 +81,14 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        For a strip between fixed ends, or columns that are no multiple of 3.
+        For a strip between fixed ends, columns that are no multiple of 3, and records too few or too far apart.
     RunFolderError
         When the folder is there (without `force`).
     EffectError
         When spheres do not turn, or contacts slid or opened: the kick was too hard.
     LammpsMissingError, LammpsError
     """
-    if scene.shape.ends != "periodic":
-        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
-    if scene.shape.columns % 3:  # the rows of a periodic cell are even
-        raise SceneError(
-            f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
-            "otherwise does not hold the corner K of the Brillouin zone"
-        )
+    _refuse_unfit(scene)
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
@@ -118,6 +114,29 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         with writable(folder):
             _save(folder / SHEET, deck, steps, velocity)
     return folder / SHEET
+
+
+def _refuse_unfit(scene: Scene) -> None:
+    """Raise SceneError for a sheet that does not show its branches from Γ to M and K, however long it runs."""
+    time, shape = scene.time, scene.shape
+    if shape.ends != "periodic":
+        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
+    if shape.columns % 3:  # the rows of a periodic cell are even
+        raise SceneError(
+            f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
+            "otherwise does not hold the corner K of the Brillouin zone"
+        )
+    longest = np.pi / highest_frequency(unit_lattice(scene.sphere), scene.sphere)
+    if time.sample >= longest:
+        raise SceneError(
+            f"time.sample = {time.sample!r}: must be below {longest:.4g} tau for a sheet that is kicked, half a period "
+            "of its highest frequency"
+        )
+    if time.samples < FEWEST_SAMPLES:
+        raise SceneError(
+            f"time.duration = {time.duration!r}: must be at least {FEWEST_SAMPLES} x time.sample = "
+            f"{FEWEST_SAMPLES * time.sample!r} tau for a sheet that is kicked, to have a spectrum"
+        )
 
 
 def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:

@@ -34,7 +34,7 @@ from granular_lmp.budget import as_json, error_budget
 from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.folder import clear, locked, writable
-from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, replace_text
+from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text
 from granular_lmp.record import (
     STATUS,
     TRAJECTORY,
@@ -66,6 +66,8 @@ def run(scene: Scene, folder: str | Path, **options: Any) -> Record:
 def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
     """Continue an interrupted run, or the runs of an interrupted scene with a tolerance (`launch.resume`)."""
     folder = Path(folder).absolute()
+    if (folder / SWEEP).is_file():
+        raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_status(folder)
     if "tolerance" not in info:
         return launch.resume(folder, progress=progress)

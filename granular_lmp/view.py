@@ -64,6 +64,10 @@ def view(
         save(sweep_figure(Sweep.load(folder), column or "largest_p"), path)
         return []
     record = Record.load(folder, unfinished=True)
+    if not len(record.tau):
+        raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
+    status, message = record.info.get("status"), record.info.get("message")
+    lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
     try:
         particles = Particles.load(folder)
@@ -71,12 +75,12 @@ def view(
         if movie or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path)
-        return [f"{missing}; drawn are p, q and phi of the centre sphere"]
+        return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
         run_movie(record, particles, path, colour=colour, magnify=magnify, rows=rows)
     else:
         save(run_figure(record, particles, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
-    return []
+    return lacks
 
 
 def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:

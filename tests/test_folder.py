@@ -148,3 +148,21 @@ def test_build_leaves_nothing_of_a_run(small: Scene, tmp_path: Path, small_toml:
     to_tolerance(small, tmp_path / "run")
     assert main(["build", str(small_toml), "-o", str(tmp_path / "run"), "--force"]) == 0
     assert names(tmp_path / "run") == set(build(small).files())
+
+
+def test_a_sweep_is_resumed_by_its_own_command(small: Scene, tmp_path: Path) -> None:
+    sweep(small, {"wave.phase": [0.0]}, tmp_path / "sweep")
+    with pytest.raises(RunFolderError, match="holds a sweep; the same sweep command again does what is missing"):
+        resume(tmp_path / "sweep")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("tau,p,q,phi\n", "it holds no record"), ("tau,p,q,phi\n-0.5,0,0,0\n0,0,0,0\n", "not negative, and ascend")],
+)
+def test_a_trajectory_that_is_none_is_refused(text: str, said: str, small: Scene, tmp_path: Path) -> None:
+    once(small, tmp_path)
+    (tmp_path / "trajectory.csv").write_text(text)
+    write_status(tmp_path, read_status(tmp_path) | {"samples": len(text.splitlines()) - 1})
+    with pytest.raises(RunFolderError, match=said):
+        Record.load(tmp_path)

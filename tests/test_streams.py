@@ -6,12 +6,26 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+from analysis.plotting import start
 from granular_lmp.launch import FEWEST_FILES
 
+SCRIPTS = (
+    "accuracy",
+    "compare",
+    "dispersion",
+    "driven",
+    "effects",
+    "figure3",
+    "oblique",
+    "sheets",
+    "spectrum",
+    "standing",
+)
 GRANULAR = f"{sys.executable} -m granular_lmp"
 
 
@@ -39,6 +53,28 @@ def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: P
     status, out, _ = shell(f"{command} --force 2> /dev/full", tmp_path)
     assert status == 0
     assert "24 spheres" in out
+
+
+def test_a_script_ends_as_a_command_does(small_toml: Path, tmp_path: Path) -> None:
+    assert shell(f"{GRANULAR} run small.toml -o run", tmp_path)[0] == 0
+    compare = f"PYTHONPATH={Path(__file__).parents[1]} {sys.executable} -m analysis.compare"
+    assert shell(f"{compare} run > /dev/full", tmp_path)[::2] == (1, "[Errno 28] No space left on device\n")
+    assert shell(f"set -o pipefail; {compare} run | true", tmp_path)[::2] == (0, "")
+    assert shell(f"{compare} run <&- >&- 2>&-", tmp_path)[0] == 0
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_bad_input_of_a_script_is_one_line_and_status_2(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "nowhere")])
+    with pytest.raises(SystemExit) as refused:
+        start(import_module(f"analysis.{name}").main)
+    assert refused.value.code == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "nowhere" in said.err.splitlines()[-1]
+    assert len(said.err.splitlines()) == 1 or said.err.startswith("usage: ")
 
 
 @pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&-", "<&- >&- 2>&-"])
