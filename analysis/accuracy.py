@@ -15,7 +15,6 @@ it says by itself how good it is.
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -36,7 +35,7 @@ from numpy.typing import NDArray
 from analysis.catalogue import missing
 from analysis.compare import errors
 from analysis.lattice import torus
-from analysis.plotting import load, parser, save, write
+from analysis.plotting import load, parser, save, start, write
 from analysis.theories import THEORIES, Trajectory, Wave, holding, physics_of
 from granular_lmp.record import Record
 
@@ -347,4 +346,4 @@ def _accuracy(text: str) -> float:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -13,7 +13,6 @@ a theory of it.
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,7 +24,7 @@ from numpy.typing import NDArray
 
 from analysis.catalogue import script_for
 from analysis.norms import relative_error
-from analysis.plotting import load, save, write
+from analysis.plotting import load, save, start, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theories import (
     ALONG_Y,
@@ -322,4 +321,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -24,7 +24,7 @@ from matplotlib.lines import Line2D
 
 from analysis import lattice
 from analysis.norms import relative_error, slope
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
 
 POISSON_RATIO = 0.17  # silica, the paper's spheres
@@ -154,4 +154,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -2,17 +2,17 @@
 
     python -m analysis.dispersion SHEET [-o FILE]
 
-SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``): the velocities of all spheres over time. Their
-transform in space and time has power only where the lattice has waves; theory is `analysis.directions.modes`, with the
-inertia of LAMMPS's contact geometry. The table says how far the peaks are from the three branches, in units of the
-resolution 2π/T. ``make dispersion`` does it all.
+SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``), or its folder: the velocities of all spheres over
+time. Their transform in space and time has power only where the lattice has waves; theory is
+`analysis.directions.modes`, with the inertia of LAMMPS's contact geometry. The table says how far the peaks are from
+the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
+from zipfile import BadZipFile
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from analysis.catalogue import COMPRESSED, missing
 from analysis.directions import modes
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.second_harmonic import SOLID_SPHERE
 
 Floats = NDArray[np.float64]
@@ -31,6 +31,7 @@ PADDING = 4  # points of the transform to a resolution
 FLOOR = 2e-3
 # Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
 LOBE = 2.0
+FEWEST = 8  # records: below, the window leaves next to nothing
 BRANCHES = ("lower", "middle", "upper")
 
 
@@ -52,9 +53,22 @@ class Sheet:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read ``sheet.npz``; KeyError if it says too little, ValueError if the theory does not hold the sheet."""
-        with np.load(path) as file:
-            sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
+        """Read ``sheet.npz``, or that of the folder of a kicked sheet.
+
+        Raises
+        ------
+        ValueError
+            For a file that is none or says too little, holds fewer than `FEWEST` records, or a sheet that the theory
+            does not hold.
+        """
+        path = Path(path) / "sheet.npz" if Path(path).is_dir() else Path(path)
+        try:
+            with np.load(path) as file:
+                sheet = cls(**{name: file[name] for name in cls.__dataclass_fields__})
+        except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, BadZipFile) as error:
+            raise ValueError(f"not the sheet of granular-lmp kick: {error}") from error
+        if len(sheet.tau) < FEWEST:
+            raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
         traits = {f"effects.{name}" for name in sheet.effects} | ({COMPRESSED} if sheet.contact_force else set())
         left_out = missing("analysis.dispersion", traits)
         if left_out:
@@ -138,7 +152,8 @@ def table(sheet: Sheet) -> str:
     lines.append(f"{'':16}{'number':>7}{'median':>9}{'largest':>9}{'within 1':>10}")
     named = [(f"{name} branch", part[~np.isnan(part)]) for name, part in zip(BRANCHES, branches.T, strict=True)]
     for name, off in [*named, ("peaks", others)]:
-        lines.append(f"{name:16}{len(off):7}{np.median(off):9.3f}{off.max():9.3f}{np.mean(off <= 1):10.1%}")
+        said = f"{np.median(off):9.3f}{off.max():9.3f}{np.mean(off <= 1):10.1%}" if len(off) else f"{'-':>9}" * 2
+        lines.append(f"{name:16}{len(off):7}{said}")
     return "\n".join(lines)
 
 
@@ -169,16 +184,16 @@ def draw(sheet: Sheet) -> Figure:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     options = parser(__doc__, "figures/dispersion.png")
-    options.add_argument("sheet", metavar="SHEET", help="sheet.npz of a kicked sheet")
+    options.add_argument("sheet", metavar="SHEET", help="sheet.npz of a kicked sheet, or its folder")
     chosen = options.parse_args(arguments)
     try:
         sheet = Sheet.load(chosen.sheet)
         print(table(sheet))
-    except (OSError, ValueError, KeyError) as error:
+    except ValueError as error:
         options.error(f"{chosen.sheet}: {error}")
     save(draw(sheet), chosen.output)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

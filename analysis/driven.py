@@ -40,7 +40,6 @@ run of form "driven" with snapshots of all spheres, in rows that the slowest of 
 no echo of the far end is heard. It prints median deviations over those rows and draws the amplitudes over the rows.
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,7 +48,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.rows import AIRY, Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, nonlinearity
 from analysis.theories import physics_of
@@ -388,4 +387,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

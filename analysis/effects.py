@@ -10,7 +10,6 @@ over the run, which has no fit in it, over the exact lattice. Below, the relativ
 error of the time step, of second order but for the incremental law and dashpots, where LAMMPS's is of first order.
 """
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from analysis.catalogue import OBLIQUE, missing
 from analysis.compare import measured_amplitude
-from analysis.plotting import load, parser, save
+from analysis.plotting import load, parser, save, start
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
 from analysis.theories import Physics, Wave, holding, physics_of, trajectory
 from granular_lmp.record import STATUS, Record
@@ -132,4 +131,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -8,13 +8,11 @@ second harmonic, in the convention of real fields (½ of the paper's complex one
 |f| of the fundamental.
 """
 
-import sys
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plotting import COLOURS, parser, save
+from analysis.plotting import COLOURS, parser, save, start
 from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, ratios, resonance
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
@@ -90,4 +88,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

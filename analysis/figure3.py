@@ -8,7 +8,6 @@ the run; the paper's order of theory, with its misprints corrected and LAMMPS's 
 this folder for the wave, whose name is in the title. The numbers are relative L2 errors of the two against the run.
 """
 
-import sys
 from string import ascii_lowercase
 
 import numpy as np
@@ -16,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.compare import errors
-from analysis.plotting import load, parser, save
+from analysis.plotting import load, parser, save, start
 from analysis.theories import TheoryError, Wave, best, trajectory
 from granular_lmp.record import Record
 
@@ -90,4 +89,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import second_harmonic as sh
 from analysis.lattice import Law, torus
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios
 
 Floats = NDArray[np.float64]
@@ -248,4 +248,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

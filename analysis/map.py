@@ -28,7 +28,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from analysis.directions import Floats, branch_index, modes, second_harmonic_amplitude
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
@@ -124,4 +124,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)

@@ -12,7 +12,6 @@ Theory is `directions.doubled_wave`, in LAMMPS's contact geometry. Where a mirro
 the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
 """
 
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isclose
@@ -26,7 +25,7 @@ from analysis import directions
 from analysis.catalogue import missing
 from analysis.effects import sweep
 from analysis.norms import relative_error
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.quasilinear import component, in_frame
 from analysis.sheets import fields_of, rest_of
 from analysis.theories import Physics, physics_of
@@ -161,23 +160,26 @@ def draw(made: Sequence[Point], records: Sequence[Record]) -> Figure:
     figure = Figure(figsize=(1.2 + 3.4 * len(names), 6.0), layout="constrained")
     panels = figure.subplots(2, len(names), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1))
     amplitude, wavenumber = records[0].scene.wave.amplitude, float(np.mean([each.wavenumber for each in made]))
+    lowest, highest = (limit(each.error for each in made) for limit in (min, max))
     for name, above, below in zip(names, *panels, strict=True):
         these = [each for each in made if each.mode == name]
         _strengths(above, these, wavenumber, amplitude, _physics(records, name))
         above.set_title(name, fontsize="medium")
         below.semilogy([each.direction for each in these], [each.error for each in these], "ko", markersize=3.5)
         below.axhline(BOUND, color="black", linewidth=0.8, linestyle=":")
-        below.set(xlabel="direction of the wave (degrees)", ylim=(1e-5, 3e-2))
+        below.set(xlabel="direction of the wave (degrees)", ylim=(min(1e-5, lowest / 2), max(3e-2, 2 * highest)))
         below.set_xticks(
             range(0, 91, 30), [rf"{angle}, {axis}" for angle, axis in zip(range(0, 91, 30), AXES, strict=True)]
         )
     panels[0, 0].set(ylabel="second harmonic, rms over the run ($D_0$)")
     panels[1, 0].set(ylabel="relative error")
     panels[1, 0].text(0.02, BOUND * 1.15, f"{BOUND:.0%}", transform=panels[1, 0].get_yaxis_transform())
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False)
+    entries = panels[0, 0].get_legend_handles_labels()
+    figure.legend(*entries, loc="outside lower center", ncols=2 * len(names), frameon=False)
     figure.suptitle(
-        rf"plane waves in LAMMPS, $\xi$ = {wavenumber:.3g}, $D_0$ = {amplitude:g} $\Delta_0$, "
-        rf"$\tau \leq$ {made[0].tau[-1]:g}"
+        "plane waves in LAMMPS"
+        + (", " if len(names) > 1 else "\n")
+        + rf"$\xi$ = {wavenumber:.3g}, $D_0$ = {amplitude:g} $\Delta_0$, $\tau \leq$ {made[0].tau[-1]:g}"
     )
     return figure
 
@@ -221,4 +223,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

@@ -11,7 +11,6 @@ run − y1 holds the third order too, whose part at the fundamental is a drift o
 number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +21,7 @@ from matplotlib.figure import Figure
 
 from analysis.catalogue import missing
 from analysis.directions import Floats
-from analysis.plotting import load, parser, save
+from analysis.plotting import load, parser, save, start
 from analysis.quasilinear import ROW, Sheet, evolve, in_frame
 from analysis.theories import physics_of
 from granular_lmp.record import GranularError, Record
@@ -197,4 +196,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

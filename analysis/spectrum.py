@@ -15,7 +15,6 @@ S stays regular, and apart from cos w̃τ and sin w̃τ, at the resonance, where
 that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; free waves of any size do not enter it.
 """
 
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isclose
@@ -29,7 +28,7 @@ from scipy.optimize import least_squares
 from analysis import second_harmonic as closed
 from analysis.catalogue import OBLIQUE, missing
 from analysis.effects import sweep
-from analysis.plotting import COLOURS, parser, save
+from analysis.plotting import COLOURS, parser, save, start
 from analysis.theories import Wave, physics_of
 from granular_lmp.record import Record
 
@@ -349,4 +348,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

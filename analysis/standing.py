@@ -26,7 +26,6 @@ of p: this holds third-order changes of the fundamental as well, so its relative
 With the incremental shear law LAMMPS's own error is of first order in the step, and soon larger: halve it and compare.
 """
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +35,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.norms import relative_error
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.rows import Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, second_harmonic
 from analysis.theories import physics_of
@@ -219,4 +218,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

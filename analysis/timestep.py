@@ -18,7 +18,6 @@ the finer run's phase error and the next order of its frequency; over a run, in 
     single run   e = (Ωh)²Ωτ/(24√3)              pair   E² = (2.68 e₂²)² + (0.113 (Ωh)² e₂)²,  e₂ = e/4
 """
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -38,7 +37,7 @@ from analysis.lattice import (
     torus_phases,
 )
 from analysis.norms import relative_error
-from analysis.plotting import parser, save
+from analysis.plotting import parser, save, start
 from analysis.second_harmonic import ModeName, mode, ratios
 
 Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
@@ -210,4 +209,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)

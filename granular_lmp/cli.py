@@ -1,38 +1,92 @@
 """The command line ``granular-lmp``. Imports stay inside the commands: ``--help`` must not wait for LAMMPS and ASE."""
 
 import argparse
+import io
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf, pi
 from typing import TYPE_CHECKING
 
 from granular_lmp import __version__
-from granular_lmp.errors import GranularError
+from granular_lmp.errors import GranularError, OutputError, RunFolderError
 
 if TYPE_CHECKING:
     from granular_lmp.record import Record
     from granular_lmp.scene import Scene
 
+_STDERR = 2  # its descriptor
 _BAR = 30  # characters of the progress bar
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
-    options = _parser().parse_args(argv)
+    _open_streams()
     try:
+        options = _parser().parse_args(argv)
+        _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
         return command(options)
     except GranularError as error:
-        print(f"granular-lmp: error: {error}", file=sys.stderr)
+        _remark(f"granular-lmp: error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
+        _remark("granular-lmp: interrupted")
         return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader of our output, `head` say, has gone
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except (OSError, MemoryError) as error:  # of the machine: no descriptors, no memory, a library that is cut off
+        _remark(f"granular-lmp: error: {' '.join(str(error).split()) or 'out of memory'}")
+        return 1
+    finally:
+        _drop_unwritten()
+
+
+def _open_streams() -> None:
+    """Send what is said on a closed stream to nowhere; else the next file that is opened would take its place."""
+    descriptor = os.open(os.devnull, os.O_RDWR)
+    while descriptor <= _STDERR:
+        os.set_inheritable(descriptor, True)
+        descriptor = os.dup(descriptor)
+    os.close(descriptor)
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a folder's name may hold what the terminal cannot show
+
+
+def _drop_unwritten() -> None:
+    """Flush what is said, or drop it where it cannot be written, so that the interpreter does not complain at exit."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _refuse_deleted_folder() -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise RunFolderError("the working directory was deleted; change to one that is there") from error
+
+
+def _say(line: str) -> None:
+    """Write a line of the answer."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"standard output: cannot be written: {error.strerror}") from error
+
+
+def _remark(line: str, end: str = "\n") -> None:
+    """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
+    with suppress(OSError):
+        print(line, end=end, file=sys.stderr, flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -119,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
     kick = _add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
     _scene_arguments(kick)
     _folder_arguments(kick, "run folder (default: runs/NAME)")
-    kick.add_argument("--seed", type=int, default=0, metavar="N", help="of the random velocities (default: 0)")
+    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
 
     _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
     return parser
@@ -168,6 +222,12 @@ def _positive(text: str) -> int:
     return int(text)
 
 
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 0")
+    return int(text)
+
+
 def _seconds(text: str) -> float:
     try:
         seconds = float(text)
@@ -193,9 +253,9 @@ def _scene(options: argparse.Namespace) -> "Scene":
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(dict(assignment(change) for change in options.changes))
     for remark in scene.remarks():
-        print(f"note: {remark}", file=sys.stderr)
+        _remark(f"note: {remark}")
     for warning in [*warnings(select(scene)), *drowned(scene)]:
-        print(f"warning: {warning}", file=sys.stderr)
+        _remark(f"warning: {warning}")
     return scene
 
 
@@ -206,14 +266,15 @@ def _build(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from granular_lmp.deck import build
-    from granular_lmp.launch import locked
+    from granular_lmp.folder import clear, locked
 
     scene = _scene(options)
     deck = build(scene)
     folder = options.output or f"decks/{scene.name}"
     with locked(Path(folder).absolute(), make=True, force=options.force):  # not into a run that is at work
+        clear(Path(folder).absolute())
         deck.write(folder, force=True)
-    print(f"{folder}: {', '.join(deck.files())}")
+    _say(f"{folder}: {', '.join(deck.files())}")
     return 0
 
 
@@ -248,9 +309,9 @@ def _sweep(options: argparse.Namespace) -> int:
         done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and _progress_of_runs)
     for row in done.having("failed"):
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
-        print(f"failed: {point}: {row['message']} ({folder}/{row['run']})", file=sys.stderr)
+        _remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
     finished = len(done.having("finished"))
-    print(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
+    _say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
 
 
@@ -261,15 +322,14 @@ def _cost(options: argparse.Namespace) -> int:
     scene = _scene(options)
     folder = options.output or f"costs/{scene.name}"
     planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
-    print(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    _say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
     for setting, reason in planned.left_out.items():
-        print(f"left out: {setting}: {reason}", file=sys.stderr)
-    sys.stdout.flush()
+        _remark(f"left out: {setting}: {reason}")
 
     with _interruptible() as bar:
         result = measure(planned, progress=bar and _progress_of_runs)
-    print(text(result))
-    print(f"{folder}: cost.json, cost.csv")
+    _say(text(result))
+    _say(f"{folder}: cost.json, cost.csv")
     return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
 
 
@@ -283,24 +343,24 @@ def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
     finally:
         signal.signal(signal.SIGTERM, before)
         if terminal:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)  # wipe the bar
+            _remark("\r\033[K", end="")  # wipe the bar
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
-    print(
+    _say(
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records "
         f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
     )
     for sentence in info.get("refinements", []):
-        print(f"note: {sentence}", file=sys.stderr)
+        _remark(f"note: {sentence}")
     if "tolerance" in info:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
-        print(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
+        _say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
-            print(f"warning: {name} = {guard['value']}: {guard['meaning']}", file=sys.stderr)
+            _remark(f"warning: {name} = {guard['value']}: {guard['meaning']}")
     return 0
 
 
@@ -308,7 +368,7 @@ def _progress(done: int, total: int, what: str = "step", more: str = "") -> None
     """Draw the bar again on the same line of the terminal."""
     filled = _BAR * done // max(total, 1)
     bar = "#" * filled + "." * (_BAR - filled)
-    print(f"\r\033[K{bar} {what} {done} of {total}{more}", end="", file=sys.stderr, flush=True)
+    _remark(f"\r\033[K{bar} {what} {done} of {total}{more}", end="")
 
 
 def _progress_of_runs(done: int, runs: int, left: float) -> None:
@@ -320,17 +380,17 @@ def _effects(options: argparse.Namespace) -> int:
 
     deck = build(_scene(options))
     scene, shape = deck.scene, deck.scene.shape
-    print(
+    _say(
         f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
     )
-    print(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
+    _say(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
     for effect in deck.effects:
         state = "on" if effect.on else "off"
         head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
-        print(f"{head}{effect.number:.4g} {effect.reason}")
+        _say(head + effect.finding)
         if effect.loss != "nothing":
-            print(f"{'':{len(head)}}without it: {effect.loss}")
-    print("A guard fails the run when an effect that is off, and was not called for, is there after all.")
+            _say(f"{'':{len(head)}}without it: {effect.loss}")
+    _say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
     return 0
 
 
@@ -341,20 +401,20 @@ def _modes(options: argparse.Namespace) -> int:
     scene = _scene(options)
     packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
     along = "" if scene.along == "y" else f" along {scene.along}"
-    print(
+    _say(
         f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
         "shapes with p2 + q2 + f2 = 1"
     )
-    print(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
+    _say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
     for name in physics.modes:
         mode = bloch_mode(packing, scene.sphere, scene.vector, name, physics)
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
-        print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
+        _say(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
         from granular_lmp.plots import dispersion_figure, save
 
         save(dispersion_figure(packing, scene), options.plot)
-        print(options.plot)
+        _say(options.plot)
     return 0
 
 
@@ -363,8 +423,8 @@ def _view(options: argparse.Namespace) -> int:
 
     wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
     for remark in view(options.folder, options.output, **wanted):
-        print(f"note: {remark}", file=sys.stderr)
-    print(options.output)
+        _remark(f"note: {remark}")
+    _say(options.output)
     return 0
 
 
@@ -378,9 +438,9 @@ def _collide(options: argparse.Namespace) -> int:
         result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
         errors = result.errors()
     write_numbers(result, errors)
-    print(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
+    _say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():
-        print(f"{name:24}{value:18.10g}{errors[name]:22.1e}")
+        _say(f"{name:24}{value:18.10g}{errors[name]:22.1e}")
     return 0
 
 
@@ -388,11 +448,13 @@ def _kick(options: argparse.Namespace) -> int:
     from granular_lmp.sheet import run_kicked
 
     scene = _scene(options)
-    print(run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force))
+    with _interruptible():
+        sheet = run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force)
+    _say(str(sheet))
     return 0
 
 
 def _doctor(options: argparse.Namespace) -> int:
     from granular_lmp.doctor import report
 
-    return report(print)
+    return report(_say)

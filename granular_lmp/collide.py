@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
-from granular_lmp.deck import writable
 from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
-from granular_lmp.launch import locked, run_input
-from granular_lmp.outputs import CHECKPOINTS, LOG
+from granular_lmp.folder import clear, locked, writable
+from granular_lmp.launch import check_machine, run_input
+from granular_lmp.outputs import CHECKPOINTS
 from granular_lmp.units import units_for
 
 COURSE = "collision.csv"
@@ -129,12 +129,12 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     """
     folder = Path(folder).absolute()
     name = f"in.{collision.name}"
+    check_machine()
     with locked(folder, make=True, force=force) as lock:
+        clear(folder)
         with writable(folder):
             (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
             (folder / name).write_text(deck_text(collision), encoding="utf-8")
-            for old in (LOG, DUMP, COURSE, RESULT):
-                (folder / old).unlink(missing_ok=True)
         try:
             run_input(folder, name, lock)
         except KeyboardInterrupt as error:

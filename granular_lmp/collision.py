@@ -20,6 +20,7 @@ from granular_lmp.fields import (
     checked_name,
     choice,
     declared,
+    default_name,
     file_text,
     first_file,
     one_line,
@@ -132,15 +133,15 @@ class Collision:
         except NOT_TOML as error:
             raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
         try:
-            return cls.from_dict(tables)
+            return cls.from_dict(tables, default_name(found))
         except SceneError as error:
             raise SceneError(f"{found}: {error}") from error
 
     @classmethod
-    def from_dict(cls, tables: Mapping[str, Any]) -> Self:
+    def from_dict(cls, tables: Mapping[str, Any], default: str = "collision") -> Self:
         """Collision from nested mappings; every key and value is checked."""
         refuse_unknown(tables, ("name", *_TABLES), "")
-        name = checked_name(tables, "collision", "the deck")
+        name = checked_name(tables, default, "the deck")
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive

@@ -21,18 +21,19 @@ from time import monotonic
 from typing import Any
 
 from granular_lmp import tolerance
-from granular_lmp.deck import build, writable
+from granular_lmp.deck import build
 from granular_lmp.dumps import OUTPUTS, edited, keep_centre
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.folder import locked, refuse_long, writable
 from granular_lmp.grid import scene_hash
 from granular_lmp.knobs import REFERENCE, Point, Run, base, points, reference
-from granular_lmp.launch import core_count, locked, run_deck
-from granular_lmp.outputs import replace_text
+from granular_lmp.launch import core_count, run_deck
+from granular_lmp.outputs import COST, replace_text
 from granular_lmp.record import STATUS, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.tally import collect, is_done, place, taken, to_csv
 
-RESULT, TABLE = "cost.json", "cost.csv"
+TABLE = "cost.csv"
 _WARM_UP = 2e5  # particle-steps of the warm-up: 50 ms
 _PROGRAM = 0.5  # s to start mpiexec and lmp
 
@@ -219,22 +220,23 @@ def _save(plan: Plan) -> dict[str, Any]:
     result: dict[str, Any] = {"scene": plan.scene.to_dict(), "cores": core_count(), "left_out": plan.left_out}
     result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
-        replace_text(plan.folder / RESULT, json.dumps(result, indent=1, allow_nan=False) + "\n")
+        replace_text(plan.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")
         replace_text(plan.folder / TABLE, to_csv(result["points"]))
     return result
 
 
 def _check_folder(folder: Path, scene: Scene) -> None:
     """Refuse a folder that is there and is not that of a study of this scene."""
+    refuse_long(folder)
     if not folder.exists():
         return
-    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / RESULT).is_file()):
+    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / COST).is_file()):
         raise RunFolderError(f"{folder}: is there already; choose another folder")
-    if (folder / RESULT).is_file():
+    if (folder / COST).is_file():
         try:
-            there = Scene.from_dict(json.loads((folder / RESULT).read_text(encoding="utf-8"))["scene"])
+            there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
         except (OSError, ValueError, KeyError) as error:
-            raise RunFolderError(f"{folder / RESULT}: cannot be read: {error}") from error
+            raise RunFolderError(f"{folder / COST}: cannot be read: {error}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
 

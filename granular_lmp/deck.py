@@ -6,8 +6,7 @@ is an index variable, to be overridden with ``-var``. The blocks of the deck sta
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 from granular_lmp import effects, guards
 from granular_lmp.datafile import DataFile
 from granular_lmp.effects import Effect
-from granular_lmp.errors import RunFolderError
+from granular_lmp.folder import writable
 from granular_lmp.modes import Mode, Physics, mode_of
 from granular_lmp.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS
 from granular_lmp.packing import hexagonal
@@ -92,17 +91,6 @@ class Deck:
             for name, pieces in self.files().items():
                 with (folder / name).open("w", encoding="utf-8") as stream:
                     stream.writelines(pieces)
-
-
-@contextmanager
-def writable(folder: Path) -> Iterator[None]:
-    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
-    try:
-        yield
-    except FileExistsError as error:
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
-    except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def build(scene: Scene) -> Deck:

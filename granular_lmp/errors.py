@@ -64,6 +64,10 @@ class LammpsError(GranularError):
         self.log_tail = log_tail
 
 
+class OutputError(GranularError):
+    """What a command answers cannot be written: a full disk, say, behind a redirected standard output."""
+
+
 class WorkerError(GranularError):
     """The process that a run was in has died: killed for want of memory, or by a fault inside LAMMPS."""
 

@@ -20,6 +20,7 @@ AUTO = "auto"
 # What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits; and it follows brackets in
 # brackets as deep as Python's stack
 NOT_TOML = (ValueError, RecursionError)
+LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 
@@ -125,9 +126,10 @@ def assignment(text: str) -> tuple[str, Any]:
     if not equals or not key.strip() or not value.strip():
         raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except NOT_TOML:
+        (parsed,) = tomllib.loads(f"value = {value}").values()
+    except NOT_TOML:  # also where a second line sets another key
         return key.strip(), value.strip()
+    return key.strip(), parsed
 
 
 def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
@@ -143,7 +145,7 @@ def file_text(path: Path) -> str:
     try:
         with path.open("rb") as stream:
             raw = stream.read(LARGEST_FILE + 1)
-        text = raw.decode("utf-8")
+        text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
     if len(raw) > LARGEST_FILE:
@@ -159,11 +161,22 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
 
 
 def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
-    """``name`` of what was read, which becomes that of files on any system; `what` says what it names."""
+    """Return ``name`` of what was read, or `default`; it becomes that of files on any system, `what` says of which."""
     name = tables.get("name", default)
-    if not isinstance(name, str) or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
-        raise SceneError(f"name = {shown(name)}: must be ASCII letters, digits, '-' and '_' (it names {what})")
+    plain = isinstance(name, str) and name.isascii() and name.replace("_", "").replace("-", "").isalnum()
+    if not plain or len(name) > LONGEST_NAME:
+        origin = "" if "name" in tables else ", taken from the file's name as the file declares none"
+        raise SceneError(
+            f"name = {shown(name)}{origin}: must be a string of at most {LONGEST_NAME} ASCII letters, digits, "
+            f"'-' and '_' (it names {what})"
+        )
     return name
+
+
+def default_name(file: Path) -> str:
+    """Return the name of a scene whose file declares none: the file's stem, of ``scene.toml`` that of its folder."""
+    file = file.absolute()
+    return file.parent.name if file.name == "scene.toml" else file.stem
 
 
 def allowed_names(key: str, names: Iterable[str]) -> str:

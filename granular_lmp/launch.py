@@ -4,25 +4,26 @@ Whatever the route, LAMMPS reads the same ``in.NAME`` in the run folder and the 
 one rank). LAMMPS works in a second thread, so that Ctrl-C and the progress display are served at once.
 """
 
-import fcntl
 import os
+import resource
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import chdir, contextmanager
+from contextlib import chdir
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
 
 from granular_lmp.agreement import refuse_other_scene
-from granular_lmp.deck import Deck, build, resume_text, writable
+from granular_lmp.deck import Deck, build, resume_text
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -31,6 +32,7 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.folder import clear, locked, writable
 from granular_lmp.guards import GUARDS, interval
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.outputs import (
@@ -51,6 +53,7 @@ from granular_lmp.status import description, outcome, woken
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
+FEWEST_FILES = 64  # a run of one rank was seen to need 24; others of the same process need their own
 _POLL = 0.1  # s between two looks at a run: progress, and the longest wait for a program to stop
 _GRACE = 0.5  # s that a stopped program gets before it is killed
 _working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
@@ -101,7 +104,7 @@ def run(
     ranks : int
         MPI ranks.
     force : bool
-        Run again in a folder that is there; only the files named above are replaced.
+        Run again in a folder that is there; what an earlier run wrote is deleted, all else there is kept.
     progress : callable, optional
         Called as ``progress(step, steps)`` about ten times a second.
 
@@ -139,11 +142,10 @@ def run_deck(
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
     folder = Path(folder).absolute()
     with locked(folder, make=True, force=force) as lock:
+        clear(folder)
         deck.write(folder, force=True)
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
-            for name in (LOG, DUMP, PARTICLES, TRAJECTORY, *CHECKPOINTS):
-                (folder / name).unlink(missing_ok=True)  # of an earlier run: it must not pass for this one's
         info = description(deck, "lmp" if program else "module", ranks)
         return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
 
@@ -174,7 +176,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
         refuse_other_scene(folder, info)
         deck = build(Scene.load(folder / SCENE))
-        checkpoints = [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
+        checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
         last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
@@ -186,6 +188,17 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             mend_log(folder / LOG)
         # The input opens the log itself, to append to it
         return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
+
+
+def _how_to_continue(folder: Path) -> str:
+    """Return the command that continues a stopped run, or starts it again where there is no checkpoint."""
+    if _checkpoints(folder):
+        return f"continue with: granular-lmp resume {quote(str(folder))}"
+    return "it has no checkpoint yet, run it again with --force"
+
+
+def _checkpoints(folder: Path) -> list[Path]:
+    return [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
 
 
 def _is_whole(checkpoint: Path) -> bool:
@@ -203,7 +216,12 @@ def run_input(folder: Path, input_name: str, lock: int) -> None:
     ------
     LammpsMissingError, LammpsError
     """
-    _run_module(lammps_module(), Job(folder, input_name, LOG, lock, lambda step: None))
+    _route(program=False, ranks=1)(Job(folder, input_name, LOG, lock, lambda step: None))
+
+
+def check_machine() -> None:
+    """Raise LammpsMissingError or LaunchError, before a file is written, if LAMMPS cannot run in this process."""
+    _route(program=False, ranks=1)
 
 
 def core_count() -> int:
@@ -225,7 +243,7 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
     try:
         route(job)
     except KeyboardInterrupt:
-        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept")
+        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {_how_to_continue(folder)}")
     except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
         failure = error
     try:
@@ -247,23 +265,6 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
     for name in CHECKPOINTS:
         (folder / name).unlink(missing_ok=True)
     return Record.load(folder)
-
-
-@contextmanager
-def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
-    """Hold the folder for one run or sweep; gives the descriptor of the lock."""
-    with writable(folder):
-        if make:
-            folder.mkdir(parents=True, exist_ok=force)
-        lock = os.open(folder, os.O_RDONLY)
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise RunFolderError(f"{folder}: another run is at work there") from error
-        yield lock
-    finally:
-        os.close(lock)
 
 
 def _collect(folder: Path, scene: Scene) -> Record:
@@ -316,7 +317,10 @@ def _log_tail(folder: Path, lines: int = 15) -> str:
 
 
 def _route(program: bool, ranks: int) -> Route:
-    """The function that runs a job; raises LammpsMissingError when what it needs is not there."""
+    """Return the function that runs a job; raises LammpsMissingError or LaunchError when what it needs is not there."""
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= files < FEWEST_FILES:  # MPI would end this process without a word to us
+        raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
     return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
 
 

@@ -17,6 +17,8 @@ PARTICLES = "dump.particles"
 PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
 LOG = "log.lammps"
 STATUS = "run.json"
+SWEEP = "sweep.json"
+COST = "cost.json"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
 # Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
 DUMP_COLUMNS = (

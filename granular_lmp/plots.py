@@ -82,7 +82,7 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
 
 
 def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
-    """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in MHz.
+    """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in Hz, kHz, MHz or GHz.
 
     Along y and x the branches have their names; in between these pass from branch to branch, and they are drawn alike.
     """
@@ -103,14 +103,23 @@ def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
-    per_mhz = 2e6 * np.pi * scene.sphere.time_scale
+    per_hertz = 2 * np.pi * scene.sphere.time_scale
+    size, unit = _unit_of_frequency(axes.get_ylim()[1] / per_hertz)
     right = axes.secondary_yaxis(
-        "right", functions=(lambda x: np.divide(x, per_mhz), lambda x: np.multiply(x, per_mhz))
+        "right",
+        functions=(lambda x: np.divide(x, size * per_hertz), lambda x: np.multiply(x, size * per_hertz)),
     )
-    right.set_ylabel("frequency (MHz)")
+    right.set_ylabel(f"frequency ({unit})")
     where = "" if scene.along == "y" else f", along {scene.along}"
     axes.legend(title=scene.name + where)
     return figure
+
+
+def _unit_of_frequency(largest: float) -> tuple[float, str]:
+    """Return the largest of Hz, kHz, MHz, GHz, and its size in Hz, in which `largest`, in Hz, is not below 1."""
+    sizes = {1.0: "Hz", 1e3: "kHz", 1e6: "MHz", 1e9: "GHz"}
+    size = max((size for size in sizes if size <= largest), default=1.0)
+    return size, sizes[size]
 
 
 def save(figure: Figure, path: str | Path) -> None:

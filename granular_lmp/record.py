@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from granular_lmp.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
+from granular_lmp.folder import is_held
 from granular_lmp.outputs import DUMP, SCENE, read_dump, replace_text
 from granular_lmp.outputs import STATUS as STATUS
 from granular_lmp.particles import Particles
@@ -89,8 +90,10 @@ class Record:
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
             tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
-            if not (np.isfinite(tau).all() and (np.diff(tau) > 0).all()):
-                raise ValueError("tau must be finite and ascend")
+            if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
+                raise ValueError("tau must be finite, not negative, and ascend")
+            if not len(tau) and not unfinished:
+                raise ValueError("it holds no record")
             if len(tau) != info.get("samples") and not unfinished:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
         except (OSError, ValueError, IndexError, csv.Error) as error:
@@ -195,14 +198,24 @@ def optional_package(name: str) -> Any:
 
 
 def read_status(folder: str | Path) -> dict[str, Any]:
-    """Contents of ``run.json``.
+    """Return the contents of ``run.json``; a run that was killed while it was "running" is "interrupted".
 
     Raises
     ------
     RunFolderError
         When the folder holds none, or it is not of the form that a run writes.
     """
-    path = Path(folder) / STATUS
+    folder = Path(folder)
+    info = _status(folder)
+    if info.get("status") == "running" and not is_held(folder):
+        info = _status(folder)  # it may have ended between the two looks
+        if info.get("status") == "running":
+            info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, and no process does"}
+    return info
+
+
+def _status(folder: Path) -> dict[str, Any]:
+    path = folder / STATUS
     try:
         info = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

@@ -161,6 +161,8 @@ def tracking(case: Case) -> Finding:
 
 def sliding(case: Case) -> Finding:
     ratio = case.largest_slip()
+    if ratio == inf and case.scene.effects.friction != AUTO:
+        return Finding(True, ratio, f"contacts open, and an open one bears no shear force (friction {case.friction:g})")
     if case.scene.effects.friction == AUTO:
         return Finding(False, ratio, f"of the sliding force is the largest shear force (friction {case.friction:.3g})")
     return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")
@@ -233,7 +235,8 @@ def _frequency_shift(case: Case, physics: Physics) -> str:
 
 
 def without_sliding(case: Case) -> str:
-    return f"shear forces grow to {case.largest_slip():.3g} of what friction bears"
+    ratio = case.largest_slip()
+    return f"shear forces grow to {ratio:.3g} of what friction bears" if ratio < inf else "open contacts bear shear"
 
 
 def without_damping(case: Case) -> str:

@@ -23,6 +23,7 @@ from granular_lmp.fields import (
     allowed_names,
     checked_name,
     cut,
+    default_name,
     file_text,
     first_file,
     one_line,
@@ -100,7 +101,10 @@ class Scene:
 
     @classmethod
     def load(cls, source: str | Path) -> Self:
-        """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``."""
+        """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``.
+
+        Its name, if it declares none, is the stem of the file, for ``scene.toml`` that of its folder.
+        """
         path = Path(source)
         found = first_file(source, (path, path / "scene.toml", SHIPPED / path / "scene.toml"))
         if found is None:
@@ -108,24 +112,24 @@ class Scene:
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
         text = file_text(found)
         try:
-            return cls.loads(text)
+            return cls.loads(text, default_name(found))
         except SceneError as error:
             raise SceneError(f"{found}: {error}") from error
 
     @classmethod
-    def loads(cls, text: str) -> Self:
-        """Scene from TOML text."""
+    def loads(cls, text: str, default: str = "scene") -> Self:
+        """Scene from TOML text; `default` is its name if the text holds none."""
         try:
             tables = tomllib.loads(text)
         except NOT_TOML as error:
             raise SceneError(f"not valid TOML: {one_line(error)}") from error
-        return cls.from_dict(tables)
+        return cls.from_dict(tables, default)
 
     @classmethod
-    def from_dict(cls, tables: Mapping[str, Any]) -> Self:
+    def from_dict(cls, tables: Mapping[str, Any], default: str = "scene") -> Self:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
         refuse_unknown(tables, ("name", *_TABLES), "")
-        name = checked_name(tables, "scene", "the files of the run")
+        name = checked_name(tables, default, "the files of the run")
         tables = _without_wavevector(tables)
         records = {
             _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))

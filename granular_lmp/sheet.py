@@ -11,17 +11,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import Deck, build, writable
-from granular_lmp.errors import EffectError, RunFolderError, SceneError
-from granular_lmp.launch import locked, run_input
+from granular_lmp.deck import Deck, build
+from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.folder import clear, locked, writable
+from granular_lmp.launch import check_machine, run_input
+from granular_lmp.modes import highest_frequency
 from granular_lmp.outputs import LOG, SCENE, read_log
-from granular_lmp.packing import lattice_constant
+from granular_lmp.packing import lattice_constant, unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
 
 INPUT = "in.sheet"
 DUMP = "dump.sheet"
 SHEET = "sheet.npz"
+FEWEST_SAMPLES = 8  # beside that at tau = 0; below, the window of a spectrum leaves next to nothing
 
 # Guards of the deck, at what value they say that the sheet is not linear, and why
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
@@ -79,38 +82,74 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        For a strip between fixed ends.
+        For a strip between fixed ends, columns that are no multiple of 3, and records too few or too far apart.
     RunFolderError
         When the folder is there (without `force`).
     EffectError
         When spheres do not turn, or contacts slid or opened: the kick was too hard.
     LammpsMissingError, LammpsError
     """
-    if scene.shape.ends != "periodic":
-        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
+    _refuse_unfit(scene)
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
+    check_machine()
     with locked(folder, make=True, force=force) as lock:
+        clear(folder)
         deck.write(folder, force=True)
         with writable(folder):
             (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
             text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=DUMP, steps=scene.time.steps)
             (folder / INPUT).write_text(text, encoding="utf-8")
-        run_input(folder, INPUT, lock)
-    log = read_log(folder / LOG)[0]
-    for column, limit, what in _LINEAR:
-        if log.get(column, np.zeros(1)).max() >= limit:
-            raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-    steps, velocity = read_sheet(folder / DUMP)
-    sphere, units = scene.sphere, units_for(scene.sphere.radius)
-    velocity[:, :, 2] *= units.number(sphere.radius, length=1)
+        try:
+            run_input(folder, INPUT, lock)
+        except KeyboardInterrupt as error:
+            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
+        log = read_log(folder / LOG)[0]
+        for column, limit, what in _LINEAR:
+            if log.get(column, np.zeros(1)).max() >= limit:
+                raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
+        steps, velocity = read_sheet(folder / DUMP)
+        if len(steps) != scene.time.samples + 1 or not np.isfinite(velocity).all():
+            raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
+        with writable(folder):
+            _save(folder / SHEET, deck, steps, velocity)
+    return folder / SHEET
+
+
+def _refuse_unfit(scene: Scene) -> None:
+    """Raise SceneError for a sheet that does not show its branches from Γ to M and K, however long it runs."""
+    time, shape = scene.time, scene.shape
+    if shape.ends != "periodic":
+        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
+    if shape.columns % 3:  # the rows of a periodic cell are even
+        raise SceneError(
+            f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
+            "otherwise does not hold the corner K of the Brillouin zone"
+        )
+    longest = np.pi / highest_frequency(unit_lattice(scene.sphere), scene.sphere)
+    if time.sample >= longest:
+        raise SceneError(
+            f"time.sample = {time.sample!r}: must be below {longest:.4g} tau for a sheet that is kicked, half a period "
+            "of its highest frequency"
+        )
+    if time.samples < FEWEST_SAMPLES:
+        raise SceneError(
+            f"time.duration = {time.duration!r}: must be at least {FEWEST_SAMPLES} x time.sample = "
+            f"{FEWEST_SAMPLES * time.sample!r} tau for a sheet that is kicked, to have a spectrum"
+        )
+
+
+def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+    """Write ``sheet.npz`` from what LAMMPS recorded, in the units of the deck."""
+    scene, sphere = deck.scene, deck.scene.sphere
+    units, constant = units_for(sphere.radius), lattice_constant(sphere)
+    radius = units.number(sphere.radius, length=1)
     unit = scene.wave.amplitude * units.number(sphere.static_overlap / sphere.time_scale, length=1, time=-1)
-    constant = lattice_constant(sphere)
     np.savez(
-        folder / SHEET,
+        path,
         tau=steps * scene.time.step,
-        velocity=velocity / unit,
+        velocity=velocity * [1.0, 1.0, radius] / unit,
         position=deck.packing.positions[:, :2] / constant,
         box=deck.packing.cell.lengths()[:2] / constant,
         poisson_ratio=sphere.poisson_ratio,
@@ -118,7 +157,6 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         contact_force=sphere.contact_force,
         effects=[effect.name for effect in deck.effects if effect.on],
     )
-    return folder / SHEET
 
 
 def read_sheet(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -19,11 +19,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.folder import clear, locked, writable
 from granular_lmp.grid import concrete_hash, points, scene_hash
-from granular_lmp.launch import locked
-from granular_lmp.outputs import SCENE, replace_text
+from granular_lmp.outputs import SCENE, STATUS, SWEEP, replace_text
 from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
 from granular_lmp.steplaw import planned_steps
@@ -33,7 +32,6 @@ from granular_lmp.workers import stop_requested
 Progress = Callable[[int, int, float], None]
 Point = dict[str, Any]
 
-REQUEST = "sweep.json"
 TABLE = "sweep.csv"
 RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
@@ -82,7 +80,7 @@ class Sweep:
         folder = Path(folder).absolute()
         request = _read_request(folder)
         if request is None:
-            raise RunFolderError(f"{folder}: not a sweep folder (there is no {REQUEST})")
+            raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
         grid = points(scene, over)
         rows = {name: _row(folder / RUNS / name) for _, name, _ in grid}
@@ -234,9 +232,11 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
     if there is None and not force and any(folder.iterdir()):
         raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
+    if there is None and (folder / STATUS).exists():  # it was the folder of one run
+        clear(folder)
     if there != request:
         with writable(folder):
-            replace_text(folder / REQUEST, json.dumps(request, indent=2) + "\n")
+            replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 
 
 def _identity(request: dict[str, Any]) -> str:
@@ -245,7 +245,7 @@ def _identity(request: dict[str, Any]) -> str:
 
 def _read_request(folder: Path) -> dict[str, Any] | None:
     """Contents of ``sweep.json``; None where there is none."""
-    path = folder / REQUEST
+    path = folder / SWEEP
     try:
         request = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):

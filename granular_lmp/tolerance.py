@@ -20,10 +20,10 @@ The folder holds a run folder for each step, ``N_per_sample``, and the extrapola
 ``scene.toml`` and ``run.json``.
 """
 
-import shutil
 from collections.abc import Callable
 from math import inf
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -32,10 +32,10 @@ from granular_lmp import launch
 from granular_lmp.accuracy import richardson
 from granular_lmp.agreement import refuse_other_scene, scene_digest
 from granular_lmp.budget import as_json, error_budget
-from granular_lmp.deck import writable
 from granular_lmp.effects import order, resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
-from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, replace_text
+from granular_lmp.folder import clear, locked, writable
+from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text
 from granular_lmp.record import (
     STATUS,
     TRAJECTORY,
@@ -65,6 +65,8 @@ def run(scene: Scene, folder: str | Path, **options: Any) -> Record:
 def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
     """Continue an interrupted run, or the runs of an interrupted scene with a tolerance (`launch.resume`)."""
     folder = Path(folder).absolute()
+    if (folder / SWEEP).is_file():
+        raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_status(folder)
     if "tolerance" not in info:
         return launch.resume(folder, progress=progress)
@@ -82,7 +84,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
             return launch.resume(place, progress=told)
         return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
 
-    with launch.locked(folder):
+    with locked(folder):
         return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
 
 
@@ -131,15 +133,12 @@ def run_to_tolerance(
     }
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
-        return launch.run(scene, place, launcher=launcher, ranks=ranks, progress=told)
+        # By force: a folder of the user's own files may have been left there
+        return launch.run(scene, place, launcher=launcher, ranks=ranks, force=True, progress=told)
 
-    with launch.locked(folder, make=True, force=force):
+    with locked(folder, make=True, force=force):
+        clear(folder)
         with writable(folder):
-            (folder / STATUS).unlink(missing_ok=True)  # of an earlier run, as the rest: it must not pass for this one's
-            for stale in folder.glob(f"*{PER_SAMPLE}"):
-                if (stale / "scene.toml").is_file():
-                    shutil.rmtree(stale)
-            (folder / TRAJECTORY).unlink(missing_ok=True)
             replace_text(folder / "scene.toml", scene.to_toml())
         return refine(scene, folder, one, progress, info)
 
@@ -234,10 +233,13 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
                 f"{_worst(found)}; the runs are kept in {folder}"
             )
     except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
-        stopped = isinstance(error, RunInterrupted | KeyboardInterrupt)
+        if isinstance(error, RunInterrupted | KeyboardInterrupt):
+            resumed_by = f"granular-lmp resume {quote(str(folder))}"
+            error = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; continue with: {resumed_by}")
         message = str(error) if isinstance(error, GranularError) else type(error).__name__
-        write_status(folder, info | {"status": "interrupted" if stopped else "failed", "message": message})
-        raise
+        status = "interrupted" if isinstance(error, RunInterrupted) else "failed"
+        write_status(folder, info | {"status": status, "message": message})
+        raise error from None
     record = richardson(records[-2], records[-1], order(records[-1].scene))
     runs = [run.info for run in records]
     outcome = {

@@ -7,11 +7,12 @@ import numpy as np
 
 from granular_lmp.crystal import MOVIES, run_figure, run_movie
 from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.outputs import SWEEP
 from granular_lmp.particles import Particles
 from granular_lmp.plots import Picture, save
 from granular_lmp.record import Record
 from granular_lmp.scene import note
-from granular_lmp.sweep import COLUMNS, REQUEST, Sweep
+from granular_lmp.sweep import COLUMNS, Sweep
 
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
@@ -56,13 +57,17 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
-    if (folder / REQUEST).is_file():
+    if (folder / SWEEP).is_file():
         _refuse(folder, "a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
         save(sweep_figure(Sweep.load(folder), column or "largest_p"), path)
         return []
     record = Record.load(folder, unfinished=True)
+    if not len(record.tau):
+        raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
+    status, message = record.info.get("status"), record.info.get("message")
+    lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
     try:
         particles = Particles.load(folder)
@@ -70,12 +75,12 @@ def view(
         if movie or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path)
-        return [f"{missing}; drawn are p, q and phi of the centre sphere"]
+        return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
         run_movie(record, particles, path, colour=colour, magnify=magnify, rows=rows)
     else:
         save(run_figure(record, particles, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
-    return []
+    return lacks
 
 
 def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:

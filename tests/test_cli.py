@@ -11,6 +11,8 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.effects import ROWS
+from granular_lmp.packing import unit_lattice
+from granular_lmp.plots import dispersion_figure
 
 COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 
@@ -152,6 +154,36 @@ def test_modes_prints_the_paper_s_modes_and_draws_them(tmp_path: Path, capsys: p
     assert status == 0
     assert "0.276934569162" in out  # 0.276935327978 in the paper's geometry, 2.7e-6 more
     assert (tmp_path / "new" / "modes.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("scene", "radius", "unit"),
+    [
+        ("tr_nonresonant", 0.5e-6, "MHz"),  # 180 MHz at the top
+        ("tr_nonresonant", 0.5e-7, "GHz"),
+        ("steel_compressed", 4.76e-3, "kHz"),
+        ("steel_compressed", 0.9, "Hz"),
+    ],
+)
+def test_the_unit_of_the_frequency_fits_its_size(scene: str, radius: float, unit: str) -> None:
+    scaled = Scene.load(scene).with_values({"sphere.radius": radius})
+    drawn = dispersion_figure(unit_lattice(scaled.sphere), scaled)
+    (right,) = drawn.axes[0].child_axes
+    assert right.get_ylabel() == f"frequency ({unit})"
+    drawn.draw_without_rendering()
+    top = drawn.axes[0].get_ylim()[1] / (2 * np.pi * scaled.sphere.time_scale)
+    assert right.get_ylim()[1] == pytest.approx(top / {"Hz": 1, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}[unit])
+    assert right.get_ylim()[1] >= 1
+
+
+def test_effects_prints_no_infinite_number(capsys: pytest.CaptureFixture[str]) -> None:
+    changes = {"sphere.work_of_adhesion": 0, "packing.contact_force": 1e-7, "wave.amplitude": 20}
+    changes |= {"effects.friction": 0.3, "effects.sliding": "false"}
+    words = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
+    status, out, err = cli(capsys, "effects", "tr_periodic", *words)
+    assert status == 0
+    assert not {"inf", "nan"} & set((out + err).split())
+    assert "warning: effects.sliding is off, but contacts open, and an open one bears no shear force" in err
 
 
 def test_doctor_finds_lammps_and_passes_its_self_test(capsys: pytest.CaptureFixture[str]) -> None:

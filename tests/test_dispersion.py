@@ -135,10 +135,41 @@ def test_a_strip_between_walls_is_refused_before_anything_is_written(tmp_path: P
 )
 def test_a_kick_that_is_too_hard_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
     with pytest.raises(EffectError, match=said):
-        run_kicked(SMALL.with_values({"time.duration": 6.0} | changes), tmp_path / "run")
+        run_kicked(SMALL.with_values({"time.duration": 12.0} | changes), tmp_path / "run")
 
 
 def test_a_broken_dump_is_refused(tmp_path: Path) -> None:
     (tmp_path / DUMP).write_text("ITEM: TIMESTEP\nnone\n")
     with pytest.raises(RunFolderError, match="not a dump of a sheet"):
         read_sheet(tmp_path / DUMP)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"packing.columns": 4}, r"packing\.columns = 4: must be a multiple of 3"),
+        ({"time.sample": 1.7}, r"time\.sample = 1\.7: must be below 1\.6\d+ tau"),
+        ({"time.duration": 10.6}, r"time\.duration = 10\.6: must be at least 8 x time\.sample = 12\.0 tau"),
+    ],
+)
+def test_a_sheet_that_cannot_be_analysed_is_not_run(changes: dict[str, float], said: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=said):
+        run_kicked(SMALL.with_values(changes), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(4, 3), (6, 3), (4, 6)])
+def test_the_smallest_sheets_that_are_run_are_analysed(rows: int, columns: int, tmp_path: Path) -> None:
+    smallest = {"packing.rows": rows, "packing.columns": columns, "wave.wavenumber": np.pi / 2, "time.duration": 12.0}
+    run_kicked(SMALL.with_values(smallest), tmp_path / "run")
+    assert dispersion.main([str(tmp_path / "run"), "-o", str(tmp_path / "d.png")]) == 0
+
+
+def test_other_files_than_sheets_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "text.npz").write_text("no archive")
+    np.savez(tmp_path / "other.npz", tau=np.ones(3))
+    np.save(tmp_path / "array.npy", np.ones(3))
+    for name in ("text.npz", "other.npz", "array.npy", "nowhere", ""):
+        with pytest.raises(SystemExit):
+            dispersion.main([str(tmp_path / name)])
+        assert "not the sheet of granular-lmp kick" in capsys.readouterr().err

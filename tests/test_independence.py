@@ -72,7 +72,7 @@ def test_package_never_imports_analysis():
 ORDER = """
 errors units sphere wavevector
 fields contact outputs
-shape
+shape folder
 tables
 checks
 scene

@@ -234,7 +234,9 @@ def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(switch:
         for child in map(int, children.split()):
             os.killpg(child, signal.SIGKILL)
         time.sleep(0.2)
-    assert read_status(tmp_path / "run")["status"] == "running"  # nobody was left to say otherwise
+    written = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert written["status"] == "running"  # nobody was left to say otherwise
+    assert read_status(tmp_path / "run")["status"] == "interrupted"  # but nobody holds the folder
     launch.resume(tmp_path / "run")
     expected = uninterrupted(tmp_path / "whole")
     if "--np" in switch:  # forces are summed in another order: see the test of two ranks

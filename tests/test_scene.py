@@ -2,6 +2,7 @@
 
 import re
 from math import atan2, degrees, hypot, inf, nan, pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -128,7 +129,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         r"packing\.rows x packing\.columns = 4 x 4: wave\.wavenumber = 3\.6 snaps to 4\.08.* zone ends at 3\.62",
     ),
     ({"wave.form": "driven", "envelope.length": 9.0}, r"envelope\.length = 9\.0: must be 0 with wave\.form"),
-    ({"name": "../escape"}, r"name = '\.\./escape': must be ASCII letters, digits"),
+    ({"name": "../escape"}, r"name = '\.\./escape': must be a string of at most 200 ASCII letters, digits"),
     ({"name": ""}, r"name = ''"),
 ]
 
@@ -329,3 +330,32 @@ def test_a_wave_that_snaps_to_quite_another_one_is_warned_of() -> None:
     assert re.search(r"per row; that is \d\d% away: take more rows or columns", remark)
     (near,) = PAPER.with_values(cell | {"packing.rows": 200, "packing.columns": 200}).remarks()
     assert "away" not in near
+
+
+def test_a_scene_without_a_name_is_called_after_its_file_or_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = PAPER.to_toml().split("\n", 1)[1]
+    for folder in ("glass", "two words"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "scene.toml").write_text(text)
+    (tmp_path / "steel.toml").write_text(text)
+    assert Scene.load(tmp_path / "steel.toml").name == "steel"
+    assert Scene.load(tmp_path / "glass").name == Scene.load(tmp_path / "glass" / "scene.toml").name == "glass"
+    monkeypatch.chdir(tmp_path / "glass")
+    assert Scene.load("scene.toml").name == Scene.load(".").name == "glass"
+    with pytest.raises(
+        SceneError, match="name = 'two words', taken from the file's name .*: must be a string of at most 200 ASC"
+    ):
+        Scene.load(tmp_path / "two words")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_scene(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("\ufeff" + PAPER.to_toml(), encoding="utf-8")
+    assert Scene.load(tmp_path / "a.toml") == PAPER
+
+
+def test_one_assignment_sets_one_value() -> None:
+    assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
+    with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):
+        PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))

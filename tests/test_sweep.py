@@ -20,8 +20,8 @@ import pytest
 
 from granular_lmp import Record, Scene, launch, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.folder import locked
 from granular_lmp.grid import axes, axis, scene_hash
-from granular_lmp.launch import locked
 from granular_lmp.record import read_status, write_status
 from granular_lmp.sweep import COLUMNS, Sweep, run_point, sweep
 from granular_lmp.workers import Workers

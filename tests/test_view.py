@@ -15,6 +15,7 @@ from granular_lmp.cli import _parser, main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.particles import Particles
 from granular_lmp.plots import signals_to_draw
+from granular_lmp.record import write_status
 from granular_lmp.scene import assignment, note
 from granular_lmp.sweep import Sweep, sweep
 
@@ -268,3 +269,13 @@ def test_with_xarray_the_tables_hold_the_same_numbers(seen: Path, swept: Sweep) 
     assert Scene.loads(record.to_xarray().attrs["scene"]) == record.scene
     assert swept.to_xarray()["largest_p"].shape == (3, 2)
     np.testing.assert_array_equal(swept.to_xarray()["largest_p"].to_numpy().ravel(), swept.column("largest_p"))
+
+
+def test_a_run_that_is_not_finished_is_drawn_with_a_note_and_an_empty_one_refused(small: Scene, tmp_path: Path) -> None:
+    record = run(small, tmp_path / "run")
+    write_status(tmp_path / "run", record.info | {"status": "interrupted", "message": "stopped"})
+    notes = view.view(tmp_path / "run", tmp_path / "v.png")
+    assert notes[0] == f"{tmp_path / 'run'}: not a finished run (status 'interrupted': stopped)"
+    (tmp_path / "run" / "trajectory.csv").write_text("tau,p,q,phi\n")
+    with pytest.raises(ViewError, match="holds no record yet; there is nothing to draw"):
+        view.view(tmp_path / "run", tmp_path / "v.png")

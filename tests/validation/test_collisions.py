@@ -20,7 +20,8 @@ from granular_lmp.collide import Result, run
 from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
 from granular_lmp.contact import SHEAR_LAWS
 from granular_lmp.errors import RunFolderError, SceneError
-from granular_lmp.launch import locked, run_input
+from granular_lmp.folder import locked
+from granular_lmp.launch import run_input
 from granular_lmp.locate import lmp_command
 from granular_lmp.scene import SHIPPED
 
