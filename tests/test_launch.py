@@ -351,7 +351,8 @@ def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_pa
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     table, seconds = read_log(tmp_path / "run" / "log.lammps")
-    assert list(table) == ["Step", "v_tau", "v_slip", "v_open", "v_overlap", "v_spread"]
+    guards = [column for name in ("slip", "open", "spread") for column in (f"v_{name}", f"v_{name}_at")]
+    assert list(table) == ["Step", "v_tau", *guards, "v_overlap", "v_mu"]
     assert table["Step"][-1] == 40
     assert seconds > 0
 
