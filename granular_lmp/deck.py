@@ -151,7 +151,8 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFil
 _HEADING = """\
 # <title>
 # Runs as it is in this folder:  lmp -in in.<name>
-# With other values:             lmp -in in.<name> -var amplitude 0.1 -var timestep 0.025"""
+# With other values:             lmp -in in.<name> -var amplitude 0.1 -var timestep 0.025
+<invalid>"""
 
 _VARIABLES = """\
 # --- may be overridden with -var NAME VALUE
@@ -193,7 +194,8 @@ neighbor     <skin> bin"""
 
 _CONTACTS = """\
 # --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
-<contact>"""
+<contact>
+<at_rest>"""
 
 _PRELOAD = """\
 # --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
@@ -304,13 +306,20 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
     """
     values = _values(deck.scene, deck.effects, deck.mode, units_for(deck.scene.sphere.radius))
-    return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG})
+    return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"})
+
+
+def guarded(chosen: list[Effect]) -> list[str]:
+    """The guards that the deck of these effects holds."""
+    return [effect.guard for effect in chosen if effect.guard]
 
 
 def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dict[str, str]:
     """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
     sphere, time = scene.sphere, scene.time
-    watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
+    watched = guarded(chosen)
+    judged = [effect.guard for effect in chosen if effect.guard and effect.judged]
+    lines = guards.line_interval(scene)
     all_seen = scene.output.particles > 0
     plain = {
         "title": _title(scene),
@@ -319,12 +328,16 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
         "units": units.names,
         "field": _FIELD,
         "ramp": _RAMP if scene.wave.form == "driven" else "",
-        "guards": "\n".join(watched),
+        "invalid": guards.header(judged, scene),
+        "at_rest": "\n".join(guards.AT_REST),
+        "guards": "\n".join(guards.lines(watched, scene, judged)),
+        "contacts_append": "",
         "dump": DUMP,
         "snapshots": PARTICLES,
         "seen": "all" if all_seen else "centre",
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
-        "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres)),
+        # On a line of the thermo table, so that no look falls between the two
+        "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
         "checkpoints": " ".join(CHECKPOINTS),
         "columns": str(scene.shape.columns),
         "centre": str(scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2 + 1),

@@ -57,6 +57,11 @@ class Effect:
         """The number and its sentence; the sentence alone where the number is infinite."""
         return f"{self.number:.4g} {self.reason}" if isfinite(self.number) else self.reason
 
+    @property
+    def judged(self) -> bool:
+        """Whether its guard fails the run: only that of an effect that is off and that the scene does not call for."""
+        return not self.on and not self.called_for
+
 
 # --- the table -------------------------------------------------------------------------------------------------------
 
@@ -341,15 +346,8 @@ def values(scene: Scene, chosen: list[Effect], units: Units) -> dict[str, str]:
         "adhesive_force": repr(units.number(sphere.pull_off_force, mass=1, length=1, time=-2)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
-        "contacts": str(_contact_count(scene)),
         "centre_row": _centre_row(scene),
     }
-
-
-def _contact_count(scene: Scene) -> int:
-    """Contacts at rest: three a sphere, less the two a column that held ends leave out."""
-    shape = scene.shape
-    return 3 * shape.spheres - (0 if shape.ends == "periodic" else 2 * shape.columns)
 
 
 def _centre_row(scene: Scene) -> str:

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.fields import NOT_TOML, checked_name, file_text, shown
-from granular_lmp.outputs import CHECKPOINTS, COST, DUMP, LOG, PARTICLES, PER_SAMPLE, SCENE, STATUS, SWEEP
+from granular_lmp.outputs import CHECKPOINTS, CONTACTS, COST, DUMP, LOG, PARTICLES, PER_SAMPLE, SCENE, STATUS, SWEEP
 
 # All that a run, a kicked sheet, a collision, or a comparison of one with theory writes beside its deck
 _FILES = (
-    *(SCENE, STATUS, LOG, DUMP, PARTICLES, "trajectory.csv", *CHECKPOINTS, "dump.everything", "dump.everything.bin"),
+    *(SCENE, STATUS, LOG, DUMP, PARTICLES, CONTACTS, "trajectory.csv", *CHECKPOINTS),
+    *("dump.everything", "dump.everything.bin"),
     *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.agreement import refuse_other_scene
-from granular_lmp.deck import Deck, build, resume_text
+from granular_lmp.deck import Deck, build, guarded, resume_text
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -33,10 +33,11 @@ from granular_lmp.errors import (
     RunInterrupted,
 )
 from granular_lmp.folder import clear, locked, writable
-from granular_lmp.guards import GUARDS, interval
+from granular_lmp.guards import GUARDS, columns, line_interval, words_between_runs
 from granular_lmp.locate import lammps_module, lmp_command
 from granular_lmp.outputs import (
     CHECKPOINTS,
+    CONTACTS,
     DUMP,
     LOG,
     PARTICLES,
@@ -49,7 +50,7 @@ from granular_lmp.outputs import (
 )
 from granular_lmp.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.status import description, outcome, woken
+from granular_lmp.status import description, outcome, triggered
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
@@ -61,7 +62,7 @@ _working_directory = threading.Lock()  # LAMMPS opens files relative to it, and 
 
 @dataclass(frozen=True)
 class Job:
-    """One input to be run in a folder: the log to write, the lock to hold, whom to tell the step.
+    """One input to be run in a folder: the log to write, the lock to hold, whom to tell the step, its thermo columns.
 
     The lock is a descriptor that a program inherits, so that the folder stays locked if it outlives us.
     """
@@ -71,6 +72,7 @@ class Job:
     log: str
     lock: int
     tell: Callable[[int], None]
+    columns: tuple[str, ...] = ()
 
     @property
     def switches(self) -> list[str]:
@@ -147,7 +149,8 @@ def run_deck(
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
         info = description(deck, "lmp" if program else "module", ranks)
-        return _execute(deck, Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene)), route, info)
+        job = Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene), _columns(deck))
+        return _execute(deck, job, route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
@@ -187,7 +190,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             _mend(folder)
             mend_log(folder / LOG)
         # The input opens the log itself, to append to it
-        return _execute(deck, Job(folder, name, "none", lock, _teller(progress, deck.scene)), route, info)
+        job = Job(folder, name, "none", lock, _teller(progress, deck.scene), _columns(deck))
+        return _execute(deck, job, route, info)
 
 
 def _how_to_continue(folder: Path) -> str:
@@ -234,6 +238,10 @@ def _teller(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
     return (lambda step: None) if progress is None else (lambda step: progress(min(step, steps), steps))
 
 
+def _columns(deck: Deck) -> tuple[str, ...]:
+    return tuple(columns(guarded(deck.effects), deck.scene))
+
+
 def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
     """Run an input in its folder, collect what it recorded, and say in ``run.json`` how it ended."""
     folder, started = job.folder, time.perf_counter()
@@ -251,7 +259,7 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
             record = _collect(folder, deck.scene)
         info = info | outcome(folder, record, time.perf_counter() - started, info)
         failure = failure or _defect(record, job, list(info["guards"]))
-        awake = woken(info)
+        awake = triggered(info)
         if awake and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(awake)}")
     except BaseException as error:  # a full disk, or what LAMMPS left is not what it writes
@@ -262,7 +270,7 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
     if failure is not None:
         raise failure
     job.tell(deck.scene.time.steps)
-    for name in CHECKPOINTS:
+    for name in (*CHECKPOINTS, CONTACTS):  # contacts only where they failed the run
         (folder / name).unlink(missing_ok=True)
     return Record.load(folder)
 
@@ -297,9 +305,9 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     # LAMMPS does not notice when its log cannot be written; a guard that was not heard must not pass for a silent one
     table, _ = read_log(job.folder / LOG)
     time_ = record.scene.time
-    looks = np.append(np.arange(0, time_.steps, interval(time_.step)), time_.steps)
+    looks = np.append(np.arange(0, time_.steps, line_interval(record.scene)), time_.steps)
     missed = np.setdiff1d(looks, table.get("Step", []))
-    unheard = [name for name in guards if GUARDS[name].columns[0] not in table]
+    unheard = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
     if len(missed) or unheard:
         lack = f"step {missed[0]}" if len(missed) else f"the guard {unheard[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
@@ -344,9 +352,19 @@ def _run_module(module: Any, job: Job) -> None:
             # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
             if instance.extract_global("ntimestep") > 0:
                 pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
+                for line in _last_line(instance, job.columns):
+                    pool.submit(instance.command, f'print "{line}"').result()
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+def _last_line(instance: Any, columns: tuple[str, ...]) -> tuple[str, str]:
+    """A thermo table of the step at which a run was stopped: the continuation begins with no looks."""
+    rows, width = (instance.extract_fix("looks", 0, kind) for kind in (4, 5))  # LMP_SIZE_ROWS, LMP_SIZE_COLS
+    looks = np.array([[instance.extract_fix("looks", 0, 2, i, j) for j in range(width)] for i in range(rows)])
+    words = (str(instance.extract_global("ntimestep")), *words_between_runs(list(columns), looks))
+    return " ".join(("Step", *columns)), " ".join(words)
 
 
 def _this_rank() -> Any:

@@ -15,6 +15,7 @@ SCENE = "scene.toml"
 DUMP = "dump.centre"
 PARTICLES = "dump.particles"
 PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
+CONTACTS = "dump.contacts"  # of the looks where a guard needs each contact
 LOG = "log.lammps"
 STATUS = "run.json"
 SWEEP = "sweep.json"
@@ -61,6 +62,22 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{path}: not a dump of one sphere: {error}") from error
     return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
+
+
+def read_local(path: str | Path) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Yield step and table (entries, columns) of each whole snapshot of a LAMMPS dump of local quantities."""
+    with Path(path).open(encoding="utf-8") as stream:
+        while stream.readline():
+            step = stream.readline().strip()
+            stream.readline()
+            count = stream.readline().strip()
+            columns = [stream.readline() for _ in range(5)][-1].split()[2:]  # of the box, then the names
+            if not columns:
+                return
+            words = "".join(stream.readline() for _ in range(int(count))).split()
+            if len(words) != int(count) * len(columns):
+                return  # a killed run wrote half of it
+            yield int(step), np.array(words, dtype=float).reshape(-1, len(columns))
 
 
 @dataclass(frozen=True)
@@ -131,7 +148,8 @@ def mend_log(path: str | Path) -> None:
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
     """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
 
-    Runs with the same columns (a run and its continuations) are one table; the seconds are nan while none has ended. A
+    Runs with the same columns (a run and its continuations) are one table, in which the step of a checkpoint stands
+    twice: with the extremes until there, and with those from there on. The seconds are nan while none has ended. A
     last line without its end is left out.
     """
     tables: dict[tuple[str, ...], list[list[float]]] = {}
@@ -155,7 +173,7 @@ def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
                 row = [float(word) for word in words]
             except ValueError:
                 continue  # a warning between two thermo lines
-            while tables[names] and tables[names][-1][0] >= row[0]:
+            while tables[names] and tables[names][-1][0] > row[0]:
                 tables[names].pop()  # a continuation writes again what came after its checkpoint
             tables[names].append(row)
     rows = tables.get(names, [])

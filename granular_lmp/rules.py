@@ -83,9 +83,13 @@ class Case:
     @property
     def shear_stiffness(self) -> float:
         """|κ + 2(κ+3) i c Ω|, spring and dashpot c of a sheared contact, in k1 (k1 t0²/m = 1/(2(κ+3)))."""
-        kappa = self.scene.sphere.stiffness_ratio
-        dashpot = self.viscosity if self.on.get("damping", True) else 0.0
-        return hypot(kappa, 2 * (kappa + 3) * dashpot * self.mode.frequency)
+        return hypot(self.scene.sphere.stiffness_ratio, self.dashpot)
+
+    @property
+    def dashpot(self) -> float:
+        """D = 2(κ+3) c Ω: what the dashpot c of a sheared contact pushes with, in k1."""
+        viscosity = self.viscosity if self.on.get("damping", True) else 0.0
+        return 2 * (self.scene.sphere.stiffness_ratio + 3) * viscosity * self.mode.frequency
 
     @property
     def adhesive_share(self) -> float:
@@ -106,20 +110,25 @@ class Case:
         return dashpot * sphere.time_scale / sphere.mass
 
     def largest_slip(self) -> float:
-        """Largest shear force of the wave over the sliding force μ(Aδ^{3/2} + F) of the contact that touches least.
+        """Largest shear force of the wave over the sliding force of the same contact at the same time.
 
-        With δ = Δ0(1−x) and F_t = g1 t √(1−x), in units of the force that holds a contact at rest, (2/3) k1 Δ0:
+        With δ = Δ0(1−x), x = n cos ϑ, and a dashpot D that pushes t D sin ϑ along with the spring, in units of the
+        force that holds a contact at rest, (2/3) k1 Δ0:
 
-            max 1.5 κ |t| (1−x)^{1/2} / (μ [(1 − max x)^{3/2} + s])
+            max over contacts and phases ϑ of 1.5 |t| |κ (1−x)^{1/2} cos ϑ − D sin ϑ| / (μ [(1−x)^{3/2} + s])
 
-        This is what the guard measures, and never less than the truth. Infinite where contacts without adhesion open.
+        Infinite where contacts without adhesion open: they slide before.
         """
-        cosine = np.cos(np.linspace(0, np.pi, 181))[:, None]
+        phase = np.linspace(0, 2 * np.pi, 721)[:, None]
         normal, shear = self.stretches
-        overlap = np.maximum(1 - normal * cosine, 0.0)
-        force = 1.5 * self.shear_stiffness * float(np.max(np.abs(shear * cosine) * np.sqrt(overlap)))
-        limit = self.friction * (float(np.min(overlap)) ** 1.5 + self.adhesive_share)
-        return force / limit if limit > 0 else inf
+        overlap = np.maximum(1 - normal * np.cos(phase), 0.0)
+        kappa = self.scene.sphere.stiffness_ratio
+        push = kappa * np.sqrt(overlap) * np.cos(phase) - self.dashpot * np.sin(phase)
+        force = np.where(overlap > 0, 1.5 * np.abs(shear * push), 0.0)
+        limit = self.friction * (overlap**1.5 + self.adhesive_share)
+        if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
+            return inf
+        return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
 
 
 # --- the rules -------------------------------------------------------------------------------------------------------

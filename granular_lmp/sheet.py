@@ -33,6 +33,8 @@ _INPUT = """\
 # The sheet of {deck}, all spheres recorded. Runs in this folder:  lmp -in {name}
 variable duration index 0  # the deck makes the sheet, kicks it, and stops there
 include  {deck}
+group    inside static  # all spheres are recorded, so that guards judge all
+group    inside union all
 dump     sheet all custom ${{every}} {dump} id vx vy omegaz
 dump_modify sheet sort id format float %.9g
 run      {steps}

@@ -12,7 +12,7 @@ from granular_lmp.agreement import scene_digest
 from granular_lmp.budget import as_json, error_budget
 from granular_lmp.deck import Deck
 from granular_lmp.effects import warnings
-from granular_lmp.guards import GUARDS
+from granular_lmp.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
 from granular_lmp.outputs import LOG, read_log
 from granular_lmp.record import Record
 from granular_lmp.scene import Scene
@@ -39,6 +39,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "Delta0_m": sphere.static_overlap,
         "t0_s": sphere.time_scale,
         "overlap_ratio": sphere.overlap_ratio,
+        "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
         "effects": {
             effect.name: {
                 "on": effect.on,
@@ -64,8 +65,14 @@ def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]
         "samples": len(record.tau),
         "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
         "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
+        # Of all spheres, also of those that nothing recorded depends on
+        "elsewhere": {
+            name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
+            for name in ELSEWHERE
+            if len(table.get(name, ()))
+        },
         "guards": {
-            effect["guard"]: _heard(effect["guard"], name, effect, table, record.scene)
+            effect["guard"]: _outcome_of(effect["guard"], name, effect, table, record.scene, folder)
             for name, effect in before["effects"].items()
             if effect["guard"]
         },
@@ -73,32 +80,37 @@ def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]
     }
 
 
-def _heard(
-    guard: str, name: str, effect: dict[str, Any], table: dict[str, NDArray[np.float64]], scene: Scene
+def _outcome_of(
+    guard: str,
+    name: str,
+    effect: dict[str, Any],
+    table: dict[str, NDArray[np.float64]],
+    scene: Scene,
+    folder: Path,
 ) -> dict[str, Any]:
     """What one guard measured; it judges only an effect that is off and that the scene does not call for.
 
     Of an effect that is on it is no news, whatever it says.
     """
-    measured = np.abs(table.get(GUARDS[guard].columns[0], np.empty(0)))
-    loud = GUARDS[guard].woken(table, scene)
+    found = measured(guard, table, scene, folder)
     return {
         "effect": name,
-        "value": _finite(np.max(measured, initial=0.0)),
+        "value": _finite(found.value),
+        "bound": _finite(found.bound),
         "limit": GUARDS[guard].largest_silent(scene),
-        "quiet": loud is None or effect["on"],
-        "woke_at": None if loud is None else float(table["Step"][loud] * scene.time.step),
-        "woke_with": None if loud is None else _finite(measured[loud]),
+        "quiet": found.passed_at is None or effect["on"],
+        "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],
         "meaning": GUARDS[guard].meaning,
+        "cure": GUARDS[guard].cure,
     }
 
 
-def woken(info: dict[str, Any]) -> list[str]:
+def triggered(info: dict[str, Any]) -> list[str]:
     """A sentence for each effect that was left out, rightly by the rules, and was there after all."""
     return [
-        f"{guard['effect']} woke at tau = {guard['woke_at']:.6g}: {name} = {_said(guard['woke_with'])} there and "
-        f"{_said(guard['value'])} at most, above {guard['limit']:.3g}: {guard['meaning']}"
+        f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_said(guard['value'])}, "
+        f"above {guard['limit']:.3g}: {guard['meaning']}; {guard['cure']}"
         for name, guard in info["guards"].items()
         if guard["judges"] and not guard["quiet"]
     ]

@@ -363,7 +363,8 @@ def test_what_a_continuation_writes_again_replaces_what_the_log_had_of_it(tmp_pa
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     table, seconds = read_log(tmp_path / "run" / "log.lammps")
-    assert list(table) == ["Step", "v_tau", "v_slip", "v_open", "v_overlap", "v_spread"]
+    guards = [column for name in ("slip", "open", "spread") for column in (f"v_{name}", f"v_{name}_at")]
+    assert list(table) == ["Step", "v_tau", *guards, "v_overlap", "v_mu"]
     assert table["Step"][-1] == 40
     assert seconds > 0
 

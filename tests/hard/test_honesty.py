@@ -30,7 +30,7 @@ NAN = ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d
 LOST = (END, "run 10\ndelete_atoms group centre\nrun 30")
 SLID = ("$(5.0*v_amplitude:%.17g)", "$(0.01*v_amplitude:%.17g)")
 EARLY = (END, "run $(v_steps/2)")
-DEAF = ("v_slip v_open", "v_open")
+DEAF = ("v_slip v_slip_at v_open", "v_open")
 STOPPED = (END, 'run 20\nprint "ERROR: none"\nlog none\nrun 20')
 
 
@@ -70,7 +70,7 @@ def refused(folder: Path) -> None:
     [
         (NAN, "Non-numeric|not finite|Lost atoms"),
         (LOST, "records instead of 5"),
-        (SLID, "sliding woke at tau = "),
+        (SLID, "sliding triggered its guard at tau = "),
         (EARLY, "3 records instead of 5"),
         (DEAF, "the log lacks the guard largest_slip"),
         (STOPPED, "the log lacks step 40"),
@@ -267,10 +267,10 @@ def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
     broken(monkeypatch, small, SLID)
     (tmp_path / "scene.toml").write_text(small.with_values({"time.tolerance": 1e-3}).to_toml())
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run")]) == 1
-    assert "sliding woke" in one_line(capsys)
+    assert "sliding triggered its guard" in one_line(capsys)
     status = read_status(tmp_path / "run")
     assert status["status"] == "failed"
-    assert "sliding woke" in status["message"]
+    assert "sliding triggered its guard" in status["message"]
     refused(tmp_path / "run")
 
 
@@ -290,10 +290,10 @@ def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
     words = ["sweep", "tr_periodic", "--set", "wave.mode=L", "--set", "time.duration=20"]
     words += ["--over", "wave.amplitude=0.2,1.45", "-o", str(tmp_path / "sweep")]
     assert main(words) == 1
-    assert "contact_opening woke" in capsys.readouterr().err
+    assert "contact_opening triggered its guard" in capsys.readouterr().err
     table = (tmp_path / "sweep" / "sweep.csv").read_text().splitlines()
     assert [",failed," in line for line in table] == [False, False, True]
-    assert "contact_opening woke" in table[2]
+    assert "contact_opening triggered its guard" in table[2]
     done = sweep.Sweep.load(tmp_path / "sweep")
     assert Record.load(tmp_path / "sweep" / done.rows[0]["run"]).info["status"] == "finished"
     refused(tmp_path / "sweep" / done.rows[1]["run"])

@@ -1,0 +1,310 @@
+"""How often a guard is wrong: random scenes beside the state of every contact at every step.
+
+Each scene runs as its deck says, with one line more that dumps displacements and angles of all spheres at every step.
+From those, contacts are found and judged here in numpy, without LAMMPS's computes: overlap from the distance, shear
+force from B ξ δ^{1/2} with the shear displacement ξ = t·(u_j − u_i) − R (θ_i + θ_j). The rules are made to believe that
+nothing opens and nothing slides, so that guards judge every scene.
+
+    python -m tests.hard.guard_study --write docs/effects.md
+"""
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from math import inf, pi
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp import Scene, effects
+from granular_lmp.deck import Deck, build
+from granular_lmp.errors import EffectError
+from granular_lmp.guards import BETWEEN, GUARDS
+from granular_lmp.launch import run_deck
+from granular_lmp.record import read_status
+from granular_lmp.rules import Case, Finding
+from granular_lmp.shape import FASTEST_ROWS_PER_TAU, quiet_rows
+from granular_lmp.units import units_for
+from granular_lmp.wavevector import ROW_SPACING
+
+Floats = NDArray[np.float64]
+BEGIN, END = "<!-- guards: begin -->", "<!-- guards: end -->"
+RUN = "run ${steps}"
+SNAPSHOTS = "steps.all"
+FAMILIES = ("running", "standing", "walled", "driven", "packet", "beam", "pulse")
+
+
+# --- random scenes ---------------------------------------------------------------------------------------------------
+
+
+def random_scene(family: str, seed: int) -> Scene:
+    """Return a scene whose wave about opens contacts, with a friction at which they about slide."""
+    rng = np.random.default_rng([FAMILIES.index(family), seed])
+    wavenumber = float(rng.uniform(0.8, pi - 0.1))
+    cell = {"packing.rows": 2 * int(rng.integers(4, 13)), "packing.ends": "periodic"}
+    sheet = {"packing.columns": 36, "packing.ends": "periodic", "envelope.width": float(rng.uniform(3, 4))}
+    strip = {"packing.rows": "auto", "packing.ends": "fixed"}
+    length = {"envelope.length": max(3.0, 4.1 / wavenumber)}
+    shape: dict[str, dict[str, Any]] = {
+        "running": cell,
+        "standing": cell | {"wave.form": "standing"},
+        "walled": strip,
+        "driven": strip | {"wave.form": "driven", "envelope.ramp": float(rng.uniform(2, 10))},
+        "packet": strip | length,
+        "beam": sheet | {"packing.rows": 16, "time.duration": 12.0},
+        "pulse": sheet | length | {"packing.rows": 36, "time.duration": 12.0, "envelope.offset": 2.0},
+    }
+    changes: dict[str, Any] = {
+        "packing.columns": 3,
+        "sphere.poisson_ratio": float(rng.uniform(0.0, 0.45)),
+        "wave.mode": str(rng.choice(["L", "TR", "RT"])),
+        "wave.wavenumber": wavenumber,
+        "wave.phase": 0.0 if family == "driven" else float(rng.uniform(0, 2 * pi)),
+        "wave.amplitude": 0.1,
+        "time.duration": 20.0,
+        "time.sample": 0.5,
+        "time.timestep": 0.05,
+        "effects.sliding": False,
+        "effects.friction": 1.0,
+    }
+    scene = Scene.load("tr_periodic").with_values(changes | shape[family])
+    swing = float(np.max(np.abs(Case(scene).stretches[0])))
+    scene = scene.with_values({"wave.amplitude": min(0.1 * float(rng.uniform(0.6, 1.3)) / swing, 3.0)})
+    slip = Case(scene).largest_slip()
+    friction = slip * float(rng.uniform(0.6, 1.4)) if 0 < slip < inf else 1.0
+    return scene.with_values({"effects.friction": float(np.clip(friction, 0.01, 100.0))})
+
+
+@contextmanager
+def blind_rules() -> Iterator[None]:
+    """Let no rule foresee openings and sliding: what a guard is there for."""
+    rows = [
+        replace(row, rule=lambda case: Finding(False, 0.0, "not foreseen"))
+        if row.name in ("sliding", "contact_opening")
+        else row
+        for row in effects.ROWS
+    ]
+    with mock.patch.object(effects, "ROWS", tuple(rows)):
+        yield
+
+
+# --- the truth -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Truth:
+    """State of the contacts at every step (T,): of those that surely reach the record, and of those that perhaps do."""
+
+    tau: Floats
+    overlap: Floats  # the smallest, in Δ0, negative when open
+    overlap_wide: Floats
+    slip: Floats  # the largest ratio of the shear to the sliding force of one contact
+    slip_wide: Floats
+
+
+def truth(deck: Deck, folder: Path) -> Truth:
+    """Return what the contacts did, from the positions and angles of all spheres at every step."""
+    scene, sphere = deck.scene, deck.scene.sphere
+    radius = sphere.radius
+    unit = units_for(radius).number(radius, length=1)
+    steps, values = _snapshots(folder / SNAPSHOTS)
+    shift, angle = values[:, :, :2] / unit, values[:, :, 2]  # in radii, rad
+    rest = deck.packing.positions[:, :2]
+    first, second, vector = _contacts(deck)
+    gap = vector + shift[:, second] - shift[:, first]
+    distance = np.linalg.norm(gap, axis=-1)
+    at_rest = sphere.static_overlap / radius
+    overlap = (2 - distance) / at_rest
+    tangent = np.stack([-gap[..., 1], gap[..., 0]], axis=-1) / distance[..., None]
+    # From the tangent of the contact halfway between rest and now: exact to second order in the turn
+    tangent += np.column_stack([-vector[:, 1], vector[:, 0]]) / np.linalg.norm(vector, axis=1)[:, None]
+    tangent /= np.linalg.norm(tangent, axis=-1)[..., None]
+    along = np.sum((gap - vector) * tangent, axis=-1) - (angle[:, first] + angle[:, second])
+    touching = np.maximum(overlap, 0.0)
+    shear = sphere.shear_stiffness * np.abs(along) * radius * np.sqrt(touching)
+    friction = Case(scene, {effect.name: effect.on for effect in deck.effects}).friction
+    limit = friction * (sphere.pull_off_force + sphere.holding_force * touching**1.5)
+    slip = np.divide(shear, limit, out=np.zeros_like(shear), where=limit > 0)
+    # A contact that has been open has lost its shear: from there on only LAMMPS knows it
+    slip[np.logical_or.accumulate(overlap <= 0, axis=0)] = 0.0
+    tau = steps * scene.time.step
+    away = np.maximum(*(np.linalg.norm(rest[end], axis=1) for end in (first, second))) / (
+        sphere.lattice_constant / radius * ROW_SPACING
+    )
+    left = scene.time.duration - tau
+    sure, perhaps = FASTEST_ROWS_PER_TAU * left, 3 + (quiet_rows(scene.time.duration) // 2) * left / left[0]
+    if scene.shape.ends == "periodic" and not scene.envelope.finite:
+        sure = perhaps = np.full(len(tau), inf)
+    narrow, wide = (away[None, :] <= reach[:, None] for reach in (sure, perhaps))
+    return Truth(
+        tau,
+        *(np.where(cone, overlap, inf).min(axis=1) for cone in (narrow, wide)),
+        *(np.where(cone, slip, 0.0).max(axis=1) for cone in (narrow, wide)),
+    )
+
+
+def _contacts(deck: Deck) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+    """Return the spheres that touch at rest (C,), (C,), and the vectors between them (C, 2), in radii."""
+    position, size = deck.packing.positions[:, :2], deck.packing.cell.lengths()[:2]
+    pairs = []
+    for sphere in range(len(position)):
+        vector = position[sphere + 1 :] - position[sphere]
+        vector -= size * np.round(vector / size) * deck.packing.pbc[:2]
+        near = np.flatnonzero(np.linalg.norm(vector, axis=1) < 2)
+        pairs += [(sphere, sphere + 1 + other, *vector[other]) for other in near]
+    table = np.array(pairs)
+    return table[:, 0].astype(int), table[:, 1].astype(int), table[:, 2:]
+
+
+def _snapshots(path: Path) -> tuple[Floats, Floats]:
+    """Return steps (T,) and ux, uy, angle (T, N, 3) of a dump of all spheres."""
+    steps, frames = [], []
+    with path.open(encoding="utf-8") as stream:
+        while stream.readline():
+            steps.append(int(stream.readline()))
+            stream.readline()
+            count = int(stream.readline())
+            for _ in range(5):
+                stream.readline()
+            words = "".join(stream.readline() for _ in range(count))
+            frames.append(np.fromstring(words, sep=" ").reshape(count, -1)[:, 1:])
+    values = np.array(frames)
+    if values.shape[2] == 2:
+        return np.array(steps, dtype=float), np.pad(values, ((0, 0), (0, 0), (0, 1)))
+    angle = np.unwrap(np.arctan2(values[..., 3], values[..., 2]), axis=0)
+    return np.array(steps, dtype=float), np.concatenate([values[..., :2], angle[..., None]], axis=-1)
+
+
+# --- guard against truth ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What one guard said of a scene, beside the truth; `slack` is what a look may be late or a number be off."""
+
+    guard: str
+    happened: bool  # to a contact that surely reaches the record
+    happened_wide: bool  # to one that perhaps does
+    said: bool
+    late: float  # tau, of the first time
+    excess: float  # of the bound over the truth, or of the smallest overlap over the true one
+
+    @property
+    def missed(self) -> bool:
+        """Whether something happened that the guard did not say."""
+        return self.happened and not self.said
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a valid run was stopped."""
+        return self.said and not self.happened_wide
+
+
+def compared(scene: Scene, folder: Path) -> tuple[Comparison, Comparison]:
+    """Run a scene and return its comparisons: openings, slip."""
+    with blind_rules():
+        deck = build(scene)
+        turned = scene.wave.mode != "L" or "largest_torque" not in deck.input_text
+        tracked = deck.scene.effects.tracking is True and turned
+        dump = "compute everyone all property/atom mux muy\n" if tracked else ""
+        dump += f"dump everyone all custom 1 {SNAPSHOTS} id c_u[1] c_u[2]"
+        dump += " c_everyone[1] c_everyone[2]" if tracked else ""
+        dump += "\ndump_modify everyone sort id format float %.13g\n"
+        watched = replace(deck, input_text=deck.input_text.replace(RUN, dump + RUN))
+        with suppress(EffectError):  # what the guards said stands in run.json
+            run_deck(watched, folder)
+    info, real = read_status(folder), truth(deck, folder)
+    return _openings(info, real), _slip(info, real)
+
+
+def _openings(info: dict[str, Any], real: Truth) -> Comparison:
+    guard = info["guards"]["open_contacts"]
+    first = _first(real.tau, real.overlap <= 0)
+    said = guard["passed_at"]
+    return Comparison(
+        "open_contacts",
+        happened=first is not None,
+        # A contact that touches by less than the guard resolves counts as open
+        happened_wide=bool((real.overlap_wide <= BETWEEN).any()),
+        said=said is not None,
+        late=said - first if said is not None and first is not None else 0.0,
+        excess=info["smallest_overlap"] - float(real.overlap.min()) if first is None else 0.0,
+    )
+
+
+def _slip(info: dict[str, Any], real: Truth) -> Comparison:
+    guard = info["guards"]["largest_slip"]
+    # Until a contact opens: from there on its shear is LAMMPS's own
+    whole = np.logical_and.accumulate(real.overlap_wide > 0)
+    first = _first(real.tau, (real.slip >= 1) & whole)
+    said = guard["passed_at"]
+    worst = float(np.max(real.slip, where=whole, initial=0.0))
+    limit = GUARDS["largest_slip"].limit * (1 - ROUGH)
+    return Comparison(
+        "largest_slip",
+        happened=first is not None,
+        happened_wide=bool((real.slip_wide >= limit).any()) or not whole.all(),
+        said=said is not None,
+        late=said - first if said is not None and first is not None else 0.0,
+        excess=guard["bound"] / worst - 1 if worst > 0 and whole.all() else 0.0,
+    )
+
+
+# LAMMPS turns the shear history with its contact, this study takes the tangent halfway: Δ0/R = 5e-4 of the shear
+ROUGH = 2e-3
+
+
+def _first(tau: Floats, happened: NDArray[np.bool_]) -> float | None:
+    return float(tau[np.argmax(happened)]) if happened.any() else None
+
+
+def study(count: int) -> dict[str, list[tuple[Comparison, Comparison]]]:
+    """Return the comparisons of `count` scenes, by family."""
+    found: dict[str, list[tuple[Comparison, Comparison]]] = {family: [] for family in FAMILIES}
+    for number in range(count):
+        family = FAMILIES[number % len(FAMILIES)]
+        with tempfile.TemporaryDirectory() as folder:
+            found[family].append(compared(random_scene(family, number), Path(folder) / "run"))
+    return found
+
+
+def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
+    """The comparisons as a Markdown table, a line a family."""
+    lines = [
+        "| wave | scenes | open | missed | stopped | late, τ | slid | missed | stopped | late, τ | bound over truth |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    every = [pair for pairs in found.values() for pair in pairs]
+    for family, pairs in [*found.items(), ("all", every)]:
+        words = [family, str(len(pairs))]
+        for guard in zip(*pairs, strict=True):
+            words += [str(sum(getattr(one, key) for one in guard)) for key in ("happened", "missed", "stopped")]
+            words.append(f"{max(one.late for one in guard):.2f}")
+        excess = [1 + slip.excess for _, slip in pairs if slip.excess]
+        words.append(f"{np.median(excess):.2f}, {max(excess):.2f} at most" if excess else "")
+        lines.append(f"| {' | '.join(words)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Write the table between its marks."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=203)
+    parser.add_argument("--write", type=Path)
+    arguments = parser.parse_args()
+    text = table(study(arguments.count))
+    if arguments.write is None:
+        print(text)
+        return
+    page = arguments.write.read_text(encoding="utf-8")
+    head, rest = page.split(BEGIN)
+    arguments.write.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
