@@ -95,7 +95,8 @@ class Comparison:
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best for its wave.
 
-    Raises TheoryError for a theory that is not in `analysis.theories.THEORIES`, or leaves out what the run has.
+    Raises TheoryError for a theory that is not in `analysis.theories.THEORIES`, or leaves out what the run has, and for
+    a run with anything that no theory knows.
     """
     wave = Wave.of(record)
     covered = bool(holding(wave.physics))
