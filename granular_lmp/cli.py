@@ -37,8 +37,11 @@ def main(argv: list[str] | None = None) -> int:
         return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader of our output, `head` say, has gone
         return 0
-    except (OSError, MemoryError) as error:  # of the machine: no descriptors, no memory, a library that is cut off
-        _remark(f"granular-lmp: error: {' '.join(str(error).split()) or 'out of memory'}")
+    except OSError as error:  # of the machine: a folder that nobody may look into, no descriptors left
+        _remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
+        return 2 if error.filename else 1
+    except MemoryError as error:
+        _remark(f"granular-lmp: error: out of memory: {error}")
         return 1
     finally:
         _drop_unwritten()

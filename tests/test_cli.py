@@ -208,3 +208,22 @@ def test_a_self_test_with_a_wrong_frequency_fails(
     status, out, _ = cli(capsys, "doctor")
     assert status == 1
     assert "self-test    FAILED" in out
+
+
+@pytest.mark.parametrize(
+    ("raised", "status", "said"),
+    [
+        (PermissionError(13, "Permission denied", "a/run.json"), 2, "error: a/run.json: Permission denied"),
+        (OSError(24, "Too many open files"), 1, "error: this machine: Too many open files"),
+        (MemoryError("1 TiB for an array"), 1, "error: out of memory: 1 TiB for an array"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_what_the_machine_refuses_is_one_line(
+    raised: BaseException, status: int, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def report(say: object) -> int:
+        raise raised
+
+    monkeypatch.setattr("granular_lmp.doctor.report", report)
+    assert cli(capsys, "doctor") == (status, "", f"granular-lmp: {said}\n")

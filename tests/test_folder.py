@@ -27,7 +27,7 @@ def to_tolerance(scene: Scene, folder: Path) -> None:
 
 
 def kick(scene: Scene, folder: Path) -> None:
-    run_kicked(scene.with_values({"name": "kicked"}), folder, force=True)
+    run_kicked(scene.with_values({"name": "kicked", "time.duration": 4.0}), folder, force=True)
 
 
 def once(scene: Scene, folder: Path) -> None:

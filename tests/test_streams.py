@@ -99,7 +99,9 @@ def test_a_deleted_working_directory_is_one_line_and_status_2(tmp_path: Path) ->
         assert err == "granular-lmp: error: the working directory was deleted; change to one that is there\n"
 
 
-@pytest.mark.parametrize("command", ["run small.toml", "run small.toml --lmp", "kick small.toml", "collide test2"])
+@pytest.mark.parametrize(
+    "command", ["run small.toml", "run small.toml --lmp", "kick small.toml --set time.duration=4", "collide test2"]
+)
 def test_too_few_open_files_are_refused_before_a_file_is_written(
     command: str, small_toml: Path, tmp_path: Path
 ) -> None:
