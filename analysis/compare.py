@@ -14,12 +14,12 @@ import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.budget import Source, budget_lines, error_budget
 from analysis.norms import relative_error
 from analysis.plotting import load, save, write
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
@@ -67,6 +67,8 @@ class Comparison:
         leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
     notes : list of str
         Why the comparison does not mean what it seems to.
+    budget : list of Source
+        What separates the run and the paper's theory from the exact lattice (`analysis.budget`).
     """
 
     name: str
@@ -81,7 +83,7 @@ class Comparison:
     measured: float | None
     fit_error: float | None
     notes: list[str]
-    budget: list[dict[str, Any]]
+    budget: list[Source]
 
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
@@ -93,6 +95,8 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     covered = bool(holding(wave.physics))
     name = theory or (best(wave, record.tau) if covered else None)
     measured, fit_error = measured_amplitude(record, wave)
+    exact = trajectory("exact-lattice", wave, record.tau) if covered else None
+    lattice_error = {} if exact is None else errors(record, exact)
     return Comparison(
         name=record.scene.name,
         mode=wave.mode.name,
@@ -101,12 +105,12 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         amplitude=wave.amplitude,
         theory=name,
         error=errors(record, trajectory(name, wave, record.tau)) if name else {},
-        lattice_error=errors(record, trajectory("exact-lattice", wave, record.tau)) if covered else {},
+        lattice_error=lattice_error,
         predicted=predicted_amplitude(wave),
         measured=measured,
         fit_error=fit_error,
         notes=notes(record),
-        budget=record.info.get("error_budget", []) if covered else [],
+        budget=[] if exact is None else error_budget(record, wave, lattice_error, exact),
     )
 
 
@@ -197,23 +201,8 @@ def table(comparisons: list[Comparison]) -> str:
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
     lines += [f"note on {c.name}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
-        lines += budget_lines(c)
+        lines += budget_lines(c.name, c.budget)
     return "\n".join(lines)
-
-
-def budget_lines(comparison: Comparison) -> list[str]:
-    """The error budget that the run estimated for itself, * at the largest of p, q and phi; nothing if it has none."""
-    if not comparison.budget:
-        return []
-    lines = ["", f"error budget of {comparison.name:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
-    for source in comparison.budget:
-        cells = "".join(
-            f"{'0' if source[name] is None else format(source[name], '.1e'):>9}"
-            + ("*" if name in source["dominates"] else " ")
-            for name in COMPONENTS
-        )
-        lines.append(f"  of the {source['of']:8}{source['name']:27}{cells}   {source['to_halve']}")
-    return lines
 
 
 def _cells(values: dict[str, float | None]) -> str:

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from granular_lmp.deck import writable
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.grid import points, scene_hash
+from granular_lmp.ladder import planned_steps
 from granular_lmp.launch import locked
 from granular_lmp.outputs import replace_text
 from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import planned_steps
 from granular_lmp.tolerance import resume, run
 from granular_lmp.workers import stop_requested
 

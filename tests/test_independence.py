@@ -82,7 +82,7 @@ rounding
 guards
 wave rules datafile
 effects
-grid steplaw
+grid ladder
 deck plots
 particles
 record
