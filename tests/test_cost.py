@@ -22,7 +22,6 @@ from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInt
 from granular_lmp.knobs import KNOBS, Run, points, reference
 from granular_lmp.launch import run_deck
 from granular_lmp.record import read_status, write_status
-from granular_lmp.steplaw import step_for
 from granular_lmp.tally import errors, text, to_csv
 from tests.conftest import PAPER
 from tests.test_cli import cli
@@ -182,10 +181,10 @@ def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.Mo
     assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
 
 
-def test_the_reference_begins_where_the_finest_tolerance_ends(small: Scene) -> None:
+def test_the_reference_is_finer_than_every_step_of_the_knob(small: Scene) -> None:
     steps = [run.scene.time.step for run in reference(small).runs]
-    finest = next(point.runs[0].scene for point in points(small)[0] if str(point) == "tolerance, strip: 1e-06")
-    assert steps == [step_for(finest) / 2**k for k in range(3)]
+    finest = min(point.runs[0].scene.time.step for point in points(small)[0] if point.knob == "time step")
+    assert steps == [finest / 2**k for k in (1, 2, 3)]
 
 
 # --- running ---

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from granular_lmp.steplaw import planned_steps, step_for
 
 from analysis import accuracy, compare
 from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record
 from granular_lmp.record import write_status
-from granular_lmp.steplaw import planned_steps, step_for
 from granular_lmp.tolerance import run
 from tests.conftest import PAPER
 from tests.test_compare import from_theory
