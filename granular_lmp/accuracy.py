@@ -24,7 +24,7 @@ from granular_lmp.record import Record
 from granular_lmp.rounding import moving
 from granular_lmp.scene import Scene
 
-# The distance itself was at least 0.35 of the true error in 888 cases: 180 waves at tolerances from 1e-1 to 1e-5, the
+# The distance itself was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5, the
 # errors above 3e-6 (docs/accuracy.md)
 SAFETY = 1.5
 

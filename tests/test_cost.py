@@ -114,7 +114,8 @@ def test_the_reference_knows_its_own_error(study: tuple[Path, dict[str, Any]]) -
     # The exact lattice is integrated to 1e-9 or so; rounding of the run is of the size of the error of q here
     truth = relative_error(best.p, exact[0])
     assert truth < 1e-6
-    assert result["reference"]["error_p"] == pytest.approx(truth, rel=0.5)
+    # The distance of two extrapolations is 1 time the error where that is of first order and 15 times where of fourth
+    assert truth / 1.5 < result["reference"]["error_p"] < 15 * 1.5 * truth
 
 
 def test_the_tables_say_the_same(study: tuple[Path, dict[str, Any]]) -> None:
@@ -160,7 +161,8 @@ def test_runs_that_are_the_same_have_one_name(small: Scene) -> None:
 
 
 def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> None:
-    made, refused = points(small.with_values({"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5}))
+    long = {"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5, "wave.mode": "L"}
+    made, refused = points(small.with_values(long))
     assert "must be at least" in refused["tolerance, strip: 1e-06"]  # rounding
     assert "tolerance, strip: 1e-06" not in map(str, made)
 

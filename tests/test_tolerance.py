@@ -174,7 +174,7 @@ def test_every_wave_meets_its_tolerance(outcomes: list[Outcome]) -> None:
 
 
 def test_the_estimate_is_at_least_half_the_error(outcomes: list[Outcome]) -> None:
-    # 0.52 was the lowest ratio in 888 cases; an error below 3e-6 is that of the reference, good to 4e-7, in part
+    # 0.52 was the lowest ratio in 885 cases; an error below 3e-6 is that of the reference, good to 4e-7, in part
     judged = [
         (o.estimates[name] / error, o.wave, o.tolerance, name)
         for o in outcomes
