@@ -22,6 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from analysis.budget import Source, budget_lines, error_budget
 from analysis.catalogue import script_for
 from analysis.norms import relative_error
 from analysis.plotting import load, save, start, write
@@ -69,6 +70,8 @@ class Comparison:
         leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
     notes : list of str
         Why the comparison does not mean what it seems to.
+    budget : list of Source
+        What separates the run and the paper's theory from the exact lattice (`analysis.budget`).
     """
 
     folder: str | None
@@ -84,7 +87,7 @@ class Comparison:
     measured: float | None
     fit_error: float | None
     notes: list[str]
-    budget: list[dict[str, Any]]
+    budget: list[Source]
 
     @property
     def run(self) -> str:
@@ -102,6 +105,8 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     covered = bool(holding(wave.physics))
     name = theory or (best(wave, record.tau) if covered else None)
     measured, fit_error = measured_amplitude(record, wave)
+    exact = trajectory("exact-lattice", wave, record.tau) if covered else None
+    lattice_error = {} if exact is None else errors(record, exact)
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
@@ -111,12 +116,12 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         amplitude=wave.amplitude,
         theory=name,
         error=errors(record, trajectory(name, wave, record.tau)) if name else {},
-        lattice_error=errors(record, trajectory("exact-lattice", wave, record.tau)) if covered else {},
+        lattice_error=lattice_error,
         predicted=predicted_amplitude(wave),
         measured=measured,
         fit_error=fit_error,
         notes=notes(record),
-        budget=record.info.get("error_budget", []) if covered else [],
+        budget=[] if exact is None else error_budget(record, wave, lattice_error, exact),
     )
 
 
@@ -207,7 +212,7 @@ def table(comparisons: list[Comparison]) -> str:
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
-        lines += budget_lines(c)
+        lines += budget_lines(c.run, c.budget)
     return "\n".join(lines)
 
 
@@ -238,21 +243,6 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
     lines = ["", "what differs between the scenes:"]
     for number, comparison in enumerate(comparisons):
         lines.append(f"  {comparison.run}: " + ", ".join(f"{key} = {row[number]!r}" for key, row in found.items()))
-    return lines
-
-
-def budget_lines(comparison: Comparison) -> list[str]:
-    """The error budget that the run estimated for itself, * at the largest of p, q and phi; nothing if it has none."""
-    if not comparison.budget:
-        return []
-    lines = ["", f"error budget of {comparison.run}", f"{'':43}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
-    for source in comparison.budget:
-        cells = "".join(
-            f"{'0' if source[name] is None else format(source[name], '.1e'):>9}"
-            + ("*" if name in source["dominates"] else " ")
-            for name in COMPONENTS
-        )
-        lines.append(f"  of the {source['of']:8}{source['name']:27}{cells}   {source['to_halve']}")
     return lines
 
 

@@ -248,7 +248,6 @@ def _workers(text: str) -> int | str:
 def _scene(options: argparse.Namespace) -> "Scene":
     from granular_lmp.effects import select, warnings, with_all
     from granular_lmp.scene import Scene, assignment
-    from granular_lmp.steplaw import drowned
 
     scene = Scene.load(options.scene)
     if options.all_effects:
@@ -257,7 +256,7 @@ def _scene(options: argparse.Namespace) -> "Scene":
         scene = scene.with_values(dict(assignment(change) for change in options.changes))
     for remark in scene.remarks():
         _remark(f"note: {remark}")
-    for warning in [*warnings(select(scene)), *drowned(scene)]:
+    for warning in warnings(select(scene)):
         _remark(f"warning: {warning}")
     return scene
 
@@ -350,6 +349,8 @@ def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
+    from granular_lmp.rounding import drowned
+
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
     _say(
@@ -361,6 +362,9 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
     if "tolerance" in info:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
         _say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
+    if "tolerance" not in info:  # which has its own refusal
+        for sentence in drowned(record.scene, record.signals):
+            _remark(f"warning: {sentence}")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
             _remark(f"warning: {name} = {guard['value']}: {guard['meaning']}")

@@ -18,11 +18,11 @@ from granular_lmp import effects, guards
 from granular_lmp.datafile import DataFile
 from granular_lmp.effects import Effect
 from granular_lmp.folder import writable
+from granular_lmp.ladder import finest_step, with_step
 from granular_lmp.modes import Mode, Physics, mode_of
 from granular_lmp.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS
 from granular_lmp.packing import hexagonal
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import step_for, with_step
 from granular_lmp.units import Units, units_for
 from granular_lmp.wave import initial_fields
 
@@ -97,7 +97,7 @@ def build(scene: Scene) -> Deck:
     """The deck of a scene; nothing is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.tolerance` makes.
+    order in the amplitude. With a tolerance it is the finest of the runs that `granular_lmp.tolerance` plans.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def build(scene: Scene) -> Deck:
     declared = scene
     scene, chosen = effects.resolve(declared)
     if scene.time.tolerance is not None:
-        scene = with_step(scene, step_for(scene) / 2)
+        scene = with_step(scene, finest_step(scene))
     mode = mode_of(scene)
     packing = hexagonal(scene.sphere, scene.shape)
     units = units_for(scene.sphere.radius)

@@ -14,9 +14,10 @@ from granular_lmp.dumps import OUTPUTS
 from granular_lmp.effects import largest_step, resolve, warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
 from granular_lmp.grid import scene_hash
+from granular_lmp.ladder import finest_step, planned_steps, with_step
 from granular_lmp.launch import core_count
+from granular_lmp.rounding import check_floor, linear_signals
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import check_floor, floor, planned_steps, step_for, with_step
 
 REFERENCE = "reference"
 HALVINGS = 5  # of the longest stable step, of one run
@@ -72,21 +73,19 @@ def base(scene: Scene) -> Scene:
     resolve(scene)
     if not scene.plane_along_y:
         raise SceneError(
-            f"wave: {scene.wave_words}: must be a running plane wave along y; accuracy and steps of others have no law"
+            f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
         )
     if scene.time.tolerance is not None:
-        scene = with_step(scene, step_for(scene) / 2)
+        scene = with_step(scene, finest_step(scene))
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 
 def reference(scene: Scene) -> Point:
-    """What all others are measured against: the pair that the smallest tolerance calls for, and a run finer still.
+    """What all others are measured against: three runs of steps finer still than those of the time step's knob.
 
-    That tolerance is 1e-6, or what rounding and walls leave in the scene where that is more. The two finer runs are
-    extrapolated; with the two coarser ones they tell how good that is.
+    The two finer runs are extrapolated; with the two coarser ones they tell how good that is.
     """
-    tolerance = max(TOLERANCES[-1], *floor(scene).values())
-    step = step_for(scene.with_values({"time.tolerance": tolerance}))
+    step = _steps(scene)[-1] / 2
     return Point(REFERENCE, f"{step:.3g} + half + quarter", tuple(_stepped(scene, step / 2**k) for k in range(3)))
 
 
@@ -152,7 +151,7 @@ def _tolerance(scene: Scene) -> dict[str, Make]:
     def make(tolerance: float) -> Make:
         def run() -> tuple[Run, ...]:
             strip = scene.with_values(_strip(scene) | {"time.tolerance": tolerance})
-            check_floor(strip)
+            check_floor(strip, linear_signals(strip))
             return (Run(strip),)
 
         return run

@@ -38,7 +38,7 @@ _ENTRIES: dict[str, set[str]] = {
     "versions": set(),
     "wall_seconds": set(),
 }
-_BUDGET = {"name", "of", "p", "q", "phi", "to_halve", "dominates"}
+_BUDGET = {"name", "p", "q", "phi", "to_halve"}
 HEADER = ["tau", "p", "q", "phi"]
 
 

@@ -248,7 +248,7 @@ class Scene:
 
     @property
     def plane_along_y(self) -> bool:
-        """Whether the wave is the paper's: a running plane wave up the rows, to which the error laws apply."""
+        """Whether the wave is the paper's: a running plane wave up the rows."""
         running = self.wave.form == "running" and not self.envelope.finite
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.folder import clear, locked, writable
 from granular_lmp.grid import concrete_hash, points, scene_hash
+from granular_lmp.ladder import planned_steps
 from granular_lmp.outputs import SCENE, STATUS, SWEEP, replace_text
 from granular_lmp.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import planned_steps
 from granular_lmp.tolerance import resume, run
 from granular_lmp.workers import stop_requested
 

@@ -160,7 +160,7 @@ FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and 
 class Time:
     """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
 
-    With a `tolerance` the step is chosen by `granular_lmp.steplaw`; until then there is none.
+    With a `tolerance` the steps are chosen by `granular_lmp.tolerance`; until then there is none.
     """
 
     duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
@@ -188,7 +188,7 @@ class Time:
         Raises
         ------
         SceneError
-            With a tolerance: `granular_lmp.steplaw.with_step` gives the scene that has a step.
+            With a tolerance: `granular_lmp.ladder.with_step` gives the scene that has a step.
         """
         if self.tolerance is not None:
             raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")

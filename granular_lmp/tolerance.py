@@ -1,40 +1,27 @@
-"""Run a scene to the accuracy that it asks for: Richardson pairs of runs, each judged before it is handed out.
+"""Run a scene to the accuracy that it asks for: runs of halved steps, until what they show of their error is enough.
 
-`granular_lmp.steplaw` chooses the first pair, Δτ and Δτ/2. What it says of the pair holds if it is right about what the
-pair itself shows, the difference d of the two runs, so the error of the extrapolated record is estimated as
-
-    E = E_law max(1, d/d_law)²  up to d = 2 d_law (d goes as Δτ², E as Δτ⁴);        E = 4 d  beyond
-
-If that misses the tolerance, the step is halved and one run added; so it is where an effect makes the error one of
-first order (`granular_lmp.effects.order`), which is extrapolated as such, and for waves that are not running, plane and
-along y (`Scene.plane_along_y`): the law knows neither. Then there are two extrapolated records, of errors 16 : 1 where
-the step's error is of second order (the runs tell: their differences go as 4 : 1), and
-
-    E = |older − newer|/15,               |older − newer| where it is not                + the error of first order in p
-
-The latter also for waves that the law does not know: what their p keeps of first order, the turned slip, is not known.
-
-One halving after a bad guess costs 7/6 of a right guess, since every run but the first is used again.
+The runs go up the ladder h, h/2, h/4, … that `granular_lmp.ladder` begins. After each the answer is extrapolated from
+the last three, and its error estimated from how much the last run moved it (`granular_lmp.accuracy`): no theory of the
+wave is asked, so this is the same for every wave and every effect. A run is added until the estimate meets the
+tolerance, or the ladder ends and the tolerance is refused.
 
 The folder holds a run folder for each step, ``N_per_sample``, and the extrapolated ``trajectory.csv`` beside
 ``scene.toml`` and ``run.json``.
 """
 
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
 from shlex import quote
 from typing import Any
 
-import numpy as np
-
 from granular_lmp import launch
-from granular_lmp.accuracy import richardson
+from granular_lmp.accuracy import answer, estimate
 from granular_lmp.agreement import refuse_other_scene, scene_digest
-from granular_lmp.budget import as_json, error_budget
-from granular_lmp.effects import order, resolve
+from granular_lmp.budget import error_budget
+from granular_lmp.effects import resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.folder import clear, locked, writable
+from granular_lmp.ladder import MOST_RUNGS, RUNGS, first_step, with_step
 from granular_lmp.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text
 from granular_lmp.record import (
     STATUS,
@@ -43,16 +30,8 @@ from granular_lmp.record import (
     read_status,
     write_status,
 )
-from granular_lmp.rounding import moving
+from granular_lmp.rounding import check_floor, linear_signals
 from granular_lmp.scene import Scene
-from granular_lmp.steplaw import StepError, check_floor, step_errors, step_for, turning_errors, with_step
-
-LEVELS = 5  # pairs that are tried: steps down to 1/16 of the first
-# Beyond twice what the law expects it is not the law's waves that two runs show. Then nothing is known of the error but
-# its size: 2 d if it is of first order, 2.9 d if it does not depend on the step.
-_MISJUDGED, _UNKNOWN = 2.0, 4.0
-_SECOND_ORDER = 3.0  # differences of three runs go as 4 : 1 for an error of second order, as 2 : 1 for one of first
-
 
 OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
 
@@ -104,7 +83,7 @@ def run_to_tolerance(
     scene : Scene
         With ``time.tolerance``.
     folder, launcher, ranks, force, progress
-        As in `launch.run`. The steps that `progress` is told grow when a pair is not enough.
+        As in `launch.run`. The steps that `progress` is told grow when the ladder goes on.
 
     Returns
     -------
@@ -114,14 +93,14 @@ def run_to_tolerance(
     Raises
     ------
     SceneError
-        Before anything is run, when the tolerance is below what rounding or the walls leave in the scene.
+        Before anything is run, when the tolerance is below what rounding or the walls leave of the linear wave.
     ToleranceError
-        When the smallest step tried does not meet it.
+        When it is below what rounding leaves of the signals that the first run shows, or the shortest step misses it.
     RunFolderError, LaunchError, LammpsMissingError, LammpsError, RunInterrupted
         As in `launch.run`.
     """
     scene, _ = resolve(scene)
-    check_floor(scene)
+    check_floor(scene, linear_signals(scene))
     folder = Path(folder).absolute()
     digest = scene_digest(scene.to_toml())
     info = {
@@ -143,55 +122,8 @@ def run_to_tolerance(
         return refine(scene, folder, one, progress, info)
 
 
-def estimate(records: list[Record]) -> dict[str, float]:
-    """Relative L2 errors of p, q, φ that the extrapolation of the last two records is estimated to have.
-
-    Parameters
-    ----------
-    records : list of Record
-        Two runs or more of a scene, each with half the step of the one before.
-
-    Returns
-    -------
-    dict
-        Without those that vanish by symmetry; inf where two runs cannot tell.
-    """
-    coarse = records[-2]
-    exponent = order(records[-1].scene)
-    first_order = exponent == 1
-    newer = richardson(coarse, records[-1], exponent)
-    law = step_errors(coarse.scene, coarse.scene.time.step) if coarse.scene.plane_along_y else {}
-    law = {name: error for name, error in law.items() if not np.isnan(getattr(newer, name)).any()}  # not tracked: φ
-    names = list(law) or moving(newer.signals)
-    found = {name: newer.info["error_estimate"][name] or 0.0 for name in names}
-    if len(records) == 2:
-        if first_order or not law:
-            return dict.fromkeys(names, inf)  # the law is that of velocity Verlet, and of a plane wave along y
-        return {name: _of_two(error, found[name]) for name, error in law.items()}
-    older = richardson(records[-3], coarse, exponent)
-    result = {}
-    for name in names:
-        values = getattr(newer, name)
-        size = np.linalg.norm(values)
-        moved = float(np.linalg.norm(getattr(older, name) - values) / size)
-        coarser = older.info["error_estimate"][name] or 0.0
-        second_order = bool(law) and not first_order and coarser > _SECOND_ORDER * found[name]
-        result[name] = moved / 15 if second_order else moved
-    if not first_order:
-        for name, error in turning_errors(coarse.scene, coarse.scene.time.step).items():
-            result[name] = result.get(name, 0.0) + error / 3
-    return result
-
-
-def _of_two(law: StepError, found: float) -> float:
-    """E from the difference that two runs show, `found`, and the one that the law expects."""
-    if found > _MISJUDGED * law.halved:
-        return _UNKNOWN * found
-    return law.extrapolated * max(1.0, found / law.halved) ** 2
-
-
 def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:
-    """Run pair after pair until one meets the tolerance; ``run.json`` says how that ended.
+    """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says how that ended.
 
     Parameters
     ----------
@@ -207,26 +139,28 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
     """
     tolerance = scene.time.tolerance
     assert tolerance is not None
-    per_sample = round(scene.time.sample / step_for(scene))
+    per_sample = round(scene.time.sample / first_step(scene))
     records: list[Record] = []
     said: list[str] = []
     found: dict[str, float] = {}
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:
-        for level in range(LEVELS + 1):
-            count = per_sample << level
+        for rung in range(MOST_RUNGS):
+            count = per_sample << rung
             stepped = with_step(scene, scene.time.sample / count)
-            # The runs before this one made count − per_sample steps a sample; the first pair makes 3 per_sample
-            before, all_ = count - per_sample, max(2 * count - per_sample, 3 * per_sample)
+            # The runs before this one made count − per_sample steps a sample
+            before, all_ = count - per_sample, (per_sample << max(rung + 1, RUNGS)) - per_sample
             told = _offset(progress, before * scene.time.samples, all_ * scene.time.samples)
             records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", told))
-            if level == 0:
+            if rung == 0:
+                check_floor(scene, records[0].signals, ToleranceError)
                 continue
             found = estimate(records)
             if all(error <= tolerance for error in found.values()):  # a nan is not
                 break
-            said.append(f"steps of {2 * stepped.time.step!r} and {stepped.time.step!r} tau: {_worst(found)}; halved")
+            if rung + 1 >= RUNGS:
+                said.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
         else:
             raise ToleranceError(
                 f"time.tolerance = {tolerance!r}: not met with steps down to {records[-1].scene.time.step!r} tau, "
@@ -240,12 +174,12 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         status = "interrupted" if isinstance(error, RunInterrupted) else "failed"
         write_status(folder, info | {"status": status, "message": message})
         raise error from None
-    record = richardson(records[-2], records[-1], order(records[-1].scene))
+    record = answer(records)
     runs = [run.info for run in records]
     outcome = {
         "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
-        "error_budget": as_json(error_budget(scene, found)),
-        "extrapolated_from": [run.scene.time.step for run in records[-2:]],
+        "error_budget": error_budget(scene, record.signals, found),
+        "extrapolated_from": [run.scene.time.step for run in records[-3:]],
         "refinements": said,
         "steps": sum(run["steps"] for run in runs),
         "wall_seconds": {

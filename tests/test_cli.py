@@ -1,5 +1,6 @@
 """The command line as a newcomer meets it: help, one-line errors with their exit status, what each command prints."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -138,10 +139,13 @@ def test_an_effect_forced_off_is_a_warning_with_a_number(capsys: pytest.CaptureF
     assert cli(capsys, "effects", "l_wave", "--set", "effects.rotation=false")[2] == ""
 
 
-def test_a_second_harmonic_below_rounding_is_a_warning_before_the_run(capsys: pytest.CaptureFixture[str]) -> None:
-    _, _, err = cli(capsys, "effects", "tr_nonresonant", "--set", "wave.amplitude=1e-4")
-    assert "p is 8.5e-07 D0 by theory, below the 1.8e-06 D0 that the rounding of positions leaves" in err
-    assert "rounding" not in cli(capsys, "effects", "tr_nonresonant", "--set", "wave.amplitude=1e-2")[2]
+def test_a_second_harmonic_below_rounding_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def said(amplitude: float) -> str:
+        words = ("tr_nonresonant", "--set", f"wave.amplitude={amplitude}", "--set", "time.duration=20")
+        return cli(capsys, "run", *words, "-o", str(tmp_path / str(amplitude)))[2]
+
+    assert re.search(r"warning: wave.amplitude = 0.0001: p is \S+ D0, and the rounding of positions leaves", said(1e-4))
+    assert "rounding" not in said(1e-2)
 
 
 def test_all_effects_can_be_switched_on(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,7 +22,6 @@ from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInt
 from granular_lmp.knobs import KNOBS, Run, points, reference
 from granular_lmp.launch import run_deck
 from granular_lmp.record import read_status, write_status
-from granular_lmp.steplaw import step_for
 from granular_lmp.tally import errors, text, to_csv
 from tests.conftest import PAPER
 from tests.test_cli import cli
@@ -115,7 +114,8 @@ def test_the_reference_knows_its_own_error(study: tuple[Path, dict[str, Any]]) -
     # The exact lattice is integrated to 1e-9 or so; rounding of the run is of the size of the error of q here
     truth = relative_error(best.p, exact[0])
     assert truth < 1e-6
-    assert result["reference"]["error_p"] == pytest.approx(truth, rel=0.5)
+    # The distance of two extrapolations is 1 time the error where that is of first order and 15 times where of fourth
+    assert truth / 1.5 < result["reference"]["error_p"] < 15 * 1.5 * truth
 
 
 def test_the_tables_say_the_same(study: tuple[Path, dict[str, Any]]) -> None:
@@ -161,7 +161,8 @@ def test_runs_that_are_the_same_have_one_name(small: Scene) -> None:
 
 
 def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> None:
-    made, refused = points(small.with_values({"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5}))
+    long = {"packing.rows": 4_000, "packing.columns": 3, "wave.amplitude": 1e-5, "wave.mode": "L"}
+    made, refused = points(small.with_values(long))
     assert "must be at least" in refused["tolerance, strip: 1e-06"]  # rounding
     assert "tolerance, strip: 1e-06" not in map(str, made)
 
@@ -182,10 +183,10 @@ def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.Mo
     assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
 
 
-def test_the_reference_begins_where_the_finest_tolerance_ends(small: Scene) -> None:
+def test_the_reference_is_finer_than_every_step_of_the_knob(small: Scene) -> None:
     steps = [run.scene.time.step for run in reference(small).runs]
-    finest = next(point.runs[0].scene for point in points(small)[0] if str(point) == "tolerance, strip: 1e-06")
-    assert steps == [step_for(finest) / 2**k for k in range(3)]
+    finest = min(point.runs[0].scene.time.step for point in points(small)[0] if point.knob == "time step")
+    assert steps == [finest / 2**k for k in (1, 2, 3)]
 
 
 # --- running ---

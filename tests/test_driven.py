@@ -1,6 +1,7 @@
 """The driven row: amplitudes against the row equations and against an integrated strip, and what its script does."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -346,3 +347,25 @@ def test_the_script_prints_deviations_and_writes_a_figure(
     assert driven.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "p at 2Ω" in capsys.readouterr().out
+
+
+# --- the mean displacement ---
+
+TURNS = {-0.5: 1.417, 0.0: 1.911, 0.17: 2.128, 0.3: 2.324, 0.5: 2.702}
+
+
+def far_slope(name: sh.ModeName, xi: float, nu: float) -> float:
+    """Mean of p from row to row, far from the source, in D0: > 0 is away from it."""
+    constants = sh.ratios(nu)
+    near, far = driven.static(sh.mode(name, xi, constants), constants, 0.01, np.array([200, 300]))
+    return float(far - near) / 100
+
+
+@pytest.mark.parametrize("nu", TURNS)
+def test_the_lattice_is_pushed_or_pulled_as_the_page_says(nu: float) -> None:
+    for xi in np.linspace(0.1, 3.0, 30):
+        assert far_slope("L", xi, nu) > 0 > far_slope("RT", xi, nu)
+        assert (far_slope("TR", xi, nu) > 0) == (xi < TURNS[nu])
+    assert sh.antiresonance(sh.ratios(nu)) == pytest.approx(TURNS[nu], abs=6e-4)
+    page = (Path(__file__).parents[1] / "docs" / "waves.md").read_text(encoding="utf-8")
+    assert f"{TURNS[nu]:.3f}" in page

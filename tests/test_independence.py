@@ -82,7 +82,7 @@ rounding
 guards
 wave rules datafile
 effects
-grid steplaw agreement
+grid ladder agreement
 deck plots
 particles
 record
