@@ -105,7 +105,7 @@ def test_both_end_rows_are_held_at_zero():
         rate[:, ends] = 0
         return rate
 
-    expected = lattice.integrate(held, start, tau, 1e-11, 0.2)[:, :3, 3].T / 0.2
+    expected = lattice.integrate(held, start, tau, 1e-11, 0.2, lattice.longest_step(contact))[:, :3, 3].T / 0.2
     assert np.allclose(lattice.rows(mode, 0.2, tau, NU, rows=7), expected, rtol=0, atol=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 1000, 101), 0.1
     contact, neighbours = lattice.contact(NU), lattice.ring_neighbours()
     start = lattice.initial_state(mode, amplitude, mode.wavenumber * np.arange(n), contact, neighbours)
-    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, tau, 1e-9, amplitude)
+    states = lattice.motion(start, contact, neighbours, tau, 1e-9, amplitude)
     infinite = lattice.torus(mode, amplitude, tau, NU, row=3, rtol=1e-9)
     # 1e-9 per step grows in proportion to τ, to a few 1e-7 at τ=1000.
     assert np.allclose(states[:, :3, 3].T / amplitude, infinite, rtol=0, atol=1e-6)
