@@ -1,1 +1,12 @@
 """Theory and post-processing of plane waves in a granular crystal, independent of granular_lmp's own physics."""
+
+import os
+import sys
+
+_BLAS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+
+# Matrices here are of 31×31, which threads of BLAS only delay; it asks when NumPy is imported. That is for
+# `python -m analysis.…`: who imports `analysis` from elsewhere keeps the threads, as does who has set them.
+_as_script = sys.argv[:1] == ["-m"] and any(word.startswith("analysis.") for word in sys.orig_argv)
+if _as_script and not any(name in os.environ for name in _BLAS):
+    os.environ.update(dict.fromkeys(_BLAS, "1"))

@@ -35,6 +35,7 @@ from analysis.lattice import (
     contact,
     initial_state,
     integrate,
+    longest_step,
     rhs,
     torus_neighbours,
     torus_phases,
@@ -132,7 +133,8 @@ def ledger(
         moving = state[:-1]
         return np.concatenate([rhs(moving, laws, neighbours), law_power(moving, laws, neighbours)[None]])
 
-    states = integrate(derivative, np.concatenate([start, np.zeros((1, points))]), tau, rtol, amplitude)
+    start = np.concatenate([start, np.zeros((1, points))])
+    states = integrate(derivative, start, tau, rtol, amplitude, longest_step(laws))
     work = states[:, -1].mean(axis=-1)
     return Ledger(np.asarray(tau, dtype=float), energy(states[:, :-1], laws, neighbours), work)
 
@@ -167,6 +169,7 @@ def opening_time(
         method="DOP853",
         rtol=rtol,
         atol=rtol * amplitude,
+        max_step=longest_step(laws),
         events=closed,
     )
     if not solution.success:

@@ -152,7 +152,7 @@ def stretch_and_normal(
         return along, *normal
     length = 1 / overlap_ratio - 1
     r_p, r_q = length * normal[0] + dp, length * normal[1] + dq
-    distance = np.hypot(r_p, r_q)
+    distance = np.sqrt(r_p**2 + r_q**2)
     # |r| − ℓ itself would lose the four digits by which ℓ exceeds x.
     stretch = (2 * length * along + dp**2 + dq**2) / (distance + length)
     return stretch, r_p / distance, r_q / distance
@@ -192,7 +192,7 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
         if contact.law == "potential":
             normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
     if contact.viscosity:
-        closed = np.sqrt(root) if contact.hertzian else np.sign(overlap)
+        closed = np.sqrt(root) if contact.hertzian else overlap.real > 0
         normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
         if contact.shear:
             shear = shear + dashpot * closed * slip_rate
@@ -237,10 +237,42 @@ def stretch_and_slip(places: Floats, overlap_ratio: float, neighbours: Neighbour
     return x, n_p * dq - n_q * dp - (ahead[:, 2] + places[2])
 
 
+REACH = 5.0  # see `longest_step`
+
+
+def longest_step(contact: Contact) -> float:
+    """Return the longest step of τ over which DOP853 lets no free motion of the lattice grow, whatever its wavenumber.
+
+        h = REACH/λ,   λ = β/2 + √(Ω² + β²/4),   Ω² = max(3(1+κ), 6κ/Ĩ)/(κ+3),   β = c max(12, 12/Ĩ)
+
+    λ bounds every rate of the linear lattice. Ω² bounds its squared frequencies (that of RT at ξ=0 is 6κ/Ĩ(κ+3) at
+    η=0), since x² ≤ 2(n·u₊)² + 2(n·u)² and s² ≤ 2(t·u₊ − φ₊)² + 2(t·u + φ)² in the energy of a contact, and the three
+    bonds have Σ n n = 3/2; β bounds the dashpots in the same way. Prestress and η only lower them.
+
+    Where |λh| < 5.96 in the left half-plane, DOP853 damps e^{λτ} or keeps it. REACH is less, since contacts under
+    pressure are stiffer: up to twice the overlap at rest, (5.96/REACH)⁴, is within it. Without such a bound the error
+    control lets a long L wave take steps of 17 τ, which make φ out of rounding.
+    """
+    kappa = contact.shear_stiffness
+    squared, damping = 3 * (1 + kappa), 12.0 if contact.shear else 6.0
+    if contact.rotation and contact.shear:
+        squared = max(squared, 6 * kappa / contact.inertia)
+        damping = max(damping, 12 / contact.inertia)
+    half = damping * contact.viscosity / 2
+    return REACH / float(half + np.sqrt(squared / (contact.kappa + 3) + half**2))
+
+
 def integrate(
-    derivative: Callable[[Floats], Floats], start: Floats, tau: ArrayLike, rtol: float, scale: float
+    derivative: Callable[[Floats], Floats],
+    start: Floats,
+    tau: ArrayLike,
+    rtol: float,
+    scale: float,
+    longest: float,
 ) -> Floats:
     """States (T, …) of y' = derivative(y) from y(0) = start at the times tau, by DOP853 with errors of rtol·scale.
+
+    longest is the largest step that is taken, `longest_step` of the lattice.
 
     Raises ValueError unless tau is one-dimensional, ascending and not negative, RuntimeError if the integration fails.
     """
@@ -255,10 +287,18 @@ def integrate(
         t_eval=tau,
         rtol=rtol,
         atol=rtol * scale,
+        max_step=longest,
     )
     if not solution.success:
         raise RuntimeError(f"integration of the lattice failed: {solution.message}")
     return solution.y.T.reshape(-1, *start.shape)
+
+
+def motion(
+    start: Floats, contact: Contact, neighbours: Neighbours, tau: ArrayLike, rtol: float, scale: float
+) -> Floats:
+    """Return the states (T, …) of the free lattice, from `start` on, at the times tau: `integrate` of `rhs`."""
+    return integrate(lambda state: rhs(state, contact, neighbours), start, tau, rtol, scale, longest_step(contact))
 
 
 def torus_trajectory(
@@ -286,15 +326,13 @@ def torus_trajectory(
     poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.
     points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
     rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
-        From 1e-9 on small waves are stepped at the edge of stability: φ of L, zero by symmetry, grows to 4e-7.
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
     laws = contact(poisson_ratio, **effects)
     neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
     start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
-    states = integrate(lambda state: rhs(state, laws, neighbours), start, tau, rtol, amplitude)
-    return states[:, :3] / amplitude
+    return motion(start, laws, neighbours, tau, rtol, amplitude)[:, :3] / amplitude
 
 
 def torus(
@@ -349,5 +387,6 @@ def rows(
         rate[:, 0] = 0.0
         return rate
 
-    p, q, phi = (integrate(held, start, tau, rtol, amplitude)[:, :3, centre] / amplitude).T
+    states = integrate(held, start, tau, rtol, amplitude, longest_step(laws))
+    p, q, phi = states[:, :3, centre].T / amplitude
     return p, q, phi

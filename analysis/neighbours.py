@@ -76,7 +76,14 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
     # Exactly itself where nothing is shifted: within a row along y, mirror symmetry then holds to the last bit.
     back = np.where(shifts == 0, np.eye(points), periodic_kernel(phases[:, None] + shifts - phases, points))
     forward = np.ascontiguousarray(back.swapaxes(1, 2))
-    return Neighbours(normal, lambda values: values @ forward, lambda values: (values @ back).sum(axis=0))
+
+    def ahead(values: Floats) -> Floats:
+        return (values.reshape(-1, points) @ forward).reshape(3, *values.shape)
+
+    def behind(values: Floats) -> Floats:
+        return (values.reshape(3, -1, points) @ back).sum(axis=0).reshape(values.shape[1:])
+
+    return Neighbours(normal, ahead, behind)
 
 
 def ring_neighbours() -> Neighbours:

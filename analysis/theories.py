@@ -22,6 +22,7 @@ leaves out what the scene has.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -148,7 +149,7 @@ def physics_of(record: Record) -> Physics:
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
         sliding=on.get("sliding", False),
         opening=effects.get("contact_opening", {}).get("called_for", False)
-        or guards.get("open_contacts", {}).get("woke_at") is not None,
+        or guards.get("open_contacts", {}).get("passed_at") is not None,
         direction=scene.direction,
         form=scene.wave.form,
         finite=scene.envelope.finite,
@@ -260,9 +261,18 @@ def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
     if missing:
         allowed = ", ".join(holding(wave.physics)) or "none"
         raise TheoryError(f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {allowed}")
-    return THEORIES[name](wave, tau)
+    return _computed(name, wave, tuple(np.asarray(tau, dtype=float).tolist()))
 
 
+@lru_cache(maxsize=8)  # a table, its figure and the note beside it ask for the same two or three of one run
+def _computed(name: str, wave: Wave, times: tuple[float, ...]) -> Trajectory:
+    p, q, phi = (np.asarray(values) for values in THEORIES[name](wave, np.array(times)))
+    for values in (p, q, phi):
+        values.flags.writeable = False  # they are handed out again
+    return p, q, phi
+
+
+SILENT = 1e-9  # D0 per D0: rounding of what a symmetry makes zero stays below, p of a shear wave above from a = 1e-7 on
 CONVERGED = 0.02  # of any component, in the two last orders of the hierarchy: the error is then smaller still
 LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
 
@@ -281,12 +291,16 @@ def best(wave: Wave, tau: Floats) -> str:
 
 
 def last_orders(wave: Wave, tau: Floats) -> float:
-    """How much the two last orders of the hierarchy add to p, q or φ, whichever is worst: relative, over all rows."""
+    """How much the two last orders of the hierarchy add to p, q or φ, whichever is worst: relative, over all rows.
+
+    A component that is silent beside the largest, zero by symmetry, is left out: it is rounding, as are its orders.
+    """
     few = np.linspace(tau[0], tau[-1], 61)
-    orders = hierarchy_orders(wave.mode, few, wave.physics.poisson_ratio, rtol=1e-5, **wave.physics.effects)
+    orders = hierarchy_orders(wave.mode, few, wave.physics.poisson_ratio, rtol=1e-6, **wave.physics.effects)
     terms = orders * (wave.amplitude ** np.arange(len(orders)))[:, None, None, None]  # as (order, T, component, K)
     tail, total = (np.sqrt(np.sum(part.sum(axis=0) ** 2, axis=(0, 2))) for part in (terms[-2:], terms))
-    return float(np.max(tail / np.where(total > 0, total, np.inf)))
+    moves = total > SILENT * np.max(total)
+    return float(np.max(tail[moves] / total[moves]))
 
 
 def drive_cancels(wave: Wave) -> bool:

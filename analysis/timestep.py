@@ -107,20 +107,19 @@ def stepped(
 
 def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
     """The neighbours of several tori, one after the other in the last axis."""
-    tori = [torus_neighbours(xi, points) for xi in wavenumbers]
-    shifts = np.stack([torus.ahead(np.eye(points)) for torus in tori])  # (waves, 3, K, K)
+    waves, tori = len(wavenumbers), [torus_neighbours(xi, points) for xi in wavenumbers]
+    forward = np.stack([torus.ahead(np.eye(points)) for torus in tori])  # (waves, 3, K, K)
+    back = np.ascontiguousarray(forward.swapaxes(2, 3))
 
-    def apart(values: Floats) -> Floats:  # (…, waves·K) → (waves, …, K)
-        return np.moveaxis(values.reshape(*values.shape[:-1], len(wavenumbers), points), -2, 0)
+    def ahead(values: Floats) -> Floats:
+        apart = values.reshape(-1, 1, waves, points).transpose(2, 1, 0, 3) @ forward  # (waves, 3, C, K)
+        return apart.transpose(1, 2, 0, 3).reshape(3, *values.shape)
 
-    def together(values: Floats) -> Floats:
-        return np.moveaxis(values, 0, -2).reshape(*values.shape[1:-1], -1)
+    def behind(values: Floats) -> Floats:
+        apart = values.reshape(3, -1, waves, points).transpose(2, 0, 1, 3) @ back
+        return apart.sum(axis=1).swapaxes(0, 1).reshape(values.shape[1:])
 
-    return Neighbours(
-        tori[0].normal,
-        lambda values: together(apart(values)[:, None] @ shifts),
-        lambda values: together((apart(values) @ shifts.swapaxes(2, 3)).sum(axis=1)),
-    )
+    return Neighbours(tori[0].normal, ahead, behind)
 
 
 def limit(

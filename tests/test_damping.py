@@ -118,7 +118,7 @@ def test_two_spheres_part_with_the_restitution_coefficient(restitution):
         return np.array([y[1], -2 * (repulsion + contact.viscosity * overlap**0.25 * y[1])])
 
     # Until the overlap is back at zero, where the dashpot of LAMMPS ends too.
-    states = lattice.integrate(rate, np.array([1e-12, 1.0]), np.linspace(0, 60, 60001), 1e-10, 1e-3)
+    states = lattice.integrate(rate, np.array([1e-12, 1.0]), np.linspace(0, 60, 60001), 1e-10, 1e-3, longest=np.inf)
     parting = np.flatnonzero(states[:, 0] <= 0)[0]
     assert -states[parting, 1] == pytest.approx(restitution, rel=2e-3)  # the grid, and the corner at zero overlap
 

@@ -192,7 +192,9 @@ def test_the_potential_law_is_refused_with_options_of_the_lattice():
 
 
 @pytest.mark.parametrize(
-    "effects", [*EFFECTS.values(), {"law": "incremental"}, {"law": "incremental", "overlap_ratio": ETA}], ids=str
+    "effects",
+    [*EFFECTS.values(), {"law": "incremental"}, {"law": "incremental", "overlap_ratio": ETA}, {"law": "potential"}],
+    ids=str,
 )
 @pytest.mark.parametrize("name", ["TR", "L"])
 def test_the_hierarchy_holds_the_lattice_with_every_effect(name, effects):
@@ -204,11 +206,6 @@ def test_the_hierarchy_holds_the_lattice_with_every_effect(name, effects):
     if "law" in effects and name == "TR":
         secant = hierarchy(mode, 0.02, SHORT, NU, **{**effects, "law": "secant"})
         assert np.max(np.abs(np.subtract(secant, exact))) > 1e-4
-
-
-def test_the_law_from_a_potential_has_no_hierarchy():
-    with pytest.raises(ValueError, match="potential"):
-        hierarchy_orders(sh.mode("L", 1.0, sh.ratios(NU)), SHORT, NU, law="potential")
 
 
 @pytest.mark.parametrize("effects", ["no rotation", "no shear"])

@@ -62,7 +62,7 @@ def test_the_work_is_the_integral_of_the_power(law):
     tau = np.linspace(0, 40, 641)  # 16 per τ
     contact, neighbours = lattice.contact(NU, law=law), lattice.torus_neighbours(1.475, 31)
     start = lattice.initial_state(RESONANT, A, lattice.torus_phases(31), contact, neighbours)
-    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, tau, 1e-11, A)
+    states = lattice.motion(start, contact, neighbours, tau, 1e-11, A)
     power = energy.law_power(states, contact, neighbours).mean(axis=-1)
     kept = energy.ledger(RESONANT, A, tau, NU, law=law)
     # Simpson's rule at 16 samples per τ is good to 5e-12 of E.

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, solve_ivp
 
 from analysis import directions, lattice
 from analysis import second_harmonic as sh
@@ -105,7 +105,7 @@ def test_both_end_rows_are_held_at_zero():
         rate[:, ends] = 0
         return rate
 
-    expected = lattice.integrate(held, start, tau, 1e-11, 0.2)[:, :3, 3].T / 0.2
+    expected = lattice.integrate(held, start, tau, 1e-11, 0.2, lattice.longest_step(contact))[:, :3, 3].T / 0.2
     assert np.allclose(lattice.rows(mode, 0.2, tau, NU, rows=7), expected, rtol=0, atol=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 1000, 101), 0.1
     contact, neighbours = lattice.contact(NU), lattice.ring_neighbours()
     start = lattice.initial_state(mode, amplitude, mode.wavenumber * np.arange(n), contact, neighbours)
-    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, tau, 1e-9, amplitude)
+    states = lattice.motion(start, contact, neighbours, tau, 1e-9, amplitude)
     infinite = lattice.torus(mode, amplitude, tau, NU, row=3, rtol=1e-9)
     # 1e-9 per step grows in proportion to τ, to a few 1e-7 at τ=1000.
     assert np.allclose(states[:, :3, 3].T / amplitude, infinite, rtol=0, atol=1e-6)
@@ -360,6 +360,93 @@ def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
     p, q, phi = lattice.torus(mode, 1e-4, tau, NU)
     assert p == pytest.approx(np.cos(mode.frequency * tau), abs=2e-4)  # of order a, the second harmonic
     assert np.max(np.abs([q, phi])) < 1e-9
+
+
+# --- the longest step ---
+
+
+def rates_at_rest(contact, wavenumber, direction):
+    """Eigenvalues of the equations of motion at rest, from complex steps: exact to rounding, the law is analytic."""
+    points, rows = 5, 9 if contact.has_history else 6
+    neighbours = lattice.torus_neighbours(wavenumber, points, direction)
+    steps = 1e-30j * np.eye(rows * points).reshape(-1, rows, points)
+    jacobian = [lattice.rhs(step, contact, neighbours).imag.ravel() / 1e-30 for step in steps]
+    return np.abs(np.linalg.eigvals(np.array(jacobian)))
+
+
+CONTACTS = [
+    {},
+    {"poisson_ratio": 0.5},
+    {"poisson_ratio": -1.0},
+    {"inertia": 2.0},
+    {"shear": False},
+    {"rotation": False},
+    {"overlap_ratio": 0.05, "prestress": 1.0},
+    {"viscosity": 0.5},
+    {"viscosity": 0.5, "shear": False},
+    {"viscosity": 0.5, "rotation": False},
+    {"law": "incremental", "viscosity": 2.0},
+    {"restitution": 0.5, "prestress": 1.0},
+]
+
+
+@pytest.mark.parametrize("effects", CONTACTS, ids=str)
+def test_no_rate_of_the_lattice_is_beyond_the_reach_of_the_longest_step(effects):
+    contact = lattice.contact(**{"poisson_ratio": NU} | effects)
+    rates = [rates_at_rest(contact, xi, d) for xi in (0.05, 0.8, 1.6, 2.4, np.pi) for d in (0.0, 17.0, 90.0)]
+    # 1e-6: eigenvalues of L and of translations, double at rest, are found to the root of rounding only.
+    assert np.max(rates) * lattice.longest_step(contact) < lattice.REACH * (1 + 1e-6)
+
+
+def test_the_bound_is_reached_by_rotations_of_long_waves():
+    contact = lattice.contact(NU)
+    assert np.max(rates_at_rest(contact, 0.01, 90.0)) == pytest.approx(lattice.REACH / lattice.longest_step(contact))
+
+
+def test_the_integrator_damps_every_rate_within_reach():
+    A, B = DOP853.A[: len(DOP853.B), : len(DOP853.B)], DOP853.B
+    ones = np.ones(len(B))
+
+    def growth(z):
+        return abs(1 + z * B @ np.linalg.solve(np.eye(len(B)) - z * A, ones))
+
+    half_plane = np.exp(1j * np.linspace(np.pi / 2, np.pi, 61))
+    within = [growth(r * z) for r in np.linspace(0, 5.96, 150) for z in half_plane]
+    assert max(within) < 1 + 1e-12  # rounding of a polynomial of degree 12 whose terms are 2e3 at most
+    assert growth(6j) > 1.05
+    assert lattice.REACH < 5.96
+
+
+def disturbed(longest):
+    """q, φ of a long L wave (T, 2, K) that starts with too little RT to guide the steps, per amplitude of that."""
+    mode, contact = sh.mode("L", 0.01, SILICA), lattice.contact(NU)
+    neighbours, phases = lattice.torus_neighbours(0.01, 5), lattice.torus_phases(5)
+    start = lattice.initial_state(mode, 0.2, phases, contact, neighbours)
+    start[2] += 2e-14
+    states = lattice.integrate(
+        lambda y: lattice.rhs(y, contact, neighbours), start, np.linspace(0, 60, 61), 1e-9, 0.2, longest
+    )
+    return states[:, 1:3] / 2e-14
+
+
+def test_the_integrator_lets_nothing_grow_on_a_long_wave():
+    # RT turns as cos Ωτ, which long L does not feed; between steps of Ωh = 5 the interpolation is coarse.
+    assert np.max(np.abs(disturbed(lattice.longest_step(lattice.contact(NU))))) < 3
+
+
+def test_without_a_longest_step_what_is_small_grows_on_a_long_wave():
+    assert np.max(np.abs(disturbed(np.inf))) > 1e3
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("xi", [0.01, 0.1])
+def test_a_long_wave_along_stays_free_of_shear_and_rotation(xi, rtol):
+    mode = sh.mode("L", xi, sh.ratios(NU, overlap_ratio=ETA))
+    p, q, phi = lattice.torus(mode, 0.2, np.linspace(0, 20, 41), NU, overlap_ratio=ETA, rtol=rtol)
+    # A force, of order 1, is rounded by 1e-16 a few times over; if all of that pushed one way, for τ²/2 = 200 and per
+    # a = 0.2, it would make 1e-12.
+    assert np.max(np.abs([q, phi])) < 1e-12
+    assert np.max(np.abs(p)) > 0.9
 
 
 @pytest.mark.parametrize("tau", [[1.0, 0.5], [-1.0, 0.0], [], [[0.0, 1.0]]])

@@ -33,7 +33,7 @@ def let_go(mode: sh.Mode, amplitude: float, contact: lattice.Contact, phase: flo
     moving = np.zeros((6, RING))
     moving[:3] = mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)
     start = lattice.with_shear(amplitude * moving, contact, neighbours)
-    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, TAU, 1e-11, amplitude)
+    states = lattice.motion(start, contact, neighbours, TAU, 1e-11, amplitude)
     return states[:, :3] / amplitude
 
 

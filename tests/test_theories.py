@@ -3,18 +3,24 @@
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis import compare, directions, figure3, theories
+from analysis.hierarchy import hierarchy_orders
 from analysis.theories import (
     THEORIES,
     Physics,
     TheoryError,
     Wave,
+    _computed,
     best,
     holding,
+    last_orders,
+    linear_mode,
     physics_of,
     trajectory,
 )
@@ -140,15 +146,62 @@ def test_a_scene_without_run_json_says_it_too() -> None:
 
 
 def test_contacts_that_were_seen_to_open_have_opened(with_physics: With) -> None:
-    seen = {"effect": "contact_opening", "value": 1.0, "woke_at": 3.0}
+    seen = {"effect": "contact_opening", "value": 1.0, "passed_at": 3.0}
     found = physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen}}))
     assert found.opening
-    assert not physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen | {"woke_at": None}}})).opening
+    assert not physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen | {"passed_at": None}}})).opening
 
 
 # --- any direction, and what is no running plane wave ---
 
 ANY_DIRECTION = {"second-order", "hierarchy", "exact-lattice"}
+
+
+def with_noise(size: float) -> Callable[..., NDArray[np.float64]]:
+    """The orders of the hierarchy with q and φ of another processor: other rounding, of this size in D0 = 0.2 Δ0."""
+    random = np.random.default_rng(1)
+
+    def orders(*args: Any, **kwargs: Any) -> NDArray[np.float64]:
+        terms = hierarchy_orders(*args, **kwargs)
+        scale = size / 0.2 ** np.arange(len(terms))
+        terms[:, :, 1:] += scale[:, None, None, None] * random.normal(size=terms[:, :, 1:].shape)
+        return terms
+
+    return orders
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-16, 1e-12])
+def test_rounding_of_silent_components_does_not_choose_the_theory(
+    size: float, with_physics: With, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    physics = with_physics().physics
+    wave = Wave(linear_mode("L", PAPER.wavenumber, physics), physics.ratios, 0.2, 0.0, physics)
+    clean = last_orders(wave, TAU)
+    monkeypatch.setattr(theories, "hierarchy_orders", with_noise(size))
+    assert last_orders(wave, TAU) == pytest.approx(clean, rel=1e-9)
+    assert best(wave, TAU) == "hierarchy"
+
+
+def test_a_component_that_is_small_but_not_silent_counts(with_physics: With, monkeypatch: pytest.MonkeyPatch) -> None:
+    wave = with_physics()
+    monkeypatch.setattr(theories, "hierarchy_orders", with_noise(1e-6))
+    clean = last_orders(wave, TAU)
+    still = Wave(linear_mode("L", PAPER.wavenumber, wave.physics), wave.ratios, 0.2, 0.0, wave.physics)
+    assert clean < 0.02 < last_orders(still, TAU)  # orders that are all alike have not converged
+
+
+def test_what_was_computed_is_kept(with_physics: With, monkeypatch: pytest.MonkeyPatch) -> None:
+    wave, calls = with_physics(), []
+    theory = THEORIES["exact-lattice"]
+    monkeypatch.setitem(THEORIES, "exact-lattice", lambda *args: calls.append(1) or theory(*args))
+    _computed.cache_clear()
+    first, again = (trajectory("exact-lattice", wave, TAU) for _ in range(2))
+    other = trajectory("exact-lattice", replace(wave, amplitude=0.1), TAU)
+    assert len(calls) == 2
+    assert all(a is b for a, b in zip(first, again, strict=True))
+    assert not np.array_equal(first[0], other[0])
+    with pytest.raises(ValueError, match="read-only"):
+        first[0][0] = 1.0
 
 
 @pytest.mark.parametrize("direction", [0.0, 17.0, -41.0])

@@ -109,6 +109,7 @@ def opening_time(wave: Scene) -> float:
         method="DOP853",
         rtol=1e-10,
         atol=1e-11,
+        max_step=lattice.longest_step(contact),
         events=closed,
     )
     return float(solution.t_events[0][0])

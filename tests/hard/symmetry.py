@@ -74,4 +74,4 @@ def _linearised(kick: Floats, tau: Floats) -> Floats:
     start = lattice.initial_state(mode("L", xi, RATIOS), 0.2, phases, contact, neighbours)
     start[4:6] += kick
     scale = KICK * 0.2 * 1e-3  # the seed is to be resolved, not only the pump
-    return lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, tau, 1e-9, scale)[:, :6]
+    return lattice.motion(start, contact, neighbours, tau, 1e-9, scale)[:, :6]

@@ -58,7 +58,7 @@ def exact(scene: Scene, tau: ArrayLike, overlap_ratio: float = ETA, points: int 
     neighbours = lattice.torus_neighbours(scene.wavenumber, points)
     amplitude = scene.wave.amplitude
     start = lattice.initial_state(mode, amplitude, lattice.torus_phases(points), contact, neighbours)
-    states = lattice.integrate(lambda y: lattice.rhs(y, contact, neighbours), start, tau, rtol, amplitude)
+    states = lattice.motion(start, contact, neighbours, tau, rtol, amplitude)
     return states[:, :6]
 
 
