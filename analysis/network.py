@@ -16,8 +16,8 @@ keeps the slip of its limit.
 
 Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
 LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
-stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j), which is about
-half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for that.
+stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
+about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
 places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it.
@@ -147,7 +147,7 @@ class Network:
         return 2 * float(np.max(self.radius)) + self.margin
 
     def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:
-        """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing described above."""
+        """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
         modulus, ratio, adhesion = np.array(
             [(one.youngs_modulus, one.poisson_ratio, one.work_of_adhesion) for one in self.materials]
         ).T
@@ -272,7 +272,8 @@ def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
     levers = (pairs.radii - now.overlap / 2) * now.shear
 
     def summed(on_first: Floats, on_second: Floats) -> Floats:
-        return np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)
+        on_both = np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)
+        return np.asarray(on_both, dtype=np.float64)
 
     return np.stack([summed(force_x, -force_x), summed(force_y, -force_y), summed(levers[0], levers[1])])
 

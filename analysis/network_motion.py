@@ -46,7 +46,7 @@ class Trajectory:
     times : (T,).
     spheres : (n,) indices of those recorded.
     motion : (T, 6, n) displacement x, y, rotation, velocity x, y, spin.
-    energy, work : (T,) E, and W since the start.
+    energy, work : (T,) E, and W since the start; initial_energy is E there.
     final : state at the last time.
     steps, evaluations : number of steps that were kept, and of evaluations of all forces.
     """
@@ -56,6 +56,7 @@ class Trajectory:
     motion: Floats
     energy: Floats
     work: Floats
+    initial_energy: float
     final: State
     steps: int
     evaluations: int
@@ -63,7 +64,7 @@ class Trajectory:
     @property
     def heat(self) -> Floats:
         """Energy (T,) lost to sliding, E(0) + W − E: 0 without friction but for the error of the integration."""
-        return self.energy[0] + self.work - self.energy
+        return self.initial_energy + self.work - self.energy
 
 
 def scales(network: Network, state: State) -> tuple[float, float]:
@@ -127,8 +128,9 @@ def integrate(
     chosen = np.arange(len(network.position)) if spheres is None else np.asarray(spheres, dtype=np.intp)
     length, speed = scales(network, state)
     samples: list[tuple[Floats, float, float]] = []
+    initial_energy = energy(network, state).total
     if times[0] == 0:
-        samples.append((state.motion[:, chosen], energy(network, state).total, 0.0))
+        samples.append((state.motion[:, chosen], initial_energy, 0.0))
     time, work, step = 0.0, 0.0, np.inf
     steps = evaluations = 0
     while time < times[-1]:
@@ -140,7 +142,7 @@ def integrate(
             max_step=longest_step,
             rtol=rtol,
             atol=rtol * _sizes(network, state, length, speed),
-            first_step=None if step == np.inf else min(step, times[-1] - time),
+            first_step=None if step == np.inf else min(step, longest_step, times[-1] - time),
         )
         tidy = True
         while tidy and solver.status == "running":
@@ -159,11 +161,11 @@ def integrate(
                     sample = settled(network, _unpacked(state.pairs, y))
                     samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
             state = settled(network, reached)
-            time, work, step, steps = solver.t, solver.y[-1], solver.step_size, steps + 1
+            time, work, step, steps = solver.t, solver.y[-1], 2 * solver.step_size, steps + 1
             tidy = np.array_equal(state.shear, reached.shear)
         evaluations += solver.nfev
     motion, energies, works = (np.array(values) for values in zip(*samples, strict=True))
-    return Trajectory(times, chosen, motion, energies, works, state, steps, evaluations)
+    return Trajectory(times, chosen, motion, energies, works, initial_energy, state, steps, evaluations)
 
 
 def _packed(state: State, work: float) -> Floats:
