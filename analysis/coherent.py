@@ -1,0 +1,169 @@
+"""The coherent wave in an imperfect crystal: how much of the motion still is the plane wave, and how fast it decays.
+
+Disorder scatters a plane wave. What is left of it at the time t is the part of the displacements (or velocities) u_j
+of the spheres at the places r_j that is periodic along the wave vector k, here with its second harmonic,
+
+    u_j(t) = U_0(t) + Re[C_1(t) e^{ik·r_j} + C_2(t) e^{2ik·r_j}] + scattered,
+
+for the components along k and across, k̂ and ẑ × k̂. The fit is by least squares over all spheres, so it is exact for a
+plane wave on any set of places, with vacancies and in cells that hold no whole number of waves. In a perfect periodic
+crystal it is the discrete Fourier transform.
+
+A wave that runs along k and is scattered has C_1 = C e^{−Γt − iωt}. `decay` fits Γ and ω to log C_1. Its standard
+errors are those of least squares with independent residuals; residuals of scattered waves are correlated over a period
+or more, so true errors are larger by the root of the samples per independent one: sample a period two to four times,
+or compare runs with other seeds.
+
+Breaks where C_1 is small against the scattered field (below about twice its share, log C is biased), where waves run
+both ways (then |C_1| beats), and where the phase turns by more than half a circle between samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+HARMONICS = (1, 2)
+# Largest turn of the phase between two samples, rad: beyond, noise could make of it one the other way round.
+_TURN = 0.9 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Coherent:
+    """The coherent part of a field at T moments.
+
+    Attributes
+    ----------
+    amplitudes : (2, T, 2) complex: of the first and second harmonic, along k and across.
+    mean : (T, 2) the motion of all spheres together, along k and across.
+    scattered : (T,) share of Σ|u_j|² that neither holds, from 0 to 1; nan where nothing moves.
+    """
+
+    amplitudes: Complexes
+    mean: Floats
+    scattered: Floats
+
+    @property
+    def along(self) -> Complexes:
+        """C_1 (T,) along k."""
+        return self.amplitudes[0, :, 0]
+
+    @property
+    def across(self) -> Complexes:
+        """C_1 (T,) across k."""
+        return self.amplitudes[0, :, 1]
+
+
+def project(places: ArrayLike, field: ArrayLike, wavevector: Sequence[float]) -> Coherent:
+    """Return the coherent part of displacements or velocities.
+
+    Parameters
+    ----------
+    places : (N, 2) of the spheres at rest.
+    field : (T, N, 2) x and y components. Velocities times √m make `scattered` a share of the kinetic energy.
+    wavevector : k, in rad per unit of length.
+
+    Raises ValueError for shapes that do not fit, or a k that the places cannot tell from 2k, 0 or their mirror images.
+    """
+    places, field, k = np.asarray(places, float), np.asarray(field, float), np.asarray(wavevector, float)
+    if places.ndim != 2 or places.shape[1] != 2 or field.ndim != 3 or field.shape[1:] != places.shape:
+        raise ValueError(f"places {places.shape} and field {field.shape} must be (N, 2) and (T, N, 2)")
+    if not (np.all(np.isfinite(places)) and np.all(np.isfinite(field)) and np.all(np.isfinite(k))):
+        raise ValueError("places, field and wavevector must be finite")
+    if k.shape != (2,) or not np.any(k):
+        raise ValueError(f"wavevector = {wavevector} must be two numbers, not both 0")
+    direction = k / np.hypot(*k)
+    frame = np.array([direction, [-direction[1], direction[0]]])
+    phase = places @ k
+    waves = [wave(n * phase) for n in HARMONICS for wave in (np.cos, np.sin)]
+    basis = np.stack([np.ones(len(places)), *waves], axis=1)
+    motion = np.moveaxis(field @ frame.T, 1, 0).reshape(len(places), -1)  # (N, 2T)
+    weights, _, rank, _ = np.linalg.lstsq(basis, motion, rcond=1e-8)
+    if rank < basis.shape[1]:
+        raise ValueError(f"wavevector = {wavevector}: these {len(places)} places cannot tell k, 2k and 0 apart")
+    left = (motion - basis @ weights).reshape(len(places), -1, 2)
+    whole, rest = np.sum(field**2, axis=(1, 2)), np.sum(left**2, axis=(0, 2))
+    weights = weights.reshape(len(weights), -1, 2)
+    scattered = np.divide(rest, whole, out=np.full(len(whole), np.nan), where=whole > 0)
+    return Coherent(weights[1::2] - 1j * weights[2::2], weights[0], scattered)
+
+
+@dataclass(frozen=True)
+class Decay:
+    """C e^{−Γt − iωt} as fitted to a coherent amplitude, with standard errors; in 1 and rad per unit of time.
+
+    Attributes
+    ----------
+    rate, rate_error : Γ.
+    frequency, frequency_error : ω, positive for a wave that runs along k.
+    amplitude : C.
+    """
+
+    rate: float
+    rate_error: float
+    frequency: float
+    frequency_error: float
+    amplitude: complex
+
+    def phase_speed(self, wavenumber: float) -> tuple[float, float]:
+        """Return ω/k and its error, for k in rad per unit of length."""
+        return self.frequency / wavenumber, self.frequency_error / wavenumber
+
+    def attenuation(self, group_speed: float) -> tuple[float, float]:
+        """Return Γ/|v_g|, the attenuation per unit of length, and its error, for a known group speed."""
+        return self.rate / abs(group_speed), self.rate_error / abs(group_speed)
+
+
+def decay(times: ArrayLike, amplitude: ArrayLike) -> Decay:
+    """Return the decay rate and frequency of a coherent amplitude (T,) at the times (T,), ascending, T ≥ 3.
+
+    log|C_1| and the unwrapped phase are fitted with lines by least squares. Where the wave is small, the same scattered
+    field disturbs its logarithm more: weights are |C|²e^{−2Γt} of a first fit without. Those of |C_1|² itself would
+    favour the samples that the scattered field makes large, and so bias Γ.
+
+    Raises ValueError for fewer than three samples, an amplitude that vanishes, or samples too far apart to follow the
+    phase.
+    """
+    times, amplitude = np.asarray(times, float), np.asarray(amplitude, complex)
+    if times.ndim != 1 or times.shape != amplitude.shape or len(times) < 3 or np.any(np.diff(times) <= 0):
+        raise ValueError(f"times {times.shape} and amplitude {amplitude.shape} must be (T,), T at least 3, in order")
+    if not np.all(np.isfinite(amplitude)) or np.any(amplitude == 0):
+        raise ValueError("amplitude must be finite and nowhere 0: no wave is left to fit")
+    phase = np.unwrap(np.angle(amplitude))
+    turn = float(np.max(np.abs(np.diff(phase))))
+    if turn > _TURN:
+        raise ValueError(f"the phase turns by {turn:.3g} rad between samples, more than {_TURN:.3g}: sample finer")
+    size = np.log(np.abs(amplitude))
+    (growth, _), _ = _line(times, size, np.ones_like(size))
+    weight = np.exp(growth * (times - times[-1 if growth > 0 else 0]))
+    (growth, start), growth_error = _line(times, size, weight)
+    (turning, offset), turning_error = _line(times, phase, weight)
+    return Decay(-growth, growth_error, -turning, turning_error, complex(np.exp(start + 1j * offset)))
+
+
+def _line(x: Floats, y: Floats, weight: Floats) -> tuple[tuple[float, float], float]:
+    """Slope and intercept of a line fitted with residuals times `weight`, and the standard error of the slope."""
+    share = weight**2 / np.sum(weight**2)
+    centre = share @ x
+    spread = share @ (x - centre) ** 2
+    slope = share @ ((x - centre) * y) / spread
+    intercept = share @ y - slope * centre
+    residual = share @ (y - slope * x - intercept) ** 2
+    return (float(slope), float(intercept)), float(np.sqrt(residual / spread / (len(x) - 2)))
+
+
+def participation_ratio(energy: ArrayLike) -> Floats:
+    """Return (Σe)²/(N Σe²) over the last axis of energies (..., N): 1 if all spheres share alike, 1/N if one has all.
+
+    Raises ValueError for negative energies, or none at all.
+    """
+    energy = np.asarray(energy, float)
+    total = energy.sum(axis=-1)
+    if not np.all(energy >= 0) or not np.all(total > 0):
+        raise ValueError("energy must not be negative, and some sphere must have some")
+    share = energy / total[..., None]
+    return np.asarray(1 / (energy.shape[-1] * np.sum(share**2, axis=-1)))

@@ -1,0 +1,65 @@
+"""A network read from the first snapshot of a run moves as the run does."""
+
+import numpy as np
+import pytest
+
+from analysis.network import Material, forces
+from analysis.network_motion import integrate
+from analysis.snapshot import read_network
+from granular_lmp import Scene, run
+
+SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # of the shipped scenes, in their decks' units nano
+PERIODIC = {"time.duration": 5.0, "time.timestep": 0.0125, "output.particles": 1.0}
+HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo": True}
+
+
+@pytest.mark.parametrize("changes", [PERIODIC, HELD], ids=["periodic", "held"])
+def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
+    scene = Scene.load("tr_periodic").with_values(changes)
+    snapshots = run(scene, tmp_path / "run").particles()
+    network, state = read_network(snapshots.path, DENSITY, SILICA)
+    assert np.count_nonzero(network.held) == (6 if changes is HELD else 0)
+    times = scene.sphere.time_scale * 1e9 * np.arange(1, 6)
+    motion = integrate(network, state, times).motion
+    size = scene.wave.amplitude * scene.sphere.static_overlap * 1e9
+    for mine, theirs in zip(motion, [snapshots[i] for i in range(1, 6)], strict=True):
+        # The error of Verlet's steps: 1e-4 of the wave with four times the step
+        assert mine[:2].T / size == pytest.approx(theirs.displacement, abs=5e-5)
+        assert mine[2] * 500 / size == pytest.approx(theirs.rotation, abs=5e-5)
+    assert np.max(np.abs(motion[-1, :2])) > 0.5 * size
+
+
+@pytest.fixture
+def dump(tmp_path):
+    """A dump of two spheres that press on each other across the edge of a periodic cell."""
+    path = tmp_path / "dump"
+    path.write_text(
+        "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff pp\n0 5000\n-600 600\n-500 500\n"
+        "ITEM: ATOMS id type x y z radius Displacement.X Displacement.Y vx vy vz omegaz v_theta\n"
+        "2 1 4901 0 0 500 1 0 0.5 0 0 0 0.25\n1 2 100 0 0 700 0 0 0 0 0 0 0\n"
+    )
+    return path
+
+
+def test_spheres_come_in_the_order_of_their_numbers(dump):
+    network, state = read_network(dump, [1.0, 2.0], SILICA)
+    assert network.position.tolist() == [[100, 0], [4900, 0]]
+    assert network.cell == (5000, np.inf)
+    assert network.held.tolist() == [True, False]
+    assert state.motion[:, 1].tolist() == [1, 0, 0.25, 0.5, 0, 0]
+    assert forces(network, state)[0, 0] > 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("TIMESTEP\n0", "TIMESTEP\n10", "begins at step 10"),
+        ("ITEM: TIMESTEP", "LAMMPS data", "no text dump"),
+        ("v_theta", "angle", "no column v_theta"),
+        ("ATOMS\n2", "ATOMS\n3", "cut off"),
+    ],
+)
+def test_another_file_is_refused(dump, old, new, message):
+    dump.write_text(dump.read_text().replace(old, new))
+    with pytest.raises(ValueError, match=message):
+        read_network(dump, 1.0, SILICA)
