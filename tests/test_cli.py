@@ -10,7 +10,7 @@ import pytest
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.effects import ROWS
+from granular_lmp.effects.table import ROWS
 
 COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 
