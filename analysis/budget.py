@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 from analysis.norms import relative_error
 from analysis.theories import Trajectory, Wave, holding, linear_mode, trajectory
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 Errors = Mapping[str, float | None]

@@ -12,7 +12,7 @@ from typing import NoReturn
 import numpy as np
 from matplotlib.figure import Figure
 
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.catalogue import missing
 from analysis.plotting import load
 from analysis.theories import physics_of
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 

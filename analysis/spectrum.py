@@ -30,7 +30,7 @@ from analysis.catalogue import OBLIQUE, missing
 from analysis.effects import sweep
 from analysis.plotting import COLOURS, parser, save, start
 from analysis.theories import Wave, physics_of
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from granular_lmp import __version__
 from granular_lmp.errors import GranularError, OutputError, RunFolderError
 
 if TYPE_CHECKING:
-    from granular_lmp.record import Record
-    from granular_lmp.scene import Scene
+    from granular_lmp.runs.record import Record
+    from granular_lmp.scene.scene import Scene
 
 _STDERR = 2  # its descriptor
 _BAR = 30  # characters of the progress bar
@@ -246,8 +246,8 @@ def _workers(text: str) -> int | str:
 
 
 def _scene(options: argparse.Namespace) -> "Scene":
-    from granular_lmp.effects import select, warnings, with_all
-    from granular_lmp.scene import Scene, assignment
+    from granular_lmp.effects.table import select, warnings, with_all
+    from granular_lmp.scene.scene import Scene, assignment
 
     scene = Scene.load(options.scene)
     if options.all_effects:
@@ -267,8 +267,8 @@ def _scene(options: argparse.Namespace) -> "Scene":
 def _build(options: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from granular_lmp.deck import build
-    from granular_lmp.folder import clear, locked
+    from granular_lmp.lammps.deck import build
+    from granular_lmp.runs.folder import clear, locked
 
     scene = _scene(options)
     deck = build(scene)
@@ -281,7 +281,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from granular_lmp.tolerance import run
+    from granular_lmp.accuracy.tolerance import run
 
     scene = _scene(options)
     folder = options.output or f"runs/{scene.name}"
@@ -292,7 +292,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _resume(options: argparse.Namespace) -> int:
-    from granular_lmp.tolerance import resume
+    from granular_lmp.accuracy.tolerance import resume
 
     with _interruptible() as progress:
         record = resume(options.folder, progress=progress)
@@ -300,9 +300,9 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from granular_lmp.grid import axes
-    from granular_lmp.sweep import sweep
-    from granular_lmp.workers import Workers, mpi_workers
+    from granular_lmp.studies.executors import Workers, mpi_workers
+    from granular_lmp.studies.sweep import sweep
+    from granular_lmp.studies.sweep_points import axes
 
     scene, over = _scene(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
@@ -318,8 +318,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _cost(options: argparse.Namespace) -> int:
-    from granular_lmp.cost import measure, plan
-    from granular_lmp.tally import NOT_RUN, text
+    from granular_lmp.studies.cost import measure, plan
+    from granular_lmp.studies.tally import NOT_RUN, text
 
     scene = _scene(options)
     folder = options.output or f"costs/{scene.name}"
@@ -349,7 +349,7 @@ def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
-    from granular_lmp.rounding import drowned
+    from granular_lmp.accuracy.rounding import drowned
 
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
@@ -383,7 +383,7 @@ def _progress_of_runs(done: int, runs: int, left: float) -> None:
 
 
 def _effects(options: argparse.Namespace) -> int:
-    from granular_lmp.deck import build
+    from granular_lmp.lammps.deck import build
 
     deck = build(_scene(options))
     scene, shape = deck.scene, deck.scene.shape
@@ -402,8 +402,8 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import Physics, bloch_mode
-    from granular_lmp.packing import unit_lattice
+    from granular_lmp.crystal.lattices import unit_lattice
+    from granular_lmp.crystal.modes import Physics, bloch_mode
 
     scene = _scene(options)
     packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
@@ -418,7 +418,7 @@ def _modes(options: argparse.Namespace) -> int:
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         _say(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
-        from granular_lmp.plots import dispersion_figure, save
+        from granular_lmp.plot.signals import dispersion_figure, save
 
         save(dispersion_figure(packing, scene), options.plot)
         _say(options.plot)
@@ -426,7 +426,7 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from granular_lmp.view import view
+    from granular_lmp.plot.view import view
 
     wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
     for remark in view(options.folder, options.output, **wanted):
@@ -436,9 +436,9 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _collide(options: argparse.Namespace) -> int:
-    from granular_lmp.collide import run, write_numbers
-    from granular_lmp.collision import Collision
-    from granular_lmp.scene import assignment
+    from granular_lmp.scene.scene import assignment
+    from granular_lmp.studies.collide import run, write_numbers
+    from granular_lmp.studies.collision import Collision
 
     collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
     with _interruptible():
@@ -452,7 +452,7 @@ def _collide(options: argparse.Namespace) -> int:
 
 
 def _kick(options: argparse.Namespace) -> int:
-    from granular_lmp.sheet import run_kicked
+    from granular_lmp.studies.kick import run_kicked
 
     scene = _scene(options)
     with _interruptible():

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import Record, Scene
-from granular_lmp.agreement import scene_digest
-from granular_lmp.effects import resolve, switches
+from granular_lmp.effects.table import resolve, switches
 from granular_lmp.errors import RunFolderError
-from granular_lmp.outputs import SCENE
-from granular_lmp.record import TRAJECTORY, write_status
-from granular_lmp.tables import Envelope
+from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.record import TRAJECTORY, write_status
+from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 
 AMPLITUDE = 0.1

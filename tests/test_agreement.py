@@ -13,12 +13,12 @@ import pytest
 
 from analysis import compare
 from granular_lmp import Record, Scene, run
-from granular_lmp.agreement import SAME, refuse_other_trajectory
-from granular_lmp.effects import ROWS, resolve, select, switches
+from granular_lmp.accuracy.tolerance import run as run_any
+from granular_lmp.effects.table import ROWS, resolve, select, switches
 from granular_lmp.errors import RunFolderError
-from granular_lmp.launch import resume
-from granular_lmp.record import TRAJECTORY, read_status, write_status
-from granular_lmp.tolerance import run as run_any
+from granular_lmp.runs.agreement import SAME, refuse_other_trajectory
+from granular_lmp.runs.launch import resume
+from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from tests.conftest import PAPER
 
 Change = Callable[[dict[str, Any]], None]

@@ -14,10 +14,10 @@ from analysis.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script
 from analysis.rows import load_form
 from analysis.theories import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
 from granular_lmp import Record, Scene, run
-from granular_lmp import effects as package_effects
-from granular_lmp.effects import ROWS, Row
-from granular_lmp.rules import Case, Finding
-from granular_lmp.tables import FORMS, MODES, SHEAR_LAWS
+from granular_lmp.effects import table as package_effects
+from granular_lmp.effects.rules import Case, Finding
+from granular_lmp.effects.table import ROWS, Row
+from granular_lmp.scene.sections import FORMS, MODES, SHEAR_LAWS
 from tests.conftest import PAPER
 from tests.stand_in import Changed
 

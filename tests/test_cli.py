@@ -11,9 +11,9 @@ import pytest
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.effects import ROWS
-from granular_lmp.packing import unit_lattice
-from granular_lmp.plots import dispersion_figure
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.effects.table import ROWS
+from granular_lmp.plot.signals import dispersion_figure
 
 COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 

@@ -6,17 +6,17 @@ from pathlib import Path
 import pytest
 
 from granular_lmp import Scene, build
+from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.cli import main
-from granular_lmp.collide import run as collide
-from granular_lmp.collision import Collision
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
-from granular_lmp.fields import LONGEST_NAME
-from granular_lmp.folder import clear, is_held, locked
-from granular_lmp.outputs import COST, SWEEP
-from granular_lmp.record import Record, read_status, write_status
-from granular_lmp.sheet import run_kicked
-from granular_lmp.sweep import sweep
-from granular_lmp.tolerance import resume, run
+from granular_lmp.lammps.outputs import COST, SWEEP
+from granular_lmp.runs.folder import clear, is_held, locked
+from granular_lmp.runs.record import Record, read_status, write_status
+from granular_lmp.scene.schema import LONGEST_NAME
+from granular_lmp.studies.collide import run as collide
+from granular_lmp.studies.collision import Collision
+from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.sweep import sweep
 
 Action = Callable[[Scene, Path], object]
 

@@ -21,7 +21,7 @@ from analysis.network import (
 )
 from analysis.network_motion import integrate, scales
 from analysis.norms import slope
-from granular_lmp.sphere import Sphere
+from granular_lmp.crystal.sphere import Sphere
 
 PAPER = Sphere(radius=500e-9, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
 SILICA = Material(PAPER.youngs_modulus, PAPER.poisson_ratio, PAPER.work_of_adhesion)

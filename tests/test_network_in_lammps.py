@@ -12,7 +12,7 @@ import pytest
 
 from analysis.network import Material, Network, forces, start
 from analysis.network_motion import integrate
-from granular_lmp.locate import lammps_module
+from granular_lmp.lammps.installation import lammps_module
 
 SILICA = Material(73e3, 0.17, 63.0)
 RADIUS, DENSITY = 500.0, 0.0022

@@ -11,7 +11,7 @@ from analysis import second_harmonic as closed
 from analysis import spectrum
 from analysis.theories import Wave
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy import halved_step
+from granular_lmp.accuracy.richardson import halved_step
 from tests.stand_in import leave_folder
 
 ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})

@@ -25,7 +25,7 @@ from analysis.theories import (
     trajectory,
 )
 from granular_lmp import Record
-from granular_lmp.tables import Envelope
+from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import Changed
 

@@ -16,10 +16,7 @@ from analysis import timestep
 from analysis.norms import relative_error
 from analysis.timestep import Wave, extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
-from granular_lmp.accuracy import SAFETY, answer, estimate
-from granular_lmp.effects import largest_step, resolve
-from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.ladder import (
+from granular_lmp.accuracy.ladder import (
     COARSEST,
     MOST_RUNGS,
     RUNGS,
@@ -30,9 +27,12 @@ from granular_lmp.ladder import (
     planned_steps,
     with_step,
 )
-from granular_lmp.record import read_status
-from granular_lmp.rounding import floor, linear_signals, moving, rounding
-from granular_lmp.tolerance import refine, resume
+from granular_lmp.accuracy.richardson import SAFETY, answer, estimate
+from granular_lmp.accuracy.rounding import floor, linear_signals, moving, rounding
+from granular_lmp.accuracy.tolerance import refine, resume
+from granular_lmp.effects.table import largest_step, resolve
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.stand_in import status_of
 

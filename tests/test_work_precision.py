@@ -14,8 +14,8 @@ from analysis import accuracy, compare
 from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record
-from granular_lmp.outputs import PER_SAMPLE
-from granular_lmp.tolerance import run
+from granular_lmp.accuracy.tolerance import run
+from granular_lmp.lammps.outputs import PER_SAMPLE
 from tests.conftest import PAPER
 from tests.stand_in import leave_folder
 from tests.test_compare import from_theory

@@ -21,16 +21,17 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp import Scene, effects
-from granular_lmp.deck import Deck, build
+from granular_lmp import Scene
+from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.effects import table as effects
+from granular_lmp.effects.guards import BETWEEN, GUARDS
+from granular_lmp.effects.rules import Case, Finding
 from granular_lmp.errors import EffectError
-from granular_lmp.guards import BETWEEN, GUARDS
-from granular_lmp.launch import run_deck
-from granular_lmp.record import read_status
-from granular_lmp.rules import Case, Finding
-from granular_lmp.shape import FASTEST_ROWS_PER_TAU, quiet_rows
-from granular_lmp.units import units_for
-from granular_lmp.wavevector import ROW_SPACING
+from granular_lmp.lammps.deck import Deck, build
+from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.launch import run_deck
+from granular_lmp.runs.record import read_status
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 
 Floats = NDArray[np.float64]
 BEGIN, END = "<!-- guards: begin -->", "<!-- guards: end -->"

@@ -1,0 +1,101 @@
+"""The time steps that a tolerance takes: a ladder h, h/2, h/4, h/8, begun from the frequencies of the wave.
+
+Velocity Verlet runs a mode of frequency ω too fast by (ωh)²/24. In the relative L2 norm over a run of duration τ that
+leaves the errors
+
+    e = (ωh)² ωτ/(24√3)                                     of one run with the step h
+    E² = (6/√5 e²)² + (9/20 (ωh)² e)²,  h the finer step    of the Richardson extrapolation of two
+
+Linear theory is enough to begin with. It gives the frequency Ω of the wave, and that of the free L wave of wave vector
+2k, which a second harmonic consists of beside its drive; the drive, at 2Ω, errs as a wave of frequency 2^{1/3} Ω does.
+How large the error has become is read off the runs (`granular_lmp.accuracy.richardson.estimate`). A ladder that begins too coarse
+costs one run more, and one that begins too fine ends before its last run or wastes it; neither touches the promise.
+"""
+
+from math import hypot, sqrt
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import Physics, bloch_mode, mode_of
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.effects.table import largest_step
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.scene import Scene
+
+RUNGS = 4  # runs of the ladder that is expected to do: the last two answers then each rest on three runs
+MOST_RUNGS = 8  # a ladder goes on for four halvings more before the tolerance is given up
+MOST_STEPS = 10**9
+# A mode at the limit of stability swings 1/√(1 − share²) times too far: 1.4 times at this share of it
+COARSEST = 0.7
+
+
+def with_step(scene: Scene, step: float) -> Scene:
+    """Return the scene with a time step in place of its tolerance."""
+    return scene.with_values({"time.timestep": step})
+
+
+def phase_error(frequency: float, step: float, duration: float) -> float:
+    """Return e, the relative L2 error of a wave over a run with the step."""
+    return (frequency * step) ** 2 * frequency * duration / (24 * sqrt(3))
+
+
+def pair_error(frequency: float, step: float, duration: float) -> float:
+    """Return E, the error left in the extrapolation of two runs of which the finer one has this step."""
+    e = phase_error(frequency, step, duration)
+    return hypot(6 / sqrt(5) * e**2, 9 / 20 * (frequency * step) ** 2 * e)
+
+
+def deciding_frequency(scene: Scene) -> float:
+    """Return the highest frequency that the wave and its second harmonic hold by linear theory, in rad/t0."""
+    doubled = WaveVector(2 * scene.vector.per_column, 2 * scene.vector.per_row)
+    free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", Physics.of(scene))
+    return max(2 ** (1 / 3) * mode_of(scene).frequency, free.frequency)
+
+
+def first_step(scene: Scene) -> float:
+    """Return the first and longest step of the ladder that is expected to meet ``time.tolerance``.
+
+    Returns
+    -------
+    float
+        In τ; a whole number of steps fits the sample.
+
+    Raises
+    ------
+    SceneError
+        When the scene has no tolerance, or would take more than 1e9 steps.
+    """
+    tolerance, sample, duration = scene.time.tolerance, scene.time.sample, scene.time.duration
+    if tolerance is None:
+        raise SceneError("time.tolerance: missing key; the scene has a time.timestep")
+    frequency = deciding_frequency(scene)
+
+    def enough(per_sample: int) -> bool:
+        return pair_error(frequency, sample / (per_sample << RUNGS - 1), duration) <= tolerance
+
+    stable = int(sample / (COARSEST * largest_step(scene))) + 1
+    low, high = stable - 1, stable
+    while not enough(high):
+        low, high = high, 2 * high
+        if _ladder(high) * scene.time.samples > MOST_STEPS:
+            raise SceneError(f"time.tolerance = {tolerance!r}: would take more than {MOST_STEPS} steps in this scene")
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return sample / high
+
+
+def finest_step(scene: Scene) -> float:
+    """Return the last and shortest step of the ladder that is expected to meet ``time.tolerance``, in τ."""
+    return first_step(scene) / (1 << RUNGS - 1)
+
+
+def planned_steps(scene: Scene) -> int:
+    """Return the time steps that running a scene takes: of its one run, or of the ladder for its tolerance."""
+    if scene.time.tolerance is None:
+        return scene.time.steps
+    return _ladder(round(scene.time.sample / first_step(scene))) * scene.time.samples
+
+
+def _ladder(per_sample: int) -> int:
+    """Return the steps to a sample of all runs of a ladder, from those of its first."""
+    return per_sample * ((1 << RUNGS) - 1)

@@ -1,0 +1,161 @@
+"""What no time step cures: the rounding of positions, and held ends.
+
+LAMMPS adds displacements of a fraction of the static overlap, 1e-10 m, to positions of up to 1e-4 m: of 16 digits, ten
+are left for the displacement of the farthest sphere.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.modes import mode_of
+from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.errors import GranularError, SceneError
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+
+# Of the largest signal. What a symmetry makes zero is rounding, 1e-9 of it
+_STILL = 1e-7
+# Before the echo the walls are below this (`Scene.echo_time`)
+WALLS = 1e-6
+
+
+def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Return the names of the signals that are known and not zero by symmetry.
+
+    A signal that is nan throughout was not tracked; one that is not finite somewhere moves.
+    """
+    known = {name: values for name, values in signals.items() if not np.isnan(values).all()}
+    sizes = {name: float(np.max(np.abs(values))) for name, values in known.items()}
+    largest = max((size for size in sizes.values() if np.isfinite(size)), default=0.0)
+    return [name for name, size in sizes.items() if not size <= _STILL * largest]
+
+
+def position_rounding(scene: Scene, lattice_constants: float) -> float:
+    """Rounding of a position so many lattice constants from the origin, in D0: ½ eps of it."""
+    distance = lattice_constants * scene.sphere.lattice_constant
+    return float(np.finfo(float).eps / 2 * distance / (scene.wave.amplitude * scene.sphere.static_overlap))
+
+
+def farthest_rounding(scene: Scene) -> float:
+    """`position_rounding` of the farthest row."""
+    return position_rounding(scene, scene.shape.rows / 2 * ROW_SPACING)
+
+
+def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:
+    """Return p, q, φ of a running plane wave by linear theory, in D0: one period, evenly.
+
+    A signal that linear theory makes zero is left out, for what it really is only a run can tell. Of other waves the
+    dictionary is empty: how much of them comes past the centre sphere is a matter of place and time.
+    """
+    if not scene.plane_along_y:
+        return {}
+    mode, wave = mode_of(scene), np.exp(2j * np.pi * np.arange(16) / 16)
+    shares = {"p": mode.p, "q": mode.q, "phi": mode.f}
+    return {name: share * wave.real for name, share in shares.items() if abs(share) > _STILL}
+
+
+def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+    """Return the relative error that the rounding of positions leaves in signals (in D0): ½ eps L/(their size).
+
+    A first law: L is half the height of the packing for p and its width for q and φ. Measured against the same steps
+    without LAMMPS: 0.4 to 1.3 times that for 201 rows, 500 to 5000 steps. It grows with their number, which is not
+    in the law. Signals that vanish by symmetry are left out.
+    """
+    far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
+    if not scene.plane_along_y:  # no signal lies along the rows
+        near = far = max(far, near)
+    sizes = {name: float(np.sqrt(np.mean(signals[name] ** 2))) for name in moving(signals)}
+    return {name: (far if name == "p" else near) / size for name, size in sizes.items()}
+
+
+def walls(scene: Scene) -> float:
+    """Return what the held rows leave at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
+
+    0 also for a scene that runs on past the echo (``time.allow_echo``): what the walls do is then a part of it.
+    """
+    return WALLS if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
+
+
+def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+    """Return the relative errors that no time step takes away, the largest of the signals: rounding and walls."""
+    return {"rounding": max(rounding(scene, signals).values(), default=0.0), "walls": walls(scene)}
+
+
+def check_floor(
+    scene: Scene, signals: Mapping[str, NDArray[np.float64]], failure: type[GranularError] = SceneError
+) -> None:
+    """Raise the failure if no time step can meet the scene's tolerance of these signals."""
+    remedies = {
+        "rounding": "a larger wave.amplitude or fewer packing.rows",
+        "walls": 'packing.ends = "periodic"',
+    }
+    for source, value in floor(scene, signals).items():
+        if scene.time.tolerance is not None and scene.time.tolerance < value:
+            raise failure(
+                f"time.tolerance = {scene.time.tolerance!r}: must be at least {value:.2g}, which {source} leaves in "
+                f"this scene, or take {remedies[source]}"
+            )
+
+
+def drowned(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Return a sentence if the p of a run is no larger than what rounding makes of it, 3 times the law at most.
+
+    The law is `noise_floor` or `grain`, whichever is larger. p of L is the wave itself, and of waves that are not plane
+    and along y the law knows nothing.
+    """
+    if not scene.plane_along_y or "p" in linear_signals(scene) or "p" not in moving(signals):
+        return []
+    size, least = float(np.sqrt(np.mean(signals["p"] ** 2))), max(noise_floor(scene), grain(scene))
+    if size >= 3 * least:
+        return []
+    return [
+        f"wave.amplitude = {scene.wave.amplitude!r}: p is {size:.2g} D0, and the rounding of positions leaves "
+        f"{least:.2g} D0 by itself; a larger amplitude or fewer packing.rows would lift it"
+    ]
+
+
+def noise_floor(scene: Scene) -> float:
+    """Rounding noise of p at the end of a run, standard deviation in units of D0.
+
+        noise = √(steps/2) · ulp/√12 / D0,    ulp² = mean of the squared spacing of doubles at the y of the spheres
+
+    Each step rounds each position to that spacing, 2^{−52}|y| or down to half of it: a kick of variance ulp²/12, of
+    which the lattice, as it carries it away, keeps half in the displacements. So the floor rises as the root of the
+    number of steps and in proportion to the length of the cell or its distance from the origin, and as 1/D0.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Notes
+    -----
+    A law of magnitudes, good to a factor of 3: with smaller steps at one duration the noise rises more slowly than the
+    root (measured: 1.8-fold for sixteen times the steps, where the root says 4). q and φ are a few times quieter.
+    Breaks for signals below `grain`, where roundings are not random: the noise is then smaller, and the signal lost.
+    """
+    return float(np.sqrt(scene.time.steps / 2) * _spacing(scene) / np.sqrt(12))
+
+
+def grain(scene: Scene) -> float:
+    """Smallest p, in units of D0, that moves positions at all: ulp/(4ΩΔτ D0), ulp as in `noise_floor`.
+
+    A second harmonic p cos 2Ωτ moves a sphere by at most 2ΩΔτ p in a step. Where that is less than half the spacing of
+    doubles at its position, the sum rounds back to where it was and p is not simulated: its error is p itself. Small
+    steps make it worse.
+    """
+    return _spacing(scene) / (4 * mode_of(scene).frequency * scene.time.step)
+
+
+def _spacing(scene: Scene) -> float:
+    """Root mean square of the spacing of doubles at the y of the rows that the centre hears, in D0."""
+    # What arrives at the centre left, on average, half-way through the run
+    reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
+    n = np.arange(scene.shape.rows) - scene.shape.centre_row
+    # The spacing jumps in twos, so the numbers of the deck count, not metres
+    units = units_for(scene.sphere.radius)
+    y = units.number(scene.sphere.lattice_constant, length=1) * ROW_SPACING * n[np.abs(n) <= reach]
+    size = scene.wave.amplitude * units.number(scene.sphere.static_overlap, length=1)
+    return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)

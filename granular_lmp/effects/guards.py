@@ -1,0 +1,383 @@
+"""Guards: what a run measures to prove that the effects left out of its deck stayed silent.
+
+Each guard is a number that LAMMPS takes from contacts or spheres at every *look*, and the largest value that still
+counts as silent. A guard is in the deck only while its effect is not. The thermo table holds the extremes over all
+looks so far and the first time at which a limit was passed.
+
+Looks are frequent enough for the motion that is watched (`fastest`), and a look judges only the spheres whose state can
+still reach what the run records (`_inside`).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import cos, pi
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.accuracy.rounding import farthest_rounding
+from granular_lmp.crystal.modes import mode_of
+from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.lammps.outputs import CONTACTS, read_local
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.shape import quiet_rows
+
+LOOKS = 40  # looks in a period of the fastest motion that matters
+BETWEEN = 1 - cos(pi / LOOKS)  # of the swing of a motion: how far it may go beyond what two looks see, 0.31 %
+TOP = 1.0  # rad/tau, top of the branches that carry displacements: L and TR at the edge of the zone
+LINE = 10.0  # tau between two lines of the thermo table
+NEVER = 1e20  # tau at which a limit was passed that was not; what LAMMPS takes for the minimum of nothing
+
+# What a symmetry forbids stays at rounding: half of that of the farthest position (spread), 25 times that (torque). For
+# a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is no rounding, and harms nothing yet.
+BROKEN_SYMMETRY = 1e-6
+ROUNDINGS = 100.0
+
+# Before the first run, which finds the spheres at rest. LAMMPS counts, so that the number is that of the data file
+AT_REST = (
+    "compute      touching all contact/atom",
+    "fix          at_rest all store/state 0 c_touching",
+)
+_CONTACT = (
+    "compute      contact inside pair/local dist p4",
+    "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
+    "variable     overlap_now equal (2*v_R-c_extreme[1])/v_Delta0  # the smallest, in Delta0, of contacts that touch",
+)
+_MISSED = (
+    "variable     missed atom f_at_rest-c_touching  # contacts that a sphere had at rest and has not now",
+    "compute      missing inside reduce sum v_missed",
+)
+# The sliding force of two spheres at the overlap <of>
+_SLIDING = "(v_mu*(<adhesive_force>+<holding_force>*v_overlap_<of>^1.5))"
+
+
+@dataclass(frozen=True)
+class Guard:
+    """One measure.
+
+    Attributes
+    ----------
+    name : str
+        Variables of the deck begin with it: NAME_now at a look, NAME the largest of all looks, NAME_at the first time
+        (tau) at which it was above the limit, `NEVER` if it was not.
+    lines : tuple of str
+        Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
+    limit : float
+        The largest value of silence.
+    meaning : str
+        What a larger value says.
+    cure : str
+        What to do about it.
+    roundings : float
+        How many times the rounding of positions (`farthest_rounding`) counts as silence besides.
+    per_contact : bool
+        Whether NAME is only an upper bound, and contacts are written out while it is above the limit.
+    """
+
+    name: str
+    lines: tuple[str, ...]
+    limit: float
+    meaning: str
+    cure: str
+    roundings: float = 0.0
+    per_contact: bool = False
+
+    @property
+    def column(self) -> str:
+        """Name of the thermo column of the extreme."""
+        return f"v_{self.name}"
+
+    def largest_silent(self, scene: Scene) -> float:
+        """Return the largest value that counts as silence in a scene."""
+        return self.limit + self.roundings * farthest_rounding(scene)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a guard measured in a run.
+
+    Attributes
+    ----------
+    value : float
+        The extreme over all looks; of contacts judged one by one, over the looks where the bound does not decide.
+    passed_at : float or None
+        tau at which the limit was first passed.
+    bound : float
+        The extreme of the thermo column, an upper bound of the value.
+    """
+
+    value: float
+    passed_at: float | None
+    bound: float
+
+
+GUARDS = {
+    "open_contacts": Guard(
+        name="open",
+        lines=(
+            *_CONTACT,
+            *_MISSED,
+            f"variable     open_now equal ceil(c_missing/2)+({BETWEEN:.4f}>v_overlap_now)"
+            "  # one that hardly touches may open between looks",
+        ),
+        limit=0.0,
+        meaning="contacts opened: no closed form holds, and shear forces are lost",
+        cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
+    ),
+    "largest_slip": Guard(
+        name="slip",
+        lines=(
+            *_CONTACT,
+            "variable     mu equal <friction_limit>",
+            "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
+            "variable     slip_now equal c_extreme[2]/" + _SLIDING.replace("<of>", "now"),
+        ),
+        limit=1 - BETWEEN,
+        meaning="of the sliding force: contacts may have slid, which the model does not",
+        cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
+        "wave.amplitude",
+        per_contact=True,
+    ),
+    "largest_torque": Guard(
+        name="torque",
+        lines=(
+            "compute      torques all property/atom tqz",
+            "compute      turn inside reduce maxabs c_torques",
+            "variable     torque_now equal c_turn/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
+        ),
+        limit=BROKEN_SYMMETRY,
+        roundings=ROUNDINGS,
+        meaning="of R g1 D0 is the largest torque: the spheres would turn",
+        cure="set effects.rotation = true",
+    ),
+    "row_spread": Guard(
+        name="spread",
+        lines=(
+            "group        row id <centre_row>",
+            "compute      most  row reduce max c_u[1] c_u[2]",
+            "compute      least row reduce min c_u[1] c_u[2]",
+            "variable     spread_now equal (c_most[1]-c_least[1]+c_most[2]-c_least[2])/v_D0  # in the centre row",
+        ),
+        limit=BROKEN_SYMMETRY,
+        roundings=ROUNDINGS,
+        meaning="D0 are between spheres of the centre row: the wave is no longer plane, and needs more packing.columns",
+        cure="set packing.columns to more",
+    ),
+}
+
+# Contacts that no longer matter, or do not yet: held ends cut a wave off and shear their neighbours hard
+ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
+_ELSEWHERE = (
+    "# for information: the same of all spheres, also those that the record never hears; no run fails by it",
+    "compute      contact_all all pair/local dist p4",
+    "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
+    "compute      missing_all all reduce sum v_missed",
+    "variable     overlap_all equal (2*v_R-c_extreme_all[1])/v_Delta0",
+    "variable     slip_all equal c_extreme_all[2]/" + _SLIDING.replace("<of>", "all"),
+    "variable     open_all equal ceil(c_missing_all/2)",
+)
+
+
+# --- when a run looks ------------------------------------------------------------------------------------------------
+
+
+def fastest(scene: Scene) -> float:
+    """Return the highest frequency that the extremes of contacts depend on, rad per tau.
+
+        max(2Ω, 1)
+
+    The second harmonic of the wave, or the top of the branches that carry displacements, where free waves are. Higher
+    harmonics are smaller by the amplitude each, and the rotational branch, up to Ω_max, holds a part in a thousand of
+    the contacts' motion where no wall cuts the wave off (docs/effects.md).
+    """
+    return max(2 * mode_of(scene).frequency, TOP)
+
+
+def look_interval(scene: Scene) -> int:
+    """Return the steps between two looks: `LOOKS` in a period of `fastest`, and a whole number of them in a sample."""
+    most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps_per_sample)
+    return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps_per_sample % steps == 0)
+
+
+def line_interval(scene: Scene) -> int:
+    """Return the steps between two lines of the thermo table, a whole number of looks."""
+    return look_interval(scene) * _looks_per_line(scene)
+
+
+def _look_time(scene: Scene) -> float:
+    return 2 * pi / (LOOKS * fastest(scene))
+
+
+def _looks_per_line(scene: Scene) -> int:
+    return max(1, int(LINE / (look_interval(scene) * scene.time.step) + 1e-9))
+
+
+# --- whom it looks at ------------------------------------------------------------------------------------------------
+
+
+def watches_part(scene: Scene) -> bool:
+    """Whether only some spheres matter: in a lattice with walls or a finite wave that is recorded at its centre."""
+    return scene.output.particles == 0 and (scene.shape.ends == "fixed" or scene.envelope.finite)
+
+
+def _inside(scene: Scene) -> list[str]:
+    """Lines for the group of the spheres whose state can still reach the record before the run ends.
+
+    All of them, where snapshots record them or all take part alike in a periodic plane wave; else a cone around the
+    centre: as far as a signal comes in the run (`quiet_rows`) at its begin, and down to the next row at its end.
+    """
+    if not watches_part(scene):
+        return ["group        inside union all  # the spheres that what is recorded depends on"]
+    far = (quiet_rows(scene.time.duration) - 1) // 2
+    row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * ROW_SPACING, length=1)
+    return [
+        "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
+        f"variable     reach equal {row!r}*(1.5+{far}*(1-v_tau/v_duration))",
+        "variable     near atom v_reach^2>x*x+y*y",
+        f"group        inside dynamic all var near every {max(1, round(2 / scene.time.step))}  # a signal runs a row",
+    ]
+
+
+# --- the deck --------------------------------------------------------------------------------------------------------
+
+
+def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
+    """Return the lines of some guards, each once, and the thermo output of all.
+
+    Parameters
+    ----------
+    names : list of str
+        Keys of `GUARDS`.
+    scene : Scene
+        Resolved.
+    judged : list of str
+        Those of which a value above the limit fails the run.
+    """
+    steps, longest, guards = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
+    text = list(dict.fromkeys(line for guard in guards for line in guard.lines))
+    seen = [name for guard in guards for name in (f"{guard.name}_now", f"{guard.name}_at_now")]
+    seen += ["overlap_now"]
+    for guard in guards:
+        limit = guard.largest_silent(scene)
+        text.append(f"variable     {guard.name}_at_now equal ternary({limit!r}>=v_{guard.name}_now,{NEVER:g},v_tau)")
+    text += [
+        f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
+        f"variable     look equal ternary((v_every%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1)",
+        f"fix          looks all vector ${{look}} {' '.join(f'v_{name}' for name in seen)}",
+    ]
+    for column, name in enumerate(seen, start=1):
+        least = name == "overlap_now" or name.endswith("_at_now")
+        text.append(f"variable     {name.removesuffix('_now')} equal {'min' if least else 'max'}(f_looks[{column}])")
+    if watches_part(scene):
+        text += [line for line in _ELSEWHERE if _is_there(line, names)]
+    for guard in guards:
+        if guard.per_contact and guard in [GUARDS[name] for name in judged]:
+            text += _written_out(guard, scene)
+    return [
+        *_inside(scene),
+        *text,
+        f"thermo_style custom step {' '.join(columns(names, scene))}",
+        "thermo_modify flush yes  # the log of a killed run holds them too",
+        f"thermo       $(v_look*{_looks_per_line(scene)})",
+    ]
+
+
+def columns(names: list[str], scene: Scene) -> list[str]:
+    """Return the thermo columns behind the step."""
+    own = [column for name in names for column in (GUARDS[name].column, f"{GUARDS[name].column}_at")]
+    others = ELSEWHERE if watches_part(scene) else ()
+    return ["v_tau", *own, "v_overlap", *(name for name in (*others, "v_mu") if _is_there(name, names))]
+
+
+def _is_there(text: str, names: list[str]) -> bool:
+    """Whether a line or column is in the deck: those of slip only where there is shear."""
+    return "largest_slip" in names or ("slip" not in text and "mu" not in text)
+
+
+def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str]:
+    """Return a line of the thermo table without its step, from what ``fix looks`` holds; "nan" for the rest.
+
+    LAMMPS itself writes none at a step that is no look, so that an interrupted run would lose its last ones.
+    """
+    least = [name == "v_overlap" or name.endswith("_at") for name in names]
+    found = iter(looks.T)
+    return [
+        "nan" if name in ("v_tau", "v_mu", *ELSEWHERE) else repr(float((np.min if low else np.max)(next(found))))
+        for name, low in zip(names, least, strict=True)
+    ]
+
+
+def _written_out(guard: Guard, scene: Scene) -> list[str]:
+    """Lines that write each contact out while the upper bound is above the limit, so that it is judged by itself."""
+    return [
+        f"# each contact, distance and shear force, at the looks where the bound v_{guard.name} does not decide",
+        f"variable     {guard.name}_holds equal {guard.largest_silent(scene)!r}>=v_{guard.name}_now",
+        f"dump         contacts all local ${{look}} {CONTACTS} c_contact[1] c_contact[2]",
+        f'dump_modify  contacts skip v_{guard.name}_holds format line "%.17g %.9g"<contacts_append>',
+    ]
+
+
+def header(names: list[str], scene: Scene) -> str:
+    """Return the comment at the top of a deck: which thermo column above which value invalidates the run."""
+    said = [
+        f"#   {GUARDS[name].column} is above {GUARDS[name].largest_silent(scene):.4g}"
+        + (f" and {CONTACTS} shows a contact that is by itself" if GUARDS[name].per_contact else "")
+        + f": {GUARDS[name].meaning}"
+        for name in names
+    ]
+    top = "# The last line of the thermo table holds extremes of the run. It is invalid (since the tau in v_NAME_at) if"
+    return "\n".join([top, *said]) if said else ""
+
+
+# --- what a run measured ---------------------------------------------------------------------------------------------
+
+
+def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, folder: Path) -> Measured:
+    """Return what a guard measured in a run.
+
+    Parameters
+    ----------
+    name : str
+        A key of `GUARDS`.
+    table : dict
+        Thermo table of the run, by column.
+    scene : Scene
+        Resolved.
+    folder : Path
+        The run folder: where the table only bounds the value, it may hold single contacts.
+    """
+    guard = GUARDS[name]
+    limit = guard.largest_silent(scene)
+    value = np.abs(table.get(guard.column, np.empty(0)))
+    at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
+    bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
+    loud = ~((value <= limit) & (at >= NEVER))  # also what is not a number
+    if not loud.any():
+        return Measured(bound, None, bound)
+    if guard.per_contact and (folder / CONTACTS).is_file():
+        ratios = list(slip_ratios(folder / CONTACTS, scene, float(table["v_mu"][0])))
+        worst = max((ratio for _, ratio in ratios), default=0.0)
+        first = next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None)
+        return Measured(worst, first, bound)
+    first = float(np.min(at[loud]))
+    return Measured(bound, first if first < NEVER else float(table["v_tau"][np.argmax(loud)]), bound)
+
+
+def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int, float]]:
+    """Yield step and largest ratio of the shear force to the sliding force of the same contact, look by look.
+
+        F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2}))
+
+    It is infinite where a contact without adhesion has just opened.
+    """
+    sphere, units = scene.sphere, units_for(scene.sphere.radius)
+    diameter, rest = units.number(2 * sphere.radius, length=1), units.number(sphere.static_overlap, length=1)
+    adhesive = units.number(sphere.pull_off_force, mass=1, length=1, time=-2)
+    holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
+    for step, contacts in read_local(path):
+        distance, shear = contacts.T
+        sliding = friction * (adhesive + holding * np.maximum((diameter - distance) / rest, 0.0) ** 1.5)
+        ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
+        yield step, float(np.max(ratio, initial=0.0))

@@ -1,0 +1,129 @@
+"""Whether the files of a run folder belong together: ``scene.toml``, ``run.json``, ``trajectory.csv``, ``dump.centre``.
+
+A folder may have been edited, copied together from two runs, or written by something else. Each function here compares
+two of the files and raises a RunFolderError that names the file, the value and what disagrees with it.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from itertools import chain
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.effects.table import switches
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
+from granular_lmp.scene.scene import Scene
+
+Signals = dict[str, NDArray[np.float64]]
+Pair = tuple[str, Any, Any]  # a dotted key of run.json, what it says there, and what the scene makes of it
+
+# The same dozen operations on the same numbers; on another processor some end on a neighbouring double (1e-16)
+SAME = 1e-12
+_CURE = "run it again with --force"
+_NO_SUCH = "no such name"
+
+
+def scene_digest(text: str) -> str:
+    """Return what ``run.json`` keeps of the ``scene.toml`` that was run: the SHA-256 of its text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
+    """Raise RunFolderError unless ``run.json`` holds the digest of the folder's scene."""
+    said = info.get("scene_sha256")
+    if said is None:
+        raise RunFolderError(f"{folder / STATUS}: scene_sha256 is missing, so that {SCENE} may be any; {_CURE}")
+    try:
+        text = (folder / SCENE).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{folder / SCENE}: cannot be read: {error}") from error
+    if said != scene_digest(text):
+        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
+
+
+def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> None:
+    """Raise RunFolderError if ``run.json`` says of wave, effects or guards what ``scene.toml`` does not.
+
+    A run that is not finished may say less, but nothing else.
+    """
+    for key in ("effects", "guards"):
+        if key not in info and info.get("status") == "finished":
+            raise RunFolderError(f"{folder / STATUS}: {key} is missing; {_CURE}")
+    for key, said, declared in chain(_wave(info, scene), _effects(info, scene), _guards(info, scene)):
+        number = isinstance(declared, float) and isinstance(said, int | float)
+        if not (isclose(said, declared, rel_tol=SAME, abs_tol=SAME) if number else said == declared):
+            said, declared = json.dumps(said), json.dumps(declared)
+            raise RunFolderError(f"{folder / STATUS}: {key} = {said}, but {declared} by {SCENE}; {_CURE}")
+
+
+def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
+    finished = info.get("status") == "finished"
+    numbers = {
+        "particles": scene.shape.spheres,
+        "wavenumber_used": scene.wavenumber,
+        "direction_used": scene.direction,
+        "amplitude": scene.wave.amplitude,
+    }
+    yield from ((key, info.get(key), value) for key, value in numbers.items() if finished or key in info)
+
+
+def _effects(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
+    if "effects" not in info:
+        return
+    effects, expected = info["effects"], switches(scene)
+    for name in sorted({*effects, *expected}):
+        on, guard = expected.get(name, (_NO_SUCH, ""))
+        yield f"effects.{name}.on", effects.get(name, {}).get("on"), on
+        yield f"effects.{name}.guard", effects.get(name, {}).get("guard"), guard
+
+
+def _guards(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
+    if not {"effects", "guards"} <= set(info):
+        return
+    effects, guards = info["effects"], info["guards"]
+    expected = {guard: name for name, (_, guard) in switches(scene).items() if guard}
+    for guard in sorted({*guards, *expected}):
+        name = expected.get(guard, _NO_SUCH)
+        yield f"guards.{guard}.effect", guards.get(guard, {}).get("effect"), name
+        judges = not effects[name]["on"] and not effects[name]["called_for"]
+        yield f"guards.{guard}.judges", guards[guard]["judges"], judges
+        if judges and info.get("status") == "finished":
+            yield f"guards.{guard}.quiet", guards[guard]["quiet"], True
+
+
+def refuse_other_trajectory(path: Path, read: Signals, dumped: Signals, *, whole: bool) -> None:
+    """Raise RunFolderError if the columns of ``trajectory.csv`` are not those that follow from ``dump.centre``.
+
+    Parameters
+    ----------
+    path : Path
+        Of ``trajectory.csv``.
+    read, dumped : dict of str to (T,) arrays
+        tau, p, q, phi of both.
+    whole : bool
+        Whether both must end with the same record; of a run that was stopped, what both hold is compared.
+    """
+    rows, there = len(read["tau"]), len(dumped["tau"])
+    if whole and rows != there:
+        raise RunFolderError(f"{path}: {rows} records, and {DUMP} holds {there}; {_CURE}")
+    few = min(rows, there)
+    size = max((_largest(dumped[name]) for name in ("p", "q", "phi")), default=0.0)
+    for name, scale in (("tau", _largest(dumped["tau"])), ("p", size), ("q", size), ("phi", size)):
+        ours, theirs = read[name][:few], dumped[name][:few]
+        off = ~(np.isclose(ours, theirs, rtol=0, atol=SAME * scale, equal_nan=True))
+        if off.any():
+            first = int(np.argmax(off))
+            raise RunFolderError(
+                f"{path}: {name} = {ours[first]:.10g} at tau = {read['tau'][first]:.6g}, but {theirs[first]:.10g} by "
+                f"{DUMP}; {_CURE}"
+            )
+
+
+def _largest(values: NDArray[np.float64]) -> float:
+    return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))

@@ -1,0 +1,121 @@
+"""The folder of a run, or of many: what it may be called, who holds it, and what an earlier run left in it."""
+
+import fcntl
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.lammps.outputs import (
+    CHECKPOINTS,
+    CONTACTS,
+    COST,
+    DUMP,
+    LOG,
+    PARTICLES,
+    PER_SAMPLE,
+    SCENE,
+    STATUS,
+    SWEEP,
+)
+from granular_lmp.scene.schema import NOT_TOML, checked_name, file_text, shown
+
+# All that a run, a kicked sheet, a collision, or a comparison of one with theory writes beside its deck
+_FILES = (
+    *(SCENE, STATUS, LOG, DUMP, PARTICLES, CONTACTS, "trajectory.csv", *CHECKPOINTS),
+    *("dump.everything", "dump.everything.bin"),
+    *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
+)
+_DECK = ("in.{}", "data.{}", "in.{}.resume")
+_STUDIES = {SWEEP: "a sweep", COST: "a cost study"}
+_BELOW = 300  # bytes that runs/HASH/N_per_sample/in.NAME.resume takes with the longest name of a scene
+
+
+@contextmanager
+def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
+    """Hold the folder for one run or sweep; gives the descriptor of the lock.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder is held already; with `make` also when its name is too long, it cannot be made, or, without
+        `force`, is there already.
+    """
+    if make:
+        refuse_long(folder)
+    with writable(folder):
+        if make:
+            folder.mkdir(parents=True, exist_ok=force)
+        lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RunFolderError(f"{folder}: another run is at work there") from error
+        yield lock
+    finally:
+        os.close(lock)
+
+
+def is_held(folder: Path) -> bool:
+    """Return whether a run is at work in the folder, or cannot be told not to be; one that was killed is not."""
+    try:
+        with locked(folder):
+            return False
+    except (RunFolderError, OSError):
+        return True
+
+
+def clear(folder: Path) -> None:
+    """Delete what an earlier run left in a folder that is held; whatever is not a run's stays.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder is that of a sweep or a cost study, or something in it cannot be deleted.
+    """
+    for name, study in _STUDIES.items():
+        if (folder / name).exists():
+            raise RunFolderError(f"{folder}: holds {study} ({name}); choose another folder")
+    deck = [pattern.format(name) for name in _scene_name(folder) for pattern in _DECK]
+    with writable(folder):
+        for name in (*deck, *_FILES):
+            (folder / name).unlink(missing_ok=True)
+            (folder / f"{name}.part").unlink(missing_ok=True)  # a draft that a killed run left
+        for inner in folder.glob(f"*{PER_SAMPLE}"):
+            if re.fullmatch(rf"\d+{PER_SAMPLE}", inner.name) and inner.is_dir() and not inner.is_symlink():
+                clear(inner)
+                if not any(inner.iterdir()):
+                    inner.rmdir()
+
+
+def _scene_name(folder: Path) -> list[str]:
+    """The name of the scene that a folder holds, after which its deck is called; nothing if there is none."""
+    with suppress(SceneError, *NOT_TOML):
+        return [checked_name(tomllib.loads(file_text(folder / SCENE)), folder.name, "the deck")]
+    return []
+
+
+def refuse_long(folder: Path) -> None:
+    """Raise RunFolderError for a path that the system, or a file of a run below it, would find too long."""
+    longest_part, longest = os.pathconf("/", "PC_NAME_MAX"), os.pathconf("/", "PC_PATH_MAX") - _BELOW
+    part, whole = max(len(os.fsencode(part)) for part in folder.parts), len(os.fsencode(folder))
+    if part > longest_part or whole > longest:
+        raise RunFolderError(
+            f"folder (-o) = {shown(str(folder))}: must be at most {longest} bytes long, here {whole}, with at most "
+            f"{longest_part} between two slashes, here {part}"
+        )
+
+
+@contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
+    try:
+        yield
+    except FileExistsError as error:
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,130 @@
+"""What ``run.json`` says of a run: what is known before it, and what came out."""
+
+import platform
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp import __version__
+from granular_lmp.accuracy.budget import error_budget
+from granular_lmp.effects.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
+from granular_lmp.effects.table import warnings
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.outputs import LOG, read_log
+from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.scene import Scene
+
+
+def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
+    """What is known before the run."""
+    scene, sphere, time_ = deck.scene, deck.scene.sphere, deck.scene.time
+    return {
+        "name": scene.name,
+        "scene_sha256": scene_digest(scene.to_toml()),
+        "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
+        "launcher": launcher,
+        "ranks": ranks,
+        "particles": len(deck.packing),
+        "steps": time_.steps,
+        "timestep_used": time_.step,
+        "wavenumber_used": scene.wavenumber,
+        "direction_used": scene.direction,
+        "frequency": deck.mode.frequency,
+        "amplitude": scene.wave.amplitude,
+        "epsilon": sphere.nonlinearity(scene.wave.amplitude),
+        "Delta0_m": sphere.static_overlap,
+        "t0_s": sphere.time_scale,
+        "overlap_ratio": sphere.overlap_ratio,
+        "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
+        "effects": {
+            effect.name: {
+                "on": effect.on,
+                "called_for": effect.called_for,
+                "number": _finite(effect.number),
+                "reason": effect.reason,
+                "guard": effect.guard,
+            }
+            for effect in deck.effects
+        },
+        "remarks": [*deck.declared.remarks(), *warnings(deck.effects)],
+    }
+
+
+def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]) -> dict[str, Any]:
+    """What is known after the run, or after a part of it that adds to what `before` says."""
+    table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
+    total = seconds + before.get("wall_seconds", {}).get("total", 0.0)
+    return {
+        "samples": len(record.tau),
+        "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
+        "error_budget": error_budget(record.scene, record.signals),
+        "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
+        # Of all spheres, also of those that nothing recorded depends on
+        "elsewhere": {
+            name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
+            for name in ELSEWHERE
+            if len(table.get(name, ()))
+        },
+        "guards": {
+            effect["guard"]: _outcome_of(effect["guard"], name, effect, table, record.scene, folder)
+            for name, effect in before["effects"].items()
+            if effect["guard"]
+        },
+        "versions": before["versions"] | {"lammps": _lammps_version(folder)},
+    }
+
+
+def _outcome_of(
+    guard: str,
+    name: str,
+    effect: dict[str, Any],
+    table: dict[str, NDArray[np.float64]],
+    scene: Scene,
+    folder: Path,
+) -> dict[str, Any]:
+    """What one guard measured; it judges only an effect that is off and that the scene does not call for.
+
+    Of an effect that is on it is no news, whatever it says.
+    """
+    found = measured(guard, table, scene, folder)
+    return {
+        "effect": name,
+        "value": _finite(found.value),
+        "bound": _finite(found.bound),
+        "limit": GUARDS[guard].largest_silent(scene),
+        "quiet": found.passed_at is None or effect["on"],
+        "passed_at": found.passed_at,
+        "judges": not effect["on"] and not effect["called_for"],
+        "meaning": GUARDS[guard].meaning,
+        "cure": GUARDS[guard].cure,
+    }
+
+
+def triggered(info: dict[str, Any]) -> list[str]:
+    """A sentence for each effect that was left out, rightly by the rules, and was there after all."""
+    return [
+        f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_said(guard['value'])}, "
+        f"above {guard['limit']:.3g}: {guard['meaning']}; {guard['cure']}"
+        for name, guard in info["guards"].items()
+        if guard["judges"] and not guard["quiet"]
+    ]
+
+
+def _said(value: float | None) -> str:
+    return "not finite" if value is None else f"{value:.4g}"
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no inf and no nan."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _lammps_version(folder: Path) -> str | None:
+    try:
+        with (folder / LOG).open(encoding="utf-8", errors="replace") as stream:
+            return stream.readline().strip().removeprefix("LAMMPS (").removesuffix(")") or None
+    except OSError:
+        return None
