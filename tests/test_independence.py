@@ -105,7 +105,6 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 # Arrows against the direction that are still there. This list only shrinks: an entry that is not needed fails.
 TO_MEND = {
-    ("crystal", "scene"),
     ("effects", "lammps"),
     ("effects", "accuracy"),
     ("lammps", "accuracy"),

@@ -10,6 +10,7 @@ from analysis import directions, second_harmonic
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import (
     FULL,
+    MODES,
     Physics,
     bloch_mode,
     bloch_modes,
@@ -20,7 +21,6 @@ from granular_lmp.crystal.modes import (
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import MODES
 from tests.test_sphere import SILICA
 
 LATTICE = unit_lattice(SILICA)
@@ -164,12 +164,12 @@ def test_without_rotation_the_transverse_branch_is_that_of_the_springs() -> None
 
 def test_compression_softens_what_moves_sideways() -> None:
     pressed = replace(SILICA, work_of_adhesion=0.0, contact_force=SILICA.pull_off_force)
-    kappa, chi = pressed.stiffness_ratio, pressed.prestress
+    lattice, kappa, chi = unit_lattice(pressed), pressed.stiffness_ratio, pressed.prestress
     for xi in (1e-3, 0.802, 2.5):
         # Contacts of a longitudinal wave: 3/4 along, 1/4 sideways
-        longitudinal = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "L").frequency
+        longitudinal = bloch_mode(lattice, pressed, WaveVector.of(xi), "L").frequency
         assert longitudinal == pytest.approx(sqrt((3 + kappa - chi) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
-        held = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "TR", Physics(rotation=False)).frequency
+        held = bloch_mode(lattice, pressed, WaveVector.of(xi), "TR", Physics(rotation=False)).frequency
         assert held == pytest.approx(sqrt((3 * (kappa - chi) + 1) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
 
 

@@ -31,9 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import farthest_rounding, grain, noise_floor, position_rounding
-from granular_lmp.crystal.modes import Mode, mode_of
+from granular_lmp.crystal.modes import Mode
 from granular_lmp.effects.table import largest_step
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, mode_of, row_stretches
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
 from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import FEWEST_COLUMNS

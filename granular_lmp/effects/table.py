@@ -12,12 +12,13 @@ from math import hypot
 from typing import Any
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Physics, highest_frequency
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects import rules
 from granular_lmp.effects.rules import Case, Finding
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import Units
+from granular_lmp.scene.linear import physics_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import FEWEST_COLUMNS
@@ -267,7 +268,7 @@ def largest_step(scene: Scene) -> float:
     LAMMPS's dashpots see the velocity of half a step before, which makes (ΩΔτ)² + 2cλΔτ < 4 of it, with c in m/t0 and
     λ = 2(κ+3)Ω²/min(κ, 1) at the most.
     """
-    physics = Physics.of(scene)
+    physics = physics_of(scene)
     top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)
     kappa = scene.sphere.stiffness_ratio
     drag = 0.0

@@ -14,6 +14,7 @@ from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
+from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
@@ -34,9 +35,8 @@ from granular_lmp.scene.schema import (
     toml_lines,
 )
 from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.sections import MODES as MODES
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
-from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, Shape, decide, echo_time
+from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 SHIPPED = Path(__file__).parents[2] / "lammps_inputs"
