@@ -166,7 +166,7 @@ def test_spheres_of_a_square_lattice_turn_as_gears() -> None:
     corner = np.array([pi, pi]) / lattice_constant(SILICA)
     found, shapes = bloch_modes(at_rest(square_cell(SILICA)), SILICA, corner)
     assert found[0] < 1e-12
-    np.testing.assert_allclose(np.abs(shapes[0]), [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(np.abs(shapes[0]), [0, 0, 1], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("phase", [0.01, 0.3, 1.1, 2.9])
@@ -215,7 +215,9 @@ def test_unequal_spheres_of_a_chain_turn_as_gears_of_their_radii() -> None:
     )
     crystal.set_array("radius", np.array([1.0, small]))
     contacts = at_rest(crystal)
-    assert contacts.shear_stiffness == pytest.approx(law.shear_stiffness[0] * (2 * curvature) ** (2 / 3), rel=1e-12)
+    np.testing.assert_allclose(
+        contacts.shear_stiffness, law.shear_stiffness[0] * (2 * curvature) ** (2 / 3), rtol=1e-12
+    )
     eta = overlap / (2 * SILICA.radius * np.array([1.0, small]))
     inertia = INERTIA_RATIO * np.array([1.0, small**3]) / (1 - eta)
     np.testing.assert_allclose(effective_inertia(contacts) / SILICA.mass, inertia, rtol=1e-12)
@@ -224,7 +226,7 @@ def test_unequal_spheres_of_a_chain_turn_as_gears_of_their_radii() -> None:
     assert np.abs(found / turning - 1).min() < 1e-12  # both turn alike, which shears both contacts
     gears = np.array([0, 0, 1, 0, 0, -1])  # Rθ of one against that of the other
     free = shapes[found < 1e-12].T
-    np.testing.assert_allclose(free @ np.linalg.lstsq(free, gears)[0], gears, atol=1e-12)
+    np.testing.assert_allclose(free @ np.linalg.lstsq(free, gears)[0], gears, rtol=0, atol=1e-12)
 
 
 # --- torque arms that differ -----------------------------------------------------------------------------------------
@@ -280,12 +282,12 @@ def test_of_a_large_lattice_the_bound_is_the_top_of_the_spectrum() -> None:
 @pytest.mark.parametrize("sphere", [SILICA, PRESSED])
 def test_time_scale_of_the_hexagonal_lattice_is_that_of_the_sphere(sphere: Sphere) -> None:
     row = ROW_SPACING * sphere.lattice_constant
-    assert time_scale(unit_lattice(sphere), row) == pytest.approx(sphere.time_scale, rel=ROUNDED)
+    np.testing.assert_allclose(time_scale(unit_lattice(sphere), row), sphere.time_scale, rtol=ROUNDED)
     sheet = find_contacts(hexagonal(sphere, Shape(6, 5, "periodic")), [sphere], sphere.contact_force)
-    assert time_scale(sheet, row) == pytest.approx(sphere.time_scale, rel=ROUNDED)
+    np.testing.assert_allclose(time_scale(sheet, row), sphere.time_scale, rtol=ROUNDED)
 
 
 @pytest.mark.parametrize("cell", [chain_cell, square_cell])
 def test_time_scale_of_chain_and_square_is_that_of_the_spring_chain(cell) -> None:
     expected = sqrt(SILICA.mass / (4 * SILICA.normal_stiffness))
-    assert time_scale(at_rest(cell(SILICA)), SILICA.lattice_constant) == pytest.approx(expected, rel=ROUNDED)
+    np.testing.assert_allclose(time_scale(at_rest(cell(SILICA)), SILICA.lattice_constant), expected, rtol=ROUNDED)
