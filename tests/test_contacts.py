@@ -88,6 +88,12 @@ def test_equal_spheres_have_the_constants_of_the_sphere(sphere: Sphere) -> None:
     assert (contacts.contact_force == sphere.contact_force).all()
 
 
+def test_the_contacts_of_a_lattice_are_found_once_and_cannot_be_changed() -> None:
+    assert unit_lattice(SILICA) is unit_lattice(replace(SILICA))
+    with pytest.raises(ValueError, match="read-only"):
+        unit_lattice(SILICA).mass[0] = 1.0
+
+
 def test_a_constant_that_is_wrong_in_the_eleventh_digit_is_seen() -> None:
     with pytest.raises(AssertionError):
         np.testing.assert_allclose(unit_lattice(SILICA).mass, SILICA.mass * (1 + 1e-11), rtol=ROUNDED)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from analysis import directions, second_harmonic
-from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
+from granular_lmp.crystal.contacts import find_contacts
+from granular_lmp.crystal.lattices import lattice_constant, square_cell, unit_lattice
 from granular_lmp.crystal.modes import (
     FULL,
     MODES,
@@ -128,6 +129,13 @@ def test_the_modes_of_a_wave_vector_are_three_different_ones() -> None:
 def test_an_unknown_mode_is_refused() -> None:
     with pytest.raises(SceneError, match="wave.mode = 'X'"):
         bloch_mode(LATTICE, SILICA, WaveVector.of(1.0), "X")
+
+
+def test_names_are_refused_to_another_lattice_than_that_of_the_sphere() -> None:
+    pressed = replace(SILICA, contact_force=SILICA.pull_off_force)
+    for lattice, sphere in ((LATTICE, pressed), (find_contacts(square_cell(SILICA), [SILICA]), SILICA)):
+        with pytest.raises(ValueError, match="not those of the sphere's hexagonal lattice"):
+            bloch_mode(lattice, sphere, WaveVector.of(1.0), "L")
 
 
 @pytest.mark.parametrize("poisson_ratio", [-0.9, -0.5, 0.0, 0.17, 0.5])

@@ -16,7 +16,7 @@ Everything in `Contacts` is in SI units; the crystal's own lengths are in radii 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import ase
@@ -53,6 +53,10 @@ class Contacts:
         f_N = A δ^{3/2} − F, N: the force that presses the two together at rest, the prestress.
     radius, mass : (N,) arrays
         Of the spheres, m and kg.
+
+    Notes
+    -----
+    The arrays are read-only.
     """
 
     i: Integers
@@ -65,6 +69,10 @@ class Contacts:
     contact_force: Floats
     radius: Floats
     mass: Floats
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            getattr(self, field.name).setflags(write=False)  # one record is handed on to all who ask
 
     def __len__(self) -> int:
         return len(self.i)

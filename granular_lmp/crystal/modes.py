@@ -27,6 +27,7 @@ This is a numerical derivation from the geometry, kept apart from the closed for
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,6 +50,7 @@ _SUBSPACE = {
 }
 # A negative ω², over the largest one, that is not rounding: the crystal buckles.
 _BUCKLING = 1e-9
+_SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,7 @@ def _solve(
 # --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
 
 
+@lru_cache(maxsize=256)  # a scene's mode is asked for by everyone who judges the scene
 def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
     """Return the mode L, TR or RT of the hexagonal lattice at a wave vector, with the signs that `Mode` gives.
 
@@ -223,7 +226,12 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     ------
     SceneError
         For another name, and for RT where spheres do not turn.
+    ValueError
+        For contacts that are not those of the hexagonal lattice of the sphere: their modes have no names, and
+        `bloch_modes` gives them all.
     """
+    if len(lattice) != 3 or np.abs(lattice.length / sphere.lattice_constant - 1).max() > _SAME_LATTICE:
+        raise ValueError(f"{len(lattice)} contacts: not those of the sphere's hexagonal lattice; see `unit_lattice`")
     if name not in MODES:
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(MODES)}")
     if name not in physics.modes:
