@@ -403,10 +403,11 @@ def _effects(options: argparse.Namespace) -> int:
 
 def _modes(options: argparse.Namespace) -> int:
     from granular_lmp.crystal.lattices import unit_lattice
-    from granular_lmp.crystal.modes import Physics, bloch_mode
+    from granular_lmp.crystal.modes import bloch_mode
+    from granular_lmp.scene.linear import physics_of
 
     scene = _scene(options)
-    packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
+    lattice, physics = unit_lattice(scene.sphere), physics_of(scene)
     along = "" if scene.along == "y" else f" along {scene.along}"
     _say(
         f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
@@ -414,13 +415,13 @@ def _modes(options: argparse.Namespace) -> int:
     )
     _say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
     for name in physics.modes:
-        mode = bloch_mode(packing, scene.sphere, scene.vector, name, physics)
+        mode = bloch_mode(lattice, scene.sphere, scene.vector, name, physics)
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         _say(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
         from granular_lmp.plot.signals import dispersion_figure, save
 
-        save(dispersion_figure(packing, scene), options.plot)
+        save(dispersion_figure(lattice, scene), options.plot)
         _say(options.plot)
     return 0
 

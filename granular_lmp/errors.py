@@ -17,6 +17,12 @@ class SceneError(GranularError):
     exit_status = 2
 
 
+class CrystalError(GranularError):
+    """A crystal cannot be at rest as it is: it would buckle or fall apart."""
+
+    exit_status = 2
+
+
 class RunFolderError(GranularError):
     """A run folder is missing, already there, not writable, or does not hold what a run folder holds."""
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from analysis import directions, second_harmonic
-from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
+from granular_lmp.crystal.contacts import find_contacts
+from granular_lmp.crystal.lattices import lattice_constant, square_cell, unit_lattice
 from granular_lmp.crystal.modes import (
     FULL,
+    MODES,
     Physics,
     bloch_mode,
     bloch_modes,
@@ -20,7 +22,6 @@ from granular_lmp.crystal.modes import (
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import MODES
 from tests.test_sphere import SILICA
 
 LATTICE = unit_lattice(SILICA)
@@ -130,6 +131,13 @@ def test_an_unknown_mode_is_refused() -> None:
         bloch_mode(LATTICE, SILICA, WaveVector.of(1.0), "X")
 
 
+def test_names_are_refused_to_another_lattice_than_that_of_the_sphere() -> None:
+    pressed = replace(SILICA, contact_force=SILICA.pull_off_force)
+    for lattice, sphere in ((LATTICE, pressed), (find_contacts(square_cell(SILICA), [SILICA]), SILICA)):
+        with pytest.raises(ValueError, match="not those of the sphere's hexagonal lattice"):
+            bloch_mode(lattice, sphere, WaveVector.of(1.0), "L")
+
+
 @pytest.mark.parametrize("poisson_ratio", [-0.9, -0.5, 0.0, 0.17, 0.5])
 @pytest.mark.parametrize("physics", [FULL, Physics(rotation=False), Physics(shear=False, rotation=False)])
 def test_highest_frequency_is_the_top_of_the_spectrum_of_the_whole_zone(poisson_ratio: float, physics: Physics) -> None:
@@ -164,12 +172,12 @@ def test_without_rotation_the_transverse_branch_is_that_of_the_springs() -> None
 
 def test_compression_softens_what_moves_sideways() -> None:
     pressed = replace(SILICA, work_of_adhesion=0.0, contact_force=SILICA.pull_off_force)
-    kappa, chi = pressed.stiffness_ratio, pressed.prestress
+    lattice, kappa, chi = unit_lattice(pressed), pressed.stiffness_ratio, pressed.prestress
     for xi in (1e-3, 0.802, 2.5):
         # Contacts of a longitudinal wave: 3/4 along, 1/4 sideways
-        longitudinal = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "L").frequency
+        longitudinal = bloch_mode(lattice, pressed, WaveVector.of(xi), "L").frequency
         assert longitudinal == pytest.approx(sqrt((3 + kappa - chi) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
-        held = bloch_mode(LATTICE, pressed, WaveVector.of(xi), "TR", Physics(rotation=False)).frequency
+        held = bloch_mode(lattice, pressed, WaveVector.of(xi), "TR", Physics(rotation=False)).frequency
         assert held == pytest.approx(sqrt((3 * (kappa - chi) + 1) / (3 + kappa)) * np.sin(xi / 2), rel=1e-12)
 
 

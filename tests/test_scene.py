@@ -10,11 +10,11 @@ import pytest
 from analysis.lattice import rows, torus
 from analysis.second_harmonic import mode, ratios
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import MODES, SHIPPED, Scene, assignment
+from granular_lmp.scene.scene import SHIPPED, Scene, assignment
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from tests.conftest import PAPER
 

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene
-from granular_lmp.crystal.lattices import hexagonal, lattice_constant, offsets, unit_lattice
-from granular_lmp.crystal.modes import bloch_mode, bloch_modes, mode_of
+from granular_lmp.crystal.lattices import Shape, hexagonal, lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import initial_fields as wave_module
 from granular_lmp.scene.initial_fields import Fields, initial_fields, plane_wave
-from granular_lmp.scene.scene import MODES
-from granular_lmp.scene.shape import Shape
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.validation import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.test_sphere import SILICA
@@ -47,7 +46,7 @@ def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
 
 def test_held_rows_do_not_move() -> None:
     packing = hexagonal(SILICA, Shape(9, 3, "fixed"))
-    fields = plane_wave(packing, bloch_mode(packing, SILICA, WaveVector.of(0.9), "TR"))
+    fields = plane_wave(packing, bloch_mode(unit_lattice(SILICA), SILICA, WaveVector.of(0.9), "TR"))
     held = packing.arrays["fixed"]
     assert not fields.displacement[held].any()
     assert not fields.velocity[held].any()

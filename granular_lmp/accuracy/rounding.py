@@ -9,10 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.modes import mode_of
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 

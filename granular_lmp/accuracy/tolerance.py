@@ -1,9 +1,9 @@
 """Run a scene to the accuracy that it asks for: runs of halved steps, until what they show of their error is enough.
 
-The runs go up the ladder h, h/2, h/4, … that `granular_lmp.accuracy.ladder` begins. After each the answer is extrapolated from
-the last three, and its error estimated from how much the last run moved it (`granular_lmp.accuracy.richardson`): no theory of the
-wave is asked, so this is the same for every wave and every effect. A run is added until the estimate meets the
-tolerance, or the ladder ends and the tolerance is refused.
+The runs go up the ladder h, h/2, h/4, … that `granular_lmp.accuracy.ladder` begins. After each the answer is
+extrapolated from the last three, and its error estimated from how much the last run moved it
+(`granular_lmp.accuracy.richardson`): no theory of the wave is asked, so this is the same for every wave and every
+effect. A run is added until the estimate meets the tolerance, or the ladder ends and the tolerance is refused.
 
 The folder holds a run folder for each step, ``N_per_sample``, and the extrapolated ``trajectory.csv`` beside
 ``scene.toml`` and ``run.json``.
@@ -20,10 +20,10 @@ from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.table import resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
-from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text
+from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text, writable
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
-from granular_lmp.runs.folder import clear, locked, writable
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import (
     STATUS,
     TRAJECTORY,

@@ -1,30 +1,96 @@
-"""Hexagonal 2D packings of touching spheres at rest, as `ase.Atoms`.
+"""Lattices of equal touching spheres at rest, as `ase.Atoms`: unit cells, and the hexagonal sheet.
 
-Rows are stacked along y; within a row the spheres touch along x. Lattice constant
-a = 2R − Δ0, row spacing (√3/2) a, every other row shifted by a/2. **Lengths are in radii R**: ASE, which thinks in Å
-and draws cells in steps of a fraction of one, then shows spheres of 5 mm as well as of 50 nm.
+**Lengths are in radii R**: ASE, which thinks in Å and draws cells in steps of a fraction of one, then shows spheres of
+5 mm as well as of 50 nm. Touching spheres are a lattice constant a = 2R − Δ0 apart.
+
+What is particular to the hexagonal sheet is known here and in `granular_lmp.crystal.wavevector`: rows along x are
+stacked along y, (√3/2) a apart, every other one shifted by a/2.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING
-from granular_lmp.scene.shape import Shape
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Rows, columns and ends of a hexagonal sheet."""
+
+    rows: int
+    columns: int
+    ends: str
+
+    @property
+    def centre_row(self) -> int:
+        """Row n = 0 of the wave, counted from 0."""
+        return (self.rows - 1) // 2
+
+    @property
+    def spheres(self) -> int:
+        """How many there are."""
+        return self.rows * self.columns
+
+
+def lattice_constant(sphere: Sphere) -> float:
+    """a = 2 − Δ0/R, in radii."""
+    return sphere.lattice_constant / sphere.radius
+
+
+# --- unit cells ------------------------------------------------------------------------------------------------------
+
+
+def hexagonal_cell(sphere: Sphere) -> ase.Atoms:
+    """Return the primitive cell of the hexagonal sheet: one sphere, periodic along x and at 60° to it."""
+    a = lattice_constant(sphere)
+    return _cell([[a, 0, 0], [a / 2, ROW_SPACING * a, 0], [0, 0, 2]], [True, True, False])
+
+
+def square_cell(sphere: Sphere) -> ase.Atoms:
+    """Return the primitive cell of the square sheet: one sphere, periodic along x and y."""
+    a = lattice_constant(sphere)
+    return _cell([[a, 0, 0], [0, a, 0], [0, 0, 2]], [True, True, False])
+
+
+def chain_cell(sphere: Sphere) -> ase.Atoms:
+    """Return the primitive cell of a straight chain: one sphere, periodic along y."""
+    return _cell([[2, 0, 0], [0, lattice_constant(sphere), 0], [0, 0, 2]], [False, True, False])
+
+
+def _cell(vectors: Sequence[Sequence[float]], periodic: Sequence[bool]) -> ase.Atoms:
+    cell = ase.Atoms("X", positions=[[0, 0, 0]], cell=vectors, pbc=periodic)
+    cell.set_array("radius", np.ones(1))
+    return cell
+
+
+@cache
+def unit_lattice(sphere: Sphere) -> Contacts:
+    """Return the contacts of the infinite hexagonal lattice: three of its one sphere, each with an image of itself.
+
+    A sphere touches six images; those opposite to each other are one contact.
+    """
+    return find_contacts(hexagonal_cell(sphere), [sphere], sphere.contact_force)
+
+
+# --- the hexagonal sheet ---------------------------------------------------------------------------------------------
 
 
 def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
-    """The packing at rest.
+    """Return the sheet at rest.
 
     Parameters
     ----------
     sphere : Sphere
         Gives radius and lattice constant.
     shape : Shape
-        Rows, columns and ends; `granular_lmp.scene.scene` checks that they make a lattice.
+        Rows, columns and ends: any number of rows between fixed ends, an even one in a periodic cell.
 
     Returns
     -------
@@ -36,8 +102,7 @@ def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
 
     Notes
     -----
-    ASE draws it (``ase.visualize.view``) and writes it to its own formats, but has none for LAMMPS spheres: see
-    `granular_lmp.lammps.datafile`.
+    ASE draws it (``ase.visualize.view``) and writes it to its own formats.
     """
     a = lattice_constant(sphere)
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
@@ -64,17 +129,6 @@ def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
     return packing
 
 
-def lattice_constant(sphere: Sphere) -> float:
-    """a = 2 − Δ0/R, in radii."""
-    return sphere.lattice_constant / sphere.radius
-
-
-@cache
-def unit_lattice(sphere: Sphere) -> ase.Atoms:
-    """The smallest periodic packing whose centre sphere stands for the infinite lattice; not to be changed."""
-    return hexagonal(sphere, Shape(rows=4, columns=3, ends="periodic"))
-
-
 def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Where the spheres are, from the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
     return _offsets(packing.arrays["row"], packing.arrays["column"])
@@ -90,16 +144,3 @@ def centre(packing: ase.Atoms) -> int:
     rows, columns = packing.arrays["row"], packing.arrays["column"]
     (index,) = np.flatnonzero((rows == rows.max() // 2) & (columns == (columns.max() + 1) // 2))
     return int(index)
-
-
-def contacts(packing: ase.Atoms, index: int) -> NDArray[np.float64]:
-    """Vectors (contacts, 2), in radii, from the centre of sphere `index` to those of the spheres that it overlaps."""
-    radius = packing.arrays["radius"]
-    height = packing.cell.lengths()[1]
-    along_y = packing.positions[:, 1] - packing.positions[index, 1]
-    along_y -= height * np.round(along_y / height) * packing.pbc[1]
-    # Nearest images of a million spheres would take ten times the memory of the packing
-    others = np.flatnonzero(np.abs(along_y) < radius[index] + radius.max())
-    others = others[others != index]
-    vectors = packing.get_distances(index, others, mic=True, vector=True)[:, :2]
-    return vectors[np.linalg.norm(vectors, axis=1) < radius[index] + radius[others]]

@@ -1,43 +1,56 @@
-"""Bloch modes of a packing from its own contact network: frequencies and shapes for any wave vector.
+"""Bloch modes of a crystal from its contacts: frequencies and shapes for any wave vector and any number of spheres.
 
-A plane wave u e^{i(k·r − ωt)}, φ e^{i(k·r − ωt)} (φ = Rθ) stretches the contact with unit normal n, tangent t (n turned
-by +90°) and phase difference χ = k·d by
+In a plane wave sphere s of the cell, at r, moves by u_s e^{i(k·r − ωt)} and turns by φ_s e^{i(k·r − ωt)}, φ = Rθ with
+its own R. The contact from i to j with vector d, unit normal n and tangent t (n turned by +90°) is then stretched,
+moved sideways and sheared, up to a common phase, by
 
-    δN = 2 sin(χ/2) n·u,    δT = 2 sin(χ/2) t·u,    δS = δT − 2 cos(χ/2) f,        φ = i f
+    δN = n·(u_j e^{ik·d/2} − u_i e^{−ik·d/2}),    δT the same with t,    δS = δT − (φ_j e^{ik·d/2} + φ_i e^{−ik·d/2})
 
-up to a common phase factor: normal, sideways and shear displacement. Its energy is
+The energy is E = ½ Σ_contacts (k |δN|² + g |δS|² − (f/ℓ) |δT|²) with the normal and the shear stiffness k and g; the
+last term is there where a contact of length ℓ is pressed together by a force f at rest: one that turns pushes on, as a
+compressed strut does when it buckles. Shapes are the eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum
+of squares E gives for its shape. Taken so, ω is accurate for long waves too, where an eigenvalue loses half its digits.
 
-    E = ½ Σ_contacts (k1 δN² + g1 δS² − (F0/ℓ) δT²),
+With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u, δS = 2 sin(χ/2) t·u − 2 cos(χ/2) f with
+χ = k·d, and so are its shapes (ux, uy, f). The waves of a lattice of one sphere a cell have the names L, TR and RT
+(`bloch_mode`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
 
-the last term where the contacts are pressed together by a force F0 from outside (`Sphere.prestress`). Shapes are the
-eigenvectors of M^{-1/2} (∂²E) M^{-1/2}; each ω² is then the sum of squares E gives for its shape. Taken so, ω is
-accurate for long waves too, where an eigenvalue loses half its digits. Frequencies are in rad/t0, wave vectors in 1/R.
+An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. The spheres move in the
+plane; in space each has six freedoms instead of three and each contact a second tangent (`_PLANE`).
 
-An effect that a scene leaves out leaves its part out here: no shear, no g1; no rotation, no f.
+**The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
+the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
+1/(1 − η), η = δ/2R. Where they have not, the contacts are no longer derived from an energy; η is then the mean over the
+contacts of the sphere, weighted by g, and frequencies are wrong by less than the spread of η, 1e-4 for microspheres.
 
 This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from functools import lru_cache
 
-import ase
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular_lmp.crystal.lattices import centre, contacts, lattice_constant, unit_lattice
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
-from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import MODES, Scene
+from granular_lmp.crystal.wavevector import WaveVector, zone_path
+from granular_lmp.errors import CrystalError, SceneError
 
+MODES = ("L", "TR", "RT")
 _UX, _UY, _F = range(3)
-# A wave along an axis keeps the mirror of the packing that holds the axis: L lives in the one displacement, TR and RT
+# Of the six freedoms of a sphere, displacement (x, y, z) and rotation about (x, y, z), those of a motion in the plane
+_PLANE = [0, 1, 5]
+# A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
 _SUBSPACE = {
     "y": {"L": ([_UY], 0), "TR": ([_UX, _F], 0), "RT": ([_UX, _F], 1)},
     "x": {"L": ([_UX], 0), "TR": ([_UY, _F], 0), "RT": ([_UY, _F], 1)},
 }
+# A negative ω², over the largest one, that is not rounding: the crystal buckles.
+_BUCKLING = 1e-9
+_SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 
 
 @dataclass(frozen=True)
@@ -82,12 +95,6 @@ class Physics:
     shear: bool = True
     rotation: bool = True
 
-    @classmethod
-    def of(cls, scene: Scene) -> Self:
-        """Those of a scene's lattice; what is not decided yet is there."""
-        shear = scene.effects.shear is not False
-        return cls(shear, shear and scene.effects.rotation is not False)  # nothing else turns a sphere
-
     @property
     def modes(self) -> tuple[str, ...]:
         """Names of the modes that there are."""
@@ -102,33 +109,111 @@ class Physics:
 FULL = Physics()
 
 
+# --- any crystal -----------------------------------------------------------------------------------------------------
+
+
 def bloch_modes(
-    packing: ase.Atoms, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
+    contacts: Contacts, sphere: Sphere, wavevectors: ArrayLike, physics: Physics = FULL
 ) -> tuple[NDArray, NDArray]:
-    """Frequencies and shapes of the modes at any wave vectors, lowest first.
+    """Return frequencies and shapes of all modes of a crystal in the plane at any wave vectors, lowest first.
 
     Parameters
     ----------
-    packing : ase.Atoms
-        Its centre sphere stands for the perfect lattice.
+    contacts : Contacts
+        Of the spheres of one cell.
     sphere : Sphere
-        Gives the contact stiffnesses and the inertia.
+        Gives the units: R, t0.
     wavevectors : array_like, (..., 2)
         k, 1/R.
     physics : Physics
 
     Returns
     -------
-    frequencies : (..., 3) array, or (..., 2) without rotation
+    frequencies : (..., 3N) array, or (..., 2N) without rotation
         In 1/t0, ascending.
-    shapes : (..., 3, 3) array, or (..., 2, 3)
-        One row a mode: (ux, uy, f), normalised to 1, of either sign. Where modes are degenerate any rotation of them.
+    shapes : (..., 3N, 3N) array, or (..., 2N, 3N)
+        One row a mode: (ux, uy, f) of sphere after sphere, normalised to 1; real for one sphere a cell. The phase of a
+        row is arbitrary, and where modes are degenerate any rotation of them is returned.
+
+    Raises
+    ------
+    CrystalError
+        When a mode has a negative ω²: the crystal is not at a stable equilibrium.
     """
-    return _solve(packing, sphere, np.asarray(wavevectors, dtype=float), physics, physics.coordinates)
+    columns = [3 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
+    return _solve(contacts, sphere, np.asarray(wavevectors, dtype=float), physics, columns)
 
 
-def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
-    """The mode L, TR or RT at a wave vector, with the signs that `Mode` gives.
+def effective_inertia(contacts: Contacts) -> NDArray:
+    """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
+
+    A sphere that no contact turns keeps Ĩm. How η is taken is in the module docstring.
+    """
+    turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
+    for end in (contacts.i, contacts.j):
+        np.add.at(turned, end, contacts.shear_stiffness)
+        np.add.at(weighted, end, contacts.shear_stiffness * contacts.overlap / (2 * contacts.radius[end]))
+    ratio = np.divide(weighted, turned, out=np.zeros_like(turned), where=turned > 0)
+    return INERTIA_RATIO * contacts.mass / (1 - ratio)
+
+
+def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the rows (..., C, 3N) that give −i times δN, δT and δS − δT of a shape (ux, uy, f); k in 1/m."""
+    half_phase = wavevectors @ contacts.vector[:, :2].T / 2
+    on_i, on_j = np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
+    n, t = contacts.normals, contacts.tangents[:, 0]
+    none = np.zeros_like(n)
+    moves_n, moves_t = np.hstack([n, none])[:, _PLANE], np.hstack([t, none])[:, _PLANE]
+    turns = np.hstack([none, np.cross(n, t)])[:, _PLANE]
+    normal, sideways = (_rows(contacts, 1j * on_i * moves, -1j * on_j * moves) for moves in (moves_n, moves_t))
+    return normal, sideways, _rows(contacts, -on_i * turns, -on_j * turns)
+
+
+def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
+    """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 3) on spheres i and j."""
+    count, spheres = len(contacts), len(contacts.mass)
+    rows = np.zeros((*on_i.shape[:-2], count, spheres, 3), dtype=complex)
+    rows[..., np.arange(count), contacts.i, :] += on_i
+    rows[..., np.arange(count), contacts.j, :] += on_j
+    rows = rows.reshape(*on_i.shape[:-2], count, 3 * spheres)
+    return rows.real if spheres == 1 else rows
+
+
+def _solve(
+    contacts: Contacts, sphere: Sphere, wavevectors: NDArray, physics: Physics, columns: list[int]
+) -> tuple[NDArray, NDArray]:
+    """Return frequencies, ascending, and shapes of the modes in the subspace of some of the columns."""
+    normal, sideways, turn = _stretch_rows(contacts, wavevectors / sphere.radius)
+    mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)]).ravel()
+    inverse_root_mass = np.sqrt(sphere.mass / mass)
+    per_mass = sphere.time_scale**2 / sphere.mass
+    springs = [(contacts.normal_stiffness, normal)]
+    if physics.shear:
+        springs.append((contacts.shear_stiffness, sideways + turn))
+    if contacts.contact_force.any():
+        springs.append((-contacts.contact_force / contacts.length, sideways))
+    energy = [(stiffness[:, None] * per_mass, (rows * inverse_root_mass)[..., columns]) for stiffness, rows in springs]
+    _, vectors = np.linalg.eigh(sum(rows.conj().swapaxes(-1, -2) @ (weight * rows) for weight, rows in energy))
+    squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
+    if squared.min() < -_BUCKLING * squared.max():
+        raise CrystalError(
+            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2; "
+            "its contacts are pressed together more than they bear sideways"
+        )
+    shapes = np.zeros((*vectors.shape[:-2], len(columns), len(mass)), dtype=vectors.dtype)
+    shapes[..., columns] = vectors.swapaxes(-1, -2) * inverse_root_mass[columns]
+    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
+    order = np.argsort(squared, axis=-1, kind="stable")
+    frequencies = np.sqrt(np.maximum(np.take_along_axis(squared, order, axis=-1), 0.0))
+    return frequencies, np.take_along_axis(shapes, order[..., None], axis=-2)
+
+
+# --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
+
+
+@lru_cache(maxsize=256)  # a scene's mode is asked for by everyone who judges the scene
+def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
+    """Return the mode L, TR or RT of the hexagonal lattice at a wave vector, with the signs that `Mode` gives.
 
     L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
     a mirror holds the wave, L is purely longitudinal and these do not move along k; elsewhere all three move in every
@@ -141,14 +226,19 @@ def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str
     ------
     SceneError
         For another name, and for RT where spheres do not turn.
+    ValueError
+        For contacts that are not those of the hexagonal lattice of the sphere: their modes have no names, and
+        `bloch_modes` gives them all.
     """
+    if len(lattice) != 3 or np.abs(lattice.length / sphere.lattice_constant - 1).max() > _SAME_LATTICE:
+        raise ValueError(f"{len(lattice)} contacts: not those of the sphere's hexagonal lattice; see `unit_lattice`")
     if name not in MODES:
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(MODES)}")
     if name not in physics.modes:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
     columns = [column for column in columns if column in physics.coordinates]
-    frequencies, shapes = _solve(packing, sphere, _wavevector(sphere, vector), physics, columns)
+    frequencies, shapes = _solve(lattice, sphere, _wavevector(sphere, vector), physics, columns)
     if index is None:
         longitudinal = int(np.argmax(np.abs(vector.along(*shapes[:, :2].T))))
         others = [branch for branch in range(len(shapes)) if branch != longitudinal]
@@ -157,41 +247,32 @@ def bloch_mode(packing: ase.Atoms, sphere: Sphere, vector: WaveVector, name: str
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
 
 
-def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
-    """The mode of a scene's wave in its lattice, or in one with other physics."""
-    sphere = scene.sphere
-    return bloch_mode(unit_lattice(sphere), sphere, scene.vector, scene.wave.mode, physics or Physics.of(scene))
-
-
-def contact_stretches(packing: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
-    """Amplitudes of δN and δS of three contacts, (3,) each, in units of D0, in phase; the other three mirror them."""
-    normal, sideways, turn = _stretch_rows(packing, _wavevector(sphere, mode.vector))
+def contact_stretches(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+    """Return the amplitudes of δN and δS of the contacts of a sphere, (3,) each, in units of D0, all in phase."""
+    normal, sideways, turn = _stretch_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
     shape = np.array([mode.ux, mode.uy, mode.f])
     return normal @ shape, (sideways + turn) @ shape
 
 
-def highest_frequency(packing: ase.Atoms, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Top of the spectrum over the whole zone, rad/t0: velocity Verlet is unstable from Δτ = 2/Ω on.
+def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
+    """Return the top of the spectrum of the hexagonal lattice, rad/t0: Verlet is unstable from Δτ = 2/Ω on.
 
     With rotation it is at Γ, all spheres turning in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)). Without, it is somewhere on the edges
-    Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4.
+    Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4. For other crystals there is
+    `granular_lmp.crystal.stability.frequency_bound`.
     """
-    corner = 4 * np.pi / 3 / lattice_constant(sphere)  # |K|
-    k, m = corner * np.array([1, 0]), corner * np.array([0.75, np.sqrt(3) / 4])
-    points = np.linspace(0, 1, 60)[:, None]
-    path = np.zeros((1, 2)) if physics.rotation else np.vstack([points * m, m + points * (k - m)])
-    return float(max(bloch_modes(packing, sphere, point, physics)[0][-1] for point in path))
+    path = np.zeros((1, 2)) if physics.rotation else zone_path(60) / lattice_constant(sphere)
+    return float(bloch_modes(lattice, sphere, path, physics)[0].max())
 
 
-def row_stretches(packing: ase.Atoms, ux: float, uy: float) -> tuple[NDArray, NDArray]:
-    """δN and δS of three contacts, (3,) each, between a row that is shifted by (ux, uy) and the next one at rest."""
-    n, t, _ = _contact_frames(packing, np.zeros(2))
+def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:
+    """Return δN and δS of three contacts, (3,) each, between a row shifted by (ux, uy) and the next one at rest."""
     shift = np.array([ux, uy])
-    return n @ shift, t @ shift
+    return lattice.normals[:, :2] @ shift, lattice.tangents[:, 0, :2] @ shift
 
 
-def decay_rate(packing: ase.Atoms, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
-    """Rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
+def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
+    """Return the rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
 
         Γ = ½ c Σ_contacts (δN² + δS²) / (ux² + uy² + Ĩ f²)
 
@@ -199,14 +280,14 @@ def decay_rate(packing: ase.Atoms, sphere: Sphere, mode: Mode, viscosity: float,
 
     Parameters
     ----------
-    packing, sphere, mode
+    lattice, sphere, mode
         As above.
     viscosity : float
         c of the dashpot of a contact, along its normal and along its tangent, in m/t0.
     shear : bool
         Whether the tangent has a dashpot.
     """
-    normal, tangential = contact_stretches(packing, sphere, mode)
+    normal, tangential = contact_stretches(lattice, sphere, mode)
     squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
     return float(viscosity * squares / (2 * (mode.ux**2 + mode.uy**2 + INERTIA_RATIO * mode.f**2)))
 
@@ -216,47 +297,9 @@ def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:
     return np.array(vector.components) / lattice_constant(sphere)
 
 
-def _contact_frames(packing: ase.Atoms, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Normals, tangents (3, 2), half the phase differences (..., 3) of three contacts; the other three mirror them."""
-    vectors = contacts(packing, centre(packing))
-    vectors = vectors[(vectors[:, 0] > 0) | ((vectors[:, 0] == 0) & (vectors[:, 1] > 0))]
-    n = vectors / np.linalg.norm(vectors, axis=1)[:, None]
-    return n, np.column_stack([-n[:, 1], n[:, 0]]), wavevectors @ vectors.T / 2
-
-
 def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
     """+1 or −1: the larger of p and q becomes positive; where both vanish f is negative, but that of TR along y."""
     larger = max(vector.along(*shape[:2]), vector.across(*shape[:2]), key=abs)
     if abs(larger) > 1e-9:  # along y q is proportional to sin ξ where it vanishes, so this is ξ = π to rounding
         return float(np.sign(larger))
     return float(np.sign(shape[_F])) * (1 if name == "TR" and vector.axis == "y" else -1)
-
-
-def _stretch_rows(packing: ase.Atoms, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Three rows a kind (..., 3, columns ux, uy, f) that give δN, δT and δS − δT of the contacts of a wave."""
-    n, t, half_phase = _contact_frames(packing, wavevectors)
-    sine, cosine = 2 * np.sin(half_phase)[..., None], 2 * np.cos(half_phase)[..., None]
-    none = np.zeros_like(sine)
-    normal, sideways = (np.concatenate([sine * direction, none], axis=-1) for direction in (n, t))
-    return normal, sideways, np.concatenate([none, none, -cosine], axis=-1)
-
-
-def _solve(
-    packing: ase.Atoms, sphere: Sphere, wavevectors: NDArray, physics: Physics, columns: list[int]
-) -> tuple[NDArray, NDArray]:
-    """Frequencies, ascending, and shapes (ux, uy, f) of the modes in the subspace of some of these columns."""
-    kappa = sphere.stiffness_ratio
-    normal, sideways, turn = _stretch_rows(packing, wavevectors)
-    # LAMMPS takes R as the arm of the slip but R − Δ0/2 as the arm of the torque: as if the inertia were larger.
-    inverse_root_mass = 1 / np.sqrt([1.0, 1.0, INERTIA_RATIO / (1 - sphere.overlap_ratio)])
-    springs = [(1.0, normal), (kappa if physics.shear else 0.0, sideways + turn), (-sphere.prestress, sideways)]
-    per_mass = 1 / (2 * (kappa + 3))  # k1 t0²/m
-    energy = [(weight * per_mass, (rows * inverse_root_mass)[..., columns]) for weight, rows in springs if weight]
-    _, vectors = np.linalg.eigh(sum(weight * rows.swapaxes(-1, -2) @ rows for weight, rows in energy))
-    squared = sum(weight * np.sum((rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
-    shapes = np.zeros((*vectors.shape[:-2], len(columns), 3))
-    shapes[..., columns] = vectors.swapaxes(-1, -2) * inverse_root_mass[columns]
-    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
-    order = np.argsort(squared, axis=-1, kind="stable")
-    frequencies = np.sqrt(np.maximum(np.take_along_axis(squared, order, axis=-1), 0.0))
-    return frequencies, np.take_along_axis(shapes, order[..., None], axis=-2)

@@ -97,3 +97,10 @@ def zone_edge(direction: float) -> float:
     Beyond it a wave vector names a wave that a shorter one names too.
     """
     return pi / max(abs(cos(radians(direction - edge))) for edge in _EDGES)
+
+
+def zone_path(points: int) -> NDArray[np.float64]:
+    """Return wave vectors on the edges Γ–M and M–K of an irreducible twelfth of the zone, (2 points, 2), in 1/a."""
+    m, k = np.array([pi, pi / sqrt(3)]), np.array([4 * pi / 3, 0.0])
+    share = np.linspace(0, 1, points)[:, None]
+    return np.vstack([share * m, m + share * (k - m)])

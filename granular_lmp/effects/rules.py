@@ -1,8 +1,8 @@
 """When a scene calls for an effect, and what would be lost without it: one function each, a number and a sentence.
 
 The rules judge the linear wave at its amplitude: exact for symmetries (an L wave along y turns no sphere), a prediction
-for sliding and opening. What they miss, the guards see (`granular_lmp.effects.guards`). The table that names the rules is in
-`granular_lmp.effects.table`.
+for sliding and opening. What they miss, the guards see (`granular_lmp.effects.guards`). The table that names the rules
+is in `granular_lmp.effects.table`.
 """
 
 from collections.abc import Mapping
@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, mode_of, row_stretches
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
 from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import FEWEST_COLUMNS

@@ -1,9 +1,10 @@
 """Which physics a scene calls for: one table, a row an effect.
 
-A row says when a scene calls for the effect (a rule of `granular_lmp.effects.rules` that gives a number and a sentence), what
-it writes into the deck when it is on and when it is off, which guard proves its absence harmless, what it costs, and
-what would be lost without it. To add an effect, add a row and its test; the deck (`granular_lmp.lammps.deck`) has a slot for
-each line and asks nobody. No theory holds it until its line in `analysis.catalogue` says so.
+A row says when a scene calls for the effect (a rule of `granular_lmp.effects.rules` that gives a number and a
+sentence), what it writes into the deck when it is on and when it is off, which guard proves its absence harmless, what
+it costs, and what would be lost without it. To add an effect, add a row and its test; the deck
+(`granular_lmp.lammps.deck`) has a slot for each line and asks nobody. No theory holds it until its line in
+`analysis.catalogue` says so.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,12 +13,13 @@ from math import hypot, isfinite
 from typing import Any
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Physics, highest_frequency
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects import rules
 from granular_lmp.effects.rules import Case, Finding
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import Units
+from granular_lmp.scene.linear import physics_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import FEWEST_COLUMNS
@@ -36,7 +38,8 @@ class Effect:
     number, reason : float, str
         The number behind that, and the sentence that goes with it.
     guard : str
-        The guard (`granular_lmp.effects.guards`) that measures it, and fails the run while it is off; "" if none is needed.
+        The guard (`granular_lmp.effects.guards`) that measures it, and fails the run while it is off; "" if none is
+        needed.
     cost : str
         What it costs in time, measured (docs/effects.md).
     loss : str
@@ -77,7 +80,8 @@ class Row:
     loss: str | Callable[[Case], str]
     on: Mapping[str, str] = field(default_factory=dict)
     off: Mapping[str, str] = field(default_factory=dict)
-    law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}  # arguments of `granular_lmp.lammps.contact.model`
+    # arguments of `granular_lmp.lammps.contact.model`
+    law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}
     needs: str = ""
     refuse: Callable[[Case], str] = lambda case: ""  # why it cannot be as it is chosen
     first_order: Callable[[Scene], bool] = lambda scene: False  # is LAMMPS's error then of first order in the step
@@ -293,7 +297,7 @@ def largest_step(scene: Scene) -> float:
     LAMMPS's dashpots see the velocity of half a step before, which makes (ΩΔτ)² + 2cλΔτ < 4 of it, with c in m/t0 and
     λ = 2(κ+3)Ω²/min(κ, 1) at the most.
     """
-    physics = Physics.of(scene)
+    physics = physics_of(scene)
     top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)
     kappa = scene.sphere.stiffness_ratio
     drag = 0.0

@@ -16,15 +16,15 @@ import numpy as np
 
 from granular_lmp.accuracy.ladder import finest_step, with_step
 from granular_lmp.crystal.lattices import hexagonal
-from granular_lmp.crystal.modes import Mode, Physics, mode_of
+from granular_lmp.crystal.modes import Mode
 from granular_lmp.effects import guards
 from granular_lmp.effects import table as effects
 from granular_lmp.effects.table import Effect
 from granular_lmp.lammps.datafile import DataFile
-from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, writable
 from granular_lmp.lammps.units import Units, units_for
-from granular_lmp.runs.folder import writable
 from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
@@ -133,7 +133,7 @@ def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFil
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
     fields = initial_fields(scene, packing, mode)
-    moving = Physics.of(scene).coordinates
+    moving = physics_of(scene).coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
         kind=np.where(packing.arrays["fixed"], 2, 1),

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -29,6 +30,17 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
+
+
+@contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
+    try:
+        yield
+    except FileExistsError as error:
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
 def replace_text(path: Path, text: str) -> None:

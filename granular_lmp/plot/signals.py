@@ -4,16 +4,17 @@ from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 
-import ase
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.crystal.modes import Physics, bloch_mode, mode_of
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import RunFolderError
+from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
 # Told apart by colour, and without it by the dashes.
@@ -81,18 +82,18 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
     return figure
 
 
-def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
+def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
     """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in Hz, kHz, MHz or GHz.
 
     Along y and x the branches have their names; in between these pass from branch to branch, and they are drawn alike.
     """
-    vector, physics = scene.vector, Physics.of(scene)
+    vector, physics = scene.vector, physics_of(scene)
     edge = zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
     along = [WaveVector.of(xi, vector.direction) for xi in wavenumbers]
-    modes = [[bloch_mode(packing, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
+    modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
     for index, name in enumerate(physics.modes):
         if vector.axis:
             axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **LINES[name])  # type: ignore[arg-type]

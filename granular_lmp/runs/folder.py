@@ -108,14 +108,3 @@ def refuse_long(folder: Path) -> None:
             f"folder (-o) = {shown(str(folder))}: must be at most {longest} bytes long, here {whole}, with at most "
             f"{longest_part} between two slashes, here {part}"
         )
-
-
-@contextmanager
-def writable(folder: Path) -> Iterator[None]:
-    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
-    try:
-        yield
-    except FileExistsError as error:
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
-    except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error

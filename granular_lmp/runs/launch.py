@@ -45,9 +45,10 @@ from granular_lmp.lammps.outputs import (
     mend_log,
     read_log,
     replace_text,
+    writable,
 )
 from granular_lmp.runs.agreement import refuse_other_scene
-from granular_lmp.runs.folder import clear, locked, writable
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.scene.scene import Scene

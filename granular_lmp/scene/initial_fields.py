@@ -18,13 +18,13 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import lattice_constant, offsets, unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, bloch_modes
+from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.scene.linear import physics_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import Envelope
-from granular_lmp.scene.shape import Shape
 
 Floats = NDArray[np.float64]
 FARTHEST = 7.0  # standard deviations of w that are summed: what is beyond is 2e-11
@@ -136,7 +136,7 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     """
     sphere = scene.sphere
     k = vectors / [1, ROW_SPACING] / lattice_constant(sphere)
-    frequencies, shapes = bloch_modes(unit_lattice(sphere), sphere, k, Physics.of(scene))
+    frequencies, shapes = bloch_modes(unit_lattice(sphere), sphere, k, physics_of(scene))
     likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]
     sign = np.where(np.take_along_axis(likeness, best, axis=-1) < 0, -1, 1)

@@ -1,9 +1,9 @@
 """What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[envelope]``, ``[time]``, ``[effects]`` and
-``[output]`` (`granular_lmp.scene.sections`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of
-the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing (`Scene.shape`), and in
-`granular_lmp.effects.table` where it concerns the physics.
+``[output]`` (`granular_lmp.scene.sections`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
+units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing (`Scene.shape`),
+and in `granular_lmp.effects.table` where it concerns the physics.
 """
 
 import tomllib
@@ -14,6 +14,7 @@ from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
+from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
@@ -35,9 +36,8 @@ from granular_lmp.scene.schema import (
     toml_lines,
 )
 from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.sections import MODES as MODES
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
-from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, Shape, decide, echo_time
+from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 SHIPPED = Path(__file__).parents[2] / "lammps_inputs"

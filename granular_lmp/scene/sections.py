@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from math import ceil, floor, hypot, pi
 from typing import Any
 
+from granular_lmp.crystal.modes import MODES
 from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, Rule, between, choice, declared, switch
 from granular_lmp.scene.shape import FEWEST_COLUMNS, Auto
 
-MODES = ("L", "TR", "RT")
 ENDS = ("fixed", "periodic", AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 FORMS = ("running", "standing", "driven")
@@ -214,8 +214,8 @@ class Time:
 class Effects:
     """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
 
-    What "auto" comes to, and why, is the business of `granular_lmp.effects.table`. Walls and width of the packing are effects
-    too; their switches are ``packing.ends`` and ``packing.columns``.
+    What "auto" comes to, and why, is the business of `granular_lmp.effects.table`. Walls and width of the packing are
+    effects too; their switches are ``packing.ends`` and ``packing.columns``.
     """
 
     adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")

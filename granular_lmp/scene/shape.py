@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal
 
+from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
@@ -22,25 +23,6 @@ LARGEST_CELL = 200  # rows or columns, beyond those that an envelope takes
 EXACT = 1e-12  # rad: rounding of 2πk/N
 
 Auto = Literal["auto"]
-
-
-@dataclass(frozen=True)
-class Shape:
-    """Rows, columns and ends of a packing, all decided."""
-
-    rows: int
-    columns: int
-    ends: str
-
-    @property
-    def centre_row(self) -> int:
-        """Row n = 0 of the wave, counted from 0."""
-        return (self.rows - 1) // 2
-
-    @property
-    def spheres(self) -> int:
-        """How many there are."""
-        return self.rows * self.columns
 
 
 @dataclass(frozen=True)

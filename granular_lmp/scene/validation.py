@@ -3,12 +3,13 @@
 import sys
 from math import ceil, pi
 
+from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Effects, Envelope, Output, Packing, Time, Wave
-from granular_lmp.scene.shape import LARGEST_CELL, SNAP, Shape
+from granular_lmp.scene.shape import LARGEST_CELL, SNAP
 
 # Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
 LARGEST_OVERLAP_RATIO = 0.05

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import CHECKPOINTS
+from granular_lmp.lammps.outputs import CHECKPOINTS, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked, writable
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import check_machine, run_input
 from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
 

@@ -1,8 +1,8 @@
 """A work–precision study: what each knob of a run costs in seconds, and what it gives in accuracy.
 
-Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine does falls on
-all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against LAMMPS itself,
-extrapolated from fine steps.
+Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine
+does falls on all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against
+LAMMPS itself, extrapolated from fine steps.
 
 A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
 the extrapolated one), and made from those ``cost.json`` and ``cost.csv``. A study that was stopped, or is asked for
@@ -23,8 +23,8 @@ from typing import Any
 from granular_lmp.accuracy import tolerance
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.deck import build
-from granular_lmp.lammps.outputs import COST, replace_text
-from granular_lmp.runs.folder import locked, refuse_long, writable
+from granular_lmp.lammps.outputs import COST, replace_text, writable
+from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.launch import core_count, run_deck
 from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene

@@ -15,9 +15,9 @@ from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import Deck, build
-from granular_lmp.lammps.outputs import LOG, SCENE, read_log
+from granular_lmp.lammps.outputs import LOG, SCENE, read_log, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked, writable
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import check_machine, run_input
 from granular_lmp.scene.scene import Scene
 

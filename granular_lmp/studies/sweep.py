@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import SCENE, STATUS, SWEEP, replace_text
-from granular_lmp.runs.folder import clear, locked, writable
+from granular_lmp.lammps.outputs import SCENE, STATUS, SWEEP, replace_text, writable
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import Record, optional_package, read_status, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.executors import stop_requested

@@ -1,0 +1,182 @@
+"""Contacts of a crystal at rest, found from its geometry: who touches whom, how stiffly, and with which force.
+
+Two elastic spheres at an overlap δ push each other with f_N = A δ^{3/2} − F and, after a slip ξ, f_S = B ξ δ^{1/2},
+
+    A = (4/3) E* √Rc,    B = 8 G* √Rc,    F = 2π w Rc
+    1/E* = (1−νi²)/Ei + (1−νj²)/Ej,    1/G* = (2−νi)/Gi + (2−νj)/Gj,    Rc = Ri Rj/(Ri + Rj),    w = √(wi wj)
+
+with G = E/(2(1+ν)). For equal spheres these are the constants of `granular_lmp.crystal.sphere.Sphere`. Between two
+materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and for w
+the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w where it
+mixes two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the modulus that is already
+mixed for that of either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials are therefore to be
+written out in ``pair_coeff`` (``tests/validation/test_two_materials.py`` measures both).
+
+Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.crystal.sphere import Sphere
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+# How far the overlaps of the positions may be from those of a declared force: a part of them, and rounding, in radii.
+SAME_OVERLAP = 1e-3
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Contacts of N spheres at rest, each once, and the spheres themselves; in SI units.
+
+    Attributes
+    ----------
+    i, j : (C,) int arrays
+        The two spheres of each contact; i = j where a sphere touches its own periodic image.
+    vector : (C, 3) array
+        From the centre of i to that of j across periodic faces, m.
+    overlap : (C,) array
+        δ, m.
+    normal_stiffness, shear_stiffness : (C,) arrays
+        Derivatives of f_N by the overlap, (3/2) A √δ, and of f_S by the slip, B √δ; N/m.
+    adhesive_force : (C,) array
+        F, N: the force that parts the two spheres.
+    contact_force : (C,) array
+        f_N = A δ^{3/2} − F, N: the force that presses the two together at rest, the prestress.
+    radius, mass : (N,) arrays
+        Of the spheres, m and kg.
+
+    Notes
+    -----
+    The arrays are read-only.
+    """
+
+    i: Integers
+    j: Integers
+    vector: Floats
+    overlap: Floats
+    normal_stiffness: Floats
+    shear_stiffness: Floats
+    adhesive_force: Floats
+    contact_force: Floats
+    radius: Floats
+    mass: Floats
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            getattr(self, field.name).setflags(write=False)  # one record is handed on to all who ask
+
+    def __len__(self) -> int:
+        return len(self.i)
+
+    @cached_property
+    def length(self) -> Floats:
+        """Distances of the centres, (C,), m."""
+        return np.linalg.norm(self.vector, axis=1)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Unit vectors from i to j, (C, 3)."""
+        return self.vector / self.length[:, None]
+
+    @cached_property
+    def tangents(self) -> Floats:
+        """Two unit vectors t1, t2 = n × t1 across each contact, (C, 2, 3).
+
+        For contacts in a plane z = const t1 = ẑ × n, the normal turned by +90° in that plane.
+        """
+        upright = np.abs(self.normals[:, 2:]) > 0.9  # ẑ × n would be lost to rounding
+        first = np.cross(np.where(upright, [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]), self.normals)
+        first /= np.linalg.norm(first, axis=1)[:, None]
+        return np.stack([first, np.cross(self.normals, first)], axis=1)
+
+    @cached_property
+    def per_sphere(self) -> Integers:
+        """How many contacts each sphere has, (N,)."""
+        return np.bincount(self.i, minlength=len(self.mass)) + np.bincount(self.j, minlength=len(self.mass))
+
+
+def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:
+    """Find the contacts of a crystal at rest, with any cell, basis, radii and materials, periodic or not.
+
+    Parameters
+    ----------
+    crystal : ase.Atoms
+        Positions and the array ``radius`` in radii of the first material. Optional arrays: ``material``, the index
+        into `materials` (0), and ``density``, kg/m³ (that of the material).
+    materials : sequence of Sphere
+        Their moduli, work of adhesion and density; of their radii only the first is used, as the unit of length.
+    contact_force : float, optional
+        f_N of every contact, N, where all are pressed together alike as in a perfect lattice. The overlaps then follow
+        from the force to the last digit, and the positions, which hold 12 digits of an overlap, say only who touches.
+
+    Raises
+    ------
+    ValueError
+        When the positions have other overlaps than `contact_force` makes.
+    """
+    unit = materials[0].radius
+    radius = crystal.arrays["radius"] * unit
+    material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))
+    density = crystal.arrays.get("density", _each(materials, material, "density"))
+    i, j, vector = overlapping(crystal)
+    vector = vector * unit
+
+    effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
+    modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
+    normal = 4 / 3 * modulus * np.sqrt(effective_radius)
+    shear = 8 * shear_modulus * np.sqrt(effective_radius)
+    adhesive_force = 2 * np.pi * adhesion * effective_radius
+    overlap = radius[i] + radius[j] - np.linalg.norm(vector, axis=1)
+    if contact_force is None:
+        force = normal * overlap**1.5 - adhesive_force
+    else:
+        force = np.full(len(i), float(contact_force))
+        overlap = _of_force(((adhesive_force + contact_force) / normal) ** (2 / 3), overlap, unit, contact_force)
+    return Contacts(
+        i=i,
+        j=j,
+        vector=vector,
+        overlap=overlap,
+        normal_stiffness=1.5 * normal * np.sqrt(overlap),
+        shear_stiffness=shear * np.sqrt(overlap),
+        adhesive_force=adhesive_force,
+        contact_force=force,
+        radius=radius,
+        mass=4 / 3 * np.pi * radius**3 * density,
+    )
+
+
+def _each(materials: Sequence[Sphere], material: Integers, name: str) -> Floats:
+    """Return an attribute of the material of each sphere."""
+    return np.array([getattr(each, name) for each in materials], dtype=float)[material]
+
+
+def _mixed(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple[Floats, Floats, Floats]:
+    """Return E*, G* and w of pairs of materials, each (C,)."""
+    (Ei, Ej), (nui, nuj), (wi, wj) = (
+        (_each(materials, one, name), _each(materials, other, name))
+        for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+    )
+    Gi, Gj = Ei / (2 * (1 + nui)), Ej / (2 * (1 + nuj))
+    return 1 / ((1 - nui**2) / Ei + (1 - nuj**2) / Ej), 1 / ((2 - nui) / Gi + (2 - nuj) / Gj), np.sqrt(wi * wj)
+
+
+def _of_force(overlap: Floats, geometric: Floats, unit: float, contact_force: float) -> Floats:
+    """Return the overlaps that a force makes, if the positions have them too."""
+    wrong = np.abs(overlap - geometric) > SAME_OVERLAP * overlap + ROUNDING * unit
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise ValueError(
+            f"contact_force = {contact_force!r}: makes an overlap of {overlap[first]:.6g} m, but the positions of "
+            f"contact {first} have {geometric[first]:.6g} m; leave it out, or give the force of this crystal"
+        )
+    return overlap

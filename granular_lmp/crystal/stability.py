@@ -1,0 +1,97 @@
+"""Time scale and highest frequency of any crystal from its contacts: how long a time step may be.
+
+The spectrum of the whole crystal is bounded from above without a matrix: a few Lanczos steps from a random start give
+the largest eigenvalue θ of a small tridiagonal matrix and the residual of its vector, and θ plus the residual lies
+above the spectrum (Zhou & Li, Linear Algebra Appl. 435, 480 (2011)). Velocity Verlet is stable below Δt = 2/Ω_max.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.modes import FULL, Physics, effective_inertia
+from granular_lmp.crystal.sphere import Sphere
+
+Floats = NDArray[np.float64]
+LANCZOS_STEPS = 60  # the bound is then 1e-3 above the top of a sheet of 1e4 spheres
+
+
+def time_scale(contacts: Contacts, row_spacing: float) -> float:
+    """Return the time t0 in which long waves of the mode L along y run half a row, s.
+
+        t0 = s/(2c),    c² = Σ_contacts (k n_y² + g t_y²) d_y² / Σ m
+
+    with d_y the part of a contact's vector along y. It is `Sphere.time_scale`, √(m/(2(g+3k))), for a hexagonal lattice,
+    and √(m/4k) for a chain along y and for a square lattice.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    row_spacing : float
+        s, m.
+
+    Notes
+    -----
+    Compression is left out, and c is the speed without the motion of spheres of a cell against each other, which lowers
+    it in crystals that are not lattices of one sphere a cell: there t0 is a unit of time, not half a row to the digit.
+    """
+    n, t = contacts.normals[:, 1], contacts.tangents[:, :, 1]
+    stiffness = contacts.normal_stiffness * n**2 + contacts.shear_stiffness * np.sum(t**2, axis=1)
+    squares = np.sum(stiffness * contacts.vector[:, 1] ** 2)
+    return float(row_spacing / 2 * np.sqrt(contacts.mass.sum() / squares))
+
+
+def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
+    """Return a frequency that no motion of a crystal in the plane exceeds, rad/t0.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        Of all spheres of the crystal. Of a periodic one, the waves that its cell holds are bounded: a unit cell holds
+        only Γ, so give the crystal itself.
+    sphere : Sphere
+        Gives t0.
+    physics : Physics
+
+    Notes
+    -----
+    Good to 1e-3 where the crystal is large; spheres that are held only lower the spectrum. The start is random but the
+    same every time. A start without any part in the highest mode would miss it, which no crystal is known to do.
+    """
+    mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)])
+    inverse_root_mass = np.sqrt(sphere.mass / mass)
+    if not physics.rotation:
+        inverse_root_mass[:, 2] = 0.0
+    per_mass = sphere.time_scale**2 / sphere.mass
+
+    def apply(motion: Floats) -> Floats:
+        return inverse_root_mass * _restoring(contacts, inverse_root_mass * motion, physics) * per_mass
+
+    start = np.random.default_rng(0).standard_normal(mass.shape) * (inverse_root_mass > 0)
+    diagonal, beside, vector, before = [], [0.0], start / np.linalg.norm(start), np.zeros_like(start)
+    for _ in range(min(LANCZOS_STEPS, int(np.count_nonzero(inverse_root_mass)))):
+        image = apply(vector)
+        diagonal.append(float(np.sum(image * vector)))
+        image -= diagonal[-1] * vector + beside[-1] * before
+        beside.append(float(np.linalg.norm(image)))
+        if beside[-1] <= np.finfo(float).eps * max(diagonal):  # all that the start holds is found
+            break
+        vector, before = image / beside[-1], vector
+    inner = beside[1 : len(diagonal)]
+    values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(inner, 1) + np.diag(inner, -1))
+    return float(np.sqrt(values[-1] + abs(beside[len(diagonal)] * vectors[-1, -1])))
+
+
+def _restoring(contacts: Contacts, motion: Floats, physics: Physics) -> Floats:
+    """Return minus the forces and torques/R (N, 3) of the contacts on spheres that move by (ux, uy, φ)."""
+    i, j = contacts.i, contacts.j
+    n, t = contacts.normals[:, :2], contacts.tangents[:, 0, :2]
+    apart = motion[j, :2] - motion[i, :2]
+    sideways = np.sum(t * apart, axis=1)
+    shear = contacts.shear_stiffness * (sideways - motion[i, 2] - motion[j, 2]) * physics.shear
+    along = contacts.normal_stiffness * np.sum(n * apart, axis=1)
+    across = shear - contacts.contact_force / contacts.length * sideways
+    pull = along[:, None] * n + across[:, None] * t
+    count = len(motion)
+    columns = [np.bincount(j, part, count) - np.bincount(i, part, count) for part in pull.T]
+    return np.column_stack([*columns, -np.bincount(i, shear, count) - np.bincount(j, shear, count)])

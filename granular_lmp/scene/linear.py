@@ -1,0 +1,17 @@
+"""The linear wave of a scene: which degrees of freedom its lattice has, and the Bloch mode of its wave."""
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
+from granular_lmp.scene.scene import Scene
+
+
+def physics_of(scene: Scene) -> Physics:
+    """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
+    shear = scene.effects.shear is not False
+    return Physics(shear, shear and scene.effects.rotation is not False)  # nothing else turns a sphere
+
+
+def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
+    """Return the mode of a scene's wave in its lattice, or in one with other physics."""
+    sphere = scene.sphere
+    return bloch_mode(unit_lattice(sphere), sphere, scene.vector, scene.wave.mode, physics or physics_of(scene))
