@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.ladder import phase_error
 from granular_lmp.accuracy.rounding import linear_signals, moving, rounding, walls
-from granular_lmp.crystal.modes import mode_of
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 
 Errors = dict[str, float]

@@ -8,17 +8,19 @@ leaves the errors
 
 Linear theory is enough to begin with. It gives the frequency Ω of the wave, and that of the free L wave of wave vector
 2k, which a second harmonic consists of beside its drive; the drive, at 2Ω, errs as a wave of frequency 2^{1/3} Ω does.
-How large the error has become is read off the runs (`granular_lmp.accuracy.richardson.estimate`). A ladder that begins too coarse
-costs one run more, and one that begins too fine ends before its last run or wastes it; neither touches the promise.
+How large the error has become is read off the runs (`granular_lmp.accuracy.richardson.estimate`). A ladder that begins
+too coarse costs one run more, and one that begins too fine ends before its last run or wastes it; neither touches the
+promise.
 """
 
 from math import hypot, sqrt
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode, mode_of
+from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.effects.table import largest_step
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
 RUNGS = 4  # runs of the ladder that is expected to do: the last two answers then each rest on three runs
@@ -47,7 +49,7 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency that the wave and its second harmonic hold by linear theory, in rad/t0."""
     doubled = WaveVector(2 * scene.vector.per_column, 2 * scene.vector.per_row)
-    free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", Physics.of(scene))
+    free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", physics_of(scene))
     return max(2 ** (1 / 3) * mode_of(scene).frequency, free.frequency)
 
 

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import farthest_rounding
-from granular_lmp.crystal.modes import mode_of
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.lammps.outputs import CONTACTS, read_local
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 

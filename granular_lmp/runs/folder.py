@@ -20,6 +20,7 @@ from granular_lmp.lammps.outputs import (
     SCENE,
     STATUS,
     SWEEP,
+    writable,
 )
 from granular_lmp.scene.schema import NOT_TOML, checked_name, file_text, shown
 

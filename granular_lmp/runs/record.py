@@ -72,7 +72,7 @@ class Record:
         Raises
         ------
         RunFolderError
-            When a file is missing or malformed, files disagree with each other (`granular_lmp.runs.agreement`), or the run
+            When a file is missing or malformed, files disagree with each other (`runs.agreement`), or the run
             did not finish, unless `unfinished` runs are wanted too.
         """
         folder = Path(folder)
