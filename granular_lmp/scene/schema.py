@@ -167,7 +167,7 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any
     SceneError
         For a missing table or key, an unknown key, and a value out of range, each named.
     """
-    items = _declared_fields(kind, rules)
+    items = declared_fields(kind, rules)
     names = [item.name for item, _ in items]
     if table is None:
         if any(item.default is MISSING for item, _ in items):
@@ -187,12 +187,12 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any
 
 def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
     """The declared values of a record by name."""
-    return {item.name: getattr(record, item.name) for item, _ in _declared_fields(type(record), rules)}
+    return {item.name: getattr(record, item.name) for item, _ in declared_fields(type(record), rules)}
 
 
 def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
     """``key = value  # note`` for each of the values, which are some of a record's of type `kind`."""
-    notes = {item.name: rule.note for item, rule in _declared_fields(kind, rules)}
+    notes = {item.name: rule.note for item, rule in declared_fields(kind, rules)}
     lines = ((f"{name} = {toml(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
@@ -275,7 +275,7 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
+def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
     """The fields of a record that a scene file holds, each with its rule."""
     known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in fields(kind)]
     return [(item, rule) for item, rule in known if rule is not None]
