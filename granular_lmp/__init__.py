@@ -7,9 +7,8 @@ of the centre sphere::
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
-The rooms, in the direction of the data: `sphere`, `scene`, `packing`, `modes`, `wave` and `effects`, `deck`, `record`,
-`launch`, `tolerance`, `sweep`. A module imports only from its left (the whole order is in
-``tests/test_independence.py``).
+The rooms, in the direction of the data: `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`, `studies` and
+`plot`. A room imports only from its left (``tests/test_independence.py`` holds the table of what each may import).
 """
 
 from importlib import import_module

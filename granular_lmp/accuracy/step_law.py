@@ -313,8 +313,8 @@ def rounding(scene: Scene) -> dict[str, float]:
 def drowned(scene: Scene) -> list[str]:
     """A sentence for each signal that second order predicts to be below what rounding leaves of it.
 
-    For p of TR and RT that is `granular_lmp.accuracy.rounding.noise_floor` or `grain`, whichever is larger. Nothing is predicted
-    of waves that are not plane and along y.
+    For p of TR and RT that is `granular_lmp.accuracy.rounding.noise_floor` or `grain`, whichever is larger. Nothing is
+    predicted of waves that are not plane and along y.
     """
     if not scene.plane_along_y:
         return []

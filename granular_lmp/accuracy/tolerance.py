@@ -1,14 +1,14 @@
 """Run a scene to the accuracy that it asks for: Richardson pairs of runs, each judged before it is handed out.
 
-`granular_lmp.accuracy.step_law` chooses the first pair, Δτ and Δτ/2. What it says of the pair holds if it is right about what the
-pair itself shows, the difference d of the two runs, so the error of the extrapolated record is estimated as
+`granular_lmp.accuracy.step_law` chooses the first pair, Δτ and Δτ/2. What it says of the pair holds if it is right
+about what the pair itself shows, the difference d of the two runs, so the error of the extrapolated record is taken as
 
     E = E_law max(1, d/d_law)²  up to d = 2 d_law (d goes as Δτ², E as Δτ⁴);        E = 4 d  beyond
 
 If that misses the tolerance, the step is halved and one run added; so it is where an effect makes the error one of
-first order (`granular_lmp.effects.table.order`), which is extrapolated as such, and for waves that are not running, plane and
-along y (`Scene.plane_along_y`): the law knows neither. Then there are two extrapolated records, of errors 16 : 1 where
-the step's error is of second order (the runs tell: their differences go as 4 : 1), and
+first order (`granular_lmp.effects.table.order`), which is extrapolated as such, and for waves that are not running,
+plane and along y (`Scene.plane_along_y`): the law knows neither. Then there are two extrapolated records, of errors
+16 : 1 where the step's error is of second order (the runs tell: their differences go as 4 : 1), and
 
     E = |older − newer|/15,               |older − newer| where it is not                + the error of first order in p
 

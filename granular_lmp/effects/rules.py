@@ -1,8 +1,8 @@
 """When a scene calls for an effect, and what would be lost without it: one function each, a number and a sentence.
 
 The rules judge the linear wave at its amplitude: exact for symmetries (an L wave along y turns no sphere), a prediction
-for sliding and opening. What they miss, the guards see (`granular_lmp.effects.guards`). The table that names the rules is in
-`granular_lmp.effects.table`.
+for sliding and opening. What they miss, the guards see (`granular_lmp.effects.guards`). The table that names the rules
+is in `granular_lmp.effects.table`.
 """
 
 from collections.abc import Mapping

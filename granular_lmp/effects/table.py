@@ -1,9 +1,9 @@
 """Which physics a scene calls for: one table, a row an effect.
 
-A row says when a scene calls for the effect (a rule of `granular_lmp.effects.rules` that gives a number and a sentence), what
-it writes into the deck when it is on and when it is off, which guard proves its absence harmless, what it costs, and
-what would be lost without it. To add an effect, add a row and its test; the deck (`granular_lmp.lammps.deck`) has a slot for
-each line and asks nobody.
+A row says when a scene calls for the effect (a rule of `granular_lmp.effects.rules` that gives a number and a
+sentence), what it writes into the deck when it is on and when it is off, which guard proves its absence harmless, what
+it costs, and what would be lost without it. To add an effect, add a row and its test; the deck
+(`granular_lmp.lammps.deck`) has a slot for each line and asks nobody.
 """
 
 from collections.abc import Callable, Mapping
@@ -36,7 +36,8 @@ class Effect:
     number, reason : float, str
         The number behind that, and the sentence that goes with it.
     guard : str
-        The guard (`granular_lmp.effects.guards`) that measures it, and fails the run while it is off; "" if none is needed.
+        The guard (`granular_lmp.effects.guards`) that measures it, and fails the run while it is off; "" if none is
+        needed.
     cost : str
         What it costs in time, measured (docs/effects.md).
     loss : str
@@ -67,7 +68,8 @@ class Row:
     loss: str | Callable[[Case], str]
     on: Mapping[str, str] = field(default_factory=dict)
     off: Mapping[str, str] = field(default_factory=dict)
-    law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}  # arguments of `granular_lmp.lammps.contact.model`
+    # arguments of `granular_lmp.lammps.contact.model`
+    law: Callable[[Scene, bool], Mapping[str, Any]] = lambda scene, on: {}
     needs: str = ""
     refuse: Callable[[Case], str] = lambda case: ""  # why it cannot be as it is chosen
     first_order: Callable[[Scene], bool] = lambda scene: False  # is LAMMPS's error then of first order in the step

@@ -4,8 +4,8 @@ Two equal spheres at an overlap δ and a shear displacement ξ push each other w
 
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
-(`granular_lmp.crystal.sphere`), the torque of f_S on each having the lever arm R − δ/2. Without adhesion F = 0. What LAMMPS
-22Jul2025 does beyond that, measured in ``tests/validation/test_contact_law.py``:
+(`granular_lmp.crystal.sphere`), the torque of f_S on each having the lever arm R − δ/2. Without adhesion F = 0. What
+LAMMPS 22Jul2025 does beyond that, measured in ``tests/validation/test_contact_law.py``:
 
 * The restitution e of ``coeff_restitution`` is obtained, to the error of the step. That of ``tsuji`` is not (asked for
   0.5, obtained 0.616): it is not offered here. Neither goes with an adhesive law; LAMMPS refuses both.

@@ -110,7 +110,8 @@ def build(scene: Scene) -> Deck:
     """The deck of a scene; nothing is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.accuracy.tolerance` makes.
+    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.accuracy.tolerance`
+    makes.
 
     Raises
     ------

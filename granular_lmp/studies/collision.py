@@ -1,8 +1,8 @@
 """A collision of two equal spheres, or of a sphere with a rigid plane: what the user declares, and its LAMMPS deck.
 
 For those who want to see one contact at work before they trust ten thousand. The contact is written by the function
-that writes it for the wave decks (`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal of the
-first sphere at the contact is +x, its tangent +y, spins are about z. `granular_lmp.studies.collide` runs it.
+that writes it for the wave decks (`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal
+of the first sphere at the contact is +x, its tangent +y, spins are about z. `granular_lmp.studies.collide` runs it.
 """
 
 import tomllib

@@ -1,8 +1,8 @@
 """A work–precision study: what each knob of a run costs in seconds, and what it gives in accuracy.
 
-Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine does falls on
-all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against LAMMPS itself,
-extrapolated from fine steps.
+Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine
+does falls on all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against
+LAMMPS itself, extrapolated from fine steps.
 
 A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
 the extrapolated one), and made from those ``cost.json`` and ``cost.csv``. A study that was stopped, or is asked for

@@ -28,7 +28,7 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 @dataclass(frozen=True)
 class Run:
-    """One run of LAMMPS, or with a tolerance those of `granular_lmp.accuracy.tolerance`: scene, `OUTPUTS`, MPI ranks."""
+    """One run of LAMMPS, with a tolerance those of `granular_lmp.accuracy.tolerance`: scene, `OUTPUTS`, MPI ranks."""
 
     scene: Scene
     output: str = "probe"

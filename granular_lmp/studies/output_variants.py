@@ -1,8 +1,8 @@
 """Ways to write down a run, to compare what they cost and what they lose: the centre sphere or all, text or binary.
 
-The record of a run is always made from one sphere at full precision (`granular_lmp.lammps.deck`). Here the deck's text is
-edited so that LAMMPS writes more, or fewer digits, and the trajectory is made from what it then wrote, as someone would
-who has nothing else.
+The record of a run is always made from one sphere at full precision (`granular_lmp.lammps.deck`). Here the deck's text
+is edited so that LAMMPS writes more, or fewer digits, and the trajectory is made from what it then wrote, as someone
+would who has nothing else.
 """
 
 import struct

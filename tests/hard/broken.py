@@ -1,4 +1,4 @@
-"""A run of a deck in which one piece is broken, in a process of its own: `granular_lmp.studies.executors` calls `outcome`."""
+"""A run of a deck in which one piece is broken, in a process of its own; `granular_lmp.studies.executors` runs it."""
 
 import re
 import resource
