@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
     _open_streams()
     try:
-        options = _parser().parse_args(argv)
+        options = _parsers()[0].parse_args(argv)
         _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
         return command(options)
@@ -92,7 +92,13 @@ def _remark(line: str, end: str = "\n") -> None:
         print(line, end=end, file=sys.stderr, flush=True)
 
 
-def _parser() -> argparse.ArgumentParser:
+def help_texts() -> dict[str, str]:
+    """Return the help of each command, for the reference page."""
+    return {f"granular-lmp {name}": parser.format_help().rstrip() for name, parser in _parsers()[1].choices.items()}
+
+
+def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[argparse.ArgumentParser]]":
+    """Return the parser, and its commands."""
     parser = argparse.ArgumentParser(
         prog="granular-lmp",
         description="Waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
@@ -179,7 +185,7 @@ def _parser() -> argparse.ArgumentParser:
     kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
 
     _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
-    return parser
+    return parser, commands
 
 
 def _add(

@@ -41,7 +41,7 @@ from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, 
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 SHIPPED = Path(__file__).parents[2] / "lammps_inputs"
-_TABLES: dict[str, type] = {
+SECTIONS: dict[str, type] = {
     "sphere": Sphere,
     "packing": Packing,
     "wave": Wave,
@@ -50,7 +50,7 @@ _TABLES: dict[str, type] = {
     "effects": Effects,
     "output": Output,
 }
-_RULES = {"sphere": SPHERE_RULES}
+SECTION_RULES = {"sphere": SPHERE_RULES}
 _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
 # Keys that a scene does not hold beside another; `with_values` of one takes the others out.
 EXCLUSIVE = {
@@ -67,8 +67,8 @@ def note(key: str) -> str:
     if key == "wave.wavevector":
         return "kx, ky, rad per lattice constant"
     table, _, name = key.rpartition(".")
-    rule = _RULES.get(table, {}).get(name) or next(
-        item.metadata["rule"] for item in fields(_TABLES[table]) if item.name == name
+    rule = SECTION_RULES.get(table, {}).get(name) or next(
+        item.metadata["rule"] for item in fields(SECTIONS[table]) if item.name == name
     )
     return str(rule.note)
 
@@ -128,12 +128,12 @@ class Scene:
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str = "scene") -> Self:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
-        refuse_unknown(tables, ("name", *_TABLES), "")
+        refuse_unknown(tables, ("name", *SECTIONS), "")
         name = checked_name(tables, default, "the files of the run")
         tables = _without_wavevector(tables)
         records = {
-            _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, _RULES.get(key))
-            for key, kind in _TABLES.items()
+            _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, SECTION_RULES.get(key))
+            for key, kind in SECTIONS.items()
         }
         if {"timestep", "tolerance"} <= set(tables["time"]):
             raise SceneError(
@@ -144,7 +144,7 @@ class Scene:
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, every default filled in; of the time step and the tolerance the one that is declared."""
-        tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), _RULES.get(key)) for key in _TABLES}
+        tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), SECTION_RULES.get(key)) for key in SECTIONS}
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         return {"name": self.name} | tables
 
@@ -166,8 +166,8 @@ class Scene:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
         lines = [f'name = "{self.name}"']
         tables = self.to_dict()
-        for key, kind in _TABLES.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
+        for key, kind in SECTIONS.items():
+            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], SECTION_RULES.get(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> "Scene":
@@ -175,8 +175,8 @@ class Scene:
         tables = self.to_dict()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
-            if table and table not in _TABLES:
-                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, _TABLES)}")
+            if table and table not in SECTIONS:
+                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, SECTIONS)}")
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change put a value in the table's place, which is what is wrong

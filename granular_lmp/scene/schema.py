@@ -6,7 +6,7 @@ writing and the error messages.
 
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from decimal import Decimal
 from difflib import get_close_matches
@@ -25,54 +25,139 @@ LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 
 @dataclass(frozen=True)
+class Interval:
+    """The numbers from `low` to `high`; without `low` itself where it is open, with 0 besides where `or_zero`."""
+
+    low: float
+    high: float
+    open_low: bool = False
+    or_zero: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        inside = self.low < value if self.open_low else self.low <= value
+        return (inside and value <= self.high) or (self.or_zero and value == 0)
+
+    def __str__(self) -> str:
+        return f"{'(' if self.open_low else '['}{short(self.low)}, {short(self.high)}]"
+
+
+@dataclass(frozen=True)
 class Rule:
-    """What a key may hold: a value of this kind that passes the check, or one of some words."""
+    """What a key of a scene may hold, and what it means.
+
+    Attributes
+    ----------
+    kind : type
+        float, int, bool or str.
+    unit : str
+        "" for a number without a unit, and for what is not a number.
+    meaning : str
+        Half a sentence: the comment behind the key in a scene file, its entry in the reference.
+    interval : Interval, optional
+        For numbers.
+    words : tuple of str
+        Words that are allowed: beside numbers and switches, or alone.
+    because : str
+        Why the interval ends where it does, for the error message.
+    """
 
     kind: type
-    note: str
-    allowed: str
-    check: Callable[[Any], bool]
+    unit: str
+    meaning: str
+    interval: Interval | None = None
     words: tuple[str, ...] = ()
+    because: str = ""
+
+    @property
+    def note(self) -> str:
+        """The comment behind a value in a scene file: its unit and its meaning."""
+        return ", ".join(filter(None, (self.unit, self.meaning)))
+
+    @property
+    def allowed(self) -> str:
+        """The values that are allowed, in words."""
+        words = [f'"{word}"' for word in self.words]
+        if self.kind is str:
+            return "one of " + ", ".join(words)
+        return ", or ".join([self._allowed_values + self.because, *words])
+
+    @property
+    def _allowed_values(self) -> str:
+        if self.interval is None:
+            return "true, false" if self.words else "true or false"
+        if self.kind is int:
+            return f"a whole number from {self.interval.low} to {self.interval.high}"
+        unit = f", {self.unit}" if self.unit else ""
+        return f"{'0 or ' if self.interval.or_zero else ''}a number in {self.interval}{unit}"
 
     def value(self, value: Any, key: str) -> Any:
-        """`value` as this rule's kind; SceneError with the key, the value and what is allowed if it is not."""
-        if value in self.words:
+        """Return `value` as this rule's kind.
+
+        Raises
+        ------
+        SceneError
+            With the key, the value and what is allowed, if it is not.
+        """
+        if isinstance(value, str) and value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
-        right = isinstance(value, self.kind) and not (self.kind is int and isinstance(value, bool))
+        right = isinstance(value, self.kind) and self.kind is not str  # words are dealt with above
+        right = right and not (self.kind is int and isinstance(value, bool))
         if right and self.kind is float:
             right = isfinite(value)
-        if not right or not self.check(value):
-            allowed = "".join([self.allowed, *(f', or "{word}"' for word in self.words)])
-            raise SceneError(f"{key} = {shown(value)}: must be {allowed}")
+        if not right or (self.interval is not None and value not in self.interval):
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
         return value
 
 
 Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules of their own
 
 
-def declared(
-    kind: type, note: str, allowed: str, check: Callable[[Any], bool], words: tuple[str, ...] = (), **default: Any
+def number(
+    unit: str,
+    meaning: str,
+    low: float,
+    high: float,
+    *,
+    open_low: bool = False,
+    or_zero: bool = False,
+    words: tuple[str, ...] = (),
+    **default: Any,
 ) -> Any:
-    """A dataclass field with its rule."""
-    return field(metadata={"rule": Rule(kind, note, allowed, check, words)}, **default)
+    """A dataclass field that holds a number of an interval."""
+    interval = Interval(low, high, open_low, or_zero)
+    return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
-def choice(note: str, options: tuple[str, ...], **default: Any) -> Any:
+def count(
+    meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any
+) -> Any:
+    """A dataclass field that holds a whole number."""
+    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, because)}, **default)
+
+
+def choice(meaning: str, options: tuple[str, ...], **default: Any) -> Any:
     """A dataclass field that is one of some words."""
-    allowed = "one of " + ", ".join(f'"{option}"' for option in options)
-    return declared(str, note, allowed, options.__contains__, **default)
+    return field(metadata={"rule": Rule(str, "", meaning, words=options)}, **default)
 
 
-def switch(note: str) -> Any:
+def flag(meaning: str, **default: Any) -> Any:
+    """A dataclass field that is true or false."""
+    return field(metadata={"rule": Rule(bool, "", meaning)}, **default)
+
+
+def switch(meaning: str) -> Any:
     """A dataclass field that is true, false or "auto", the default."""
-    return declared(bool, note, "true, false", lambda value: True, words=(AUTO,), default=AUTO)
+    return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,))}, default=AUTO)
 
 
-def between(low: float, high: float) -> Callable[[float], bool]:
-    """The check low ≤ value ≤ high."""
-    return lambda value: low <= value <= high
+def short(value: float) -> str:
+    """A number as a person writes it: 1e-9, 0.05, 10000000."""
+    if isinstance(value, int):
+        return str(value)
+    mantissa, e, exponent = f"{value:g}".partition("e")
+    return mantissa + (f"e{int(exponent)}" if e else "")
 
 
 def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any:
@@ -83,7 +168,7 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any
     SceneError
         For a missing table or key, an unknown key, and a value out of range, each named.
     """
-    items = _declared_fields(kind, rules)
+    items = declared_fields(kind, rules)
     names = [item.name for item, _ in items]
     if table is None:
         if any(item.default is MISSING for item, _ in items):
@@ -103,12 +188,12 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any
 
 def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
     """The declared values of a record by name."""
-    return {item.name: getattr(record, item.name) for item, _ in _declared_fields(type(record), rules)}
+    return {item.name: getattr(record, item.name) for item, _ in declared_fields(type(record), rules)}
 
 
 def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
     """``key = value  # note`` for each of the values, which are some of a record's of type `kind`."""
-    notes = {item.name: rule.note for item, rule in _declared_fields(kind, rules)}
+    notes = {item.name: rule.note for item, rule in declared_fields(kind, rules)}
     lines = ((f"{name} = {toml(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
@@ -203,7 +288,7 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
+def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
     """The fields of a record that a scene file holds, each with its rule."""
     known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in fields(kind)]
     return [(item, rule) for item, rule in known if rule is not None]

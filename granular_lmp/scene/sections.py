@@ -11,7 +11,7 @@ from typing import Any
 from granular_lmp.crystal.modes import MODES
 from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import AUTO, Rule, between, choice, declared, switch
+from granular_lmp.scene.schema import AUTO, Interval, Rule, choice, count, flag, number, switch
 from granular_lmp.scene.shape import FEWEST_COLUMNS, Auto
 
 ENDS = ("fixed", "periodic", AUTO)
@@ -25,31 +25,18 @@ NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all ot
 class Packing:
     """Hexagonal packing: rows along y, columns along x, where it is periodic."""
 
-    rows: int | Auto = declared(
-        int,
-        "along y",
-        "a whole number from 4 to 10000000",
-        between(4, 10_000_000),
-        words=(AUTO,),
-        default=AUTO,
-    )
-    columns: int | Auto = declared(
-        int,
+    rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
+    columns: int | Auto = count(
         "along x, periodic",
-        "a whole number of at least 3 (with 1 or 2 columns a sphere touches two images of the same neighbour, "
-        "which share one shear history in LAMMPS) and at most 1000000",
-        between(FEWEST_COLUMNS, 1_000_000),
+        FEWEST_COLUMNS,
+        1_000_000,
         words=(AUTO,),
+        because=" (with 1 or 2 columns a sphere touches two images of the same neighbour, which share one shear "
+        "history in LAMMPS)",
         default=AUTO,
     )
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
-    contact_force: float = declared(
-        float,
-        "N, presses the contacts at rest together from outside",
-        "a number in [0, 1e12], N",
-        between(0, 1e12),
-        default=0.0,
-    )
+    contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -62,30 +49,12 @@ class Wave:
     """
 
     mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
-    wavenumber: float = declared(
-        float,
-        "xi, rad per row",
-        f"a number in [1e-9, {LARGEST_WAVENUMBER:.6g}], rad per row",
-        between(1e-9, LARGEST_WAVENUMBER),
-    )
-    amplitude: float = declared(
-        float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
-    )
-    phase: float = declared(
-        float,
-        "rad, at the centre sphere, or of the driven row",
-        "a number in [-2 pi, 2 pi], rad",
-        between(-2 * pi, 2 * pi),
-        default=0.0,
-    )
+    wavenumber: float = number("rad per row", "xi", 1e-9, LARGEST_WAVENUMBER)
+    amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
+    phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)
     form: str = choice("running, standing, or driven by the first row", FORMS, default="running")
-    direction: float | str = declared(
-        float,
-        "x, y, or degrees from x towards y",
-        "a number in (-180, 180], degrees from x towards y",
-        lambda value: -180 < value <= 180,
-        words=tuple(DIRECTIONS),
-        default="y",
+    direction: float | str = number(
+        "degrees", "from x towards y; or x, y", -180, 180, open_low=True, words=tuple(DIRECTIONS), default="y"
     )
 
     @property
@@ -104,14 +73,8 @@ class Wave:
         return WaveVector.of(self.wavenumber, self.degrees)
 
 
-def _size(note: str) -> Any:
-    return declared(
-        float,
-        note,
-        f"0 or a number in [{NARROWEST:g}, 1e5], rows",
-        lambda value: value == 0 or NARROWEST <= value <= 1e5,
-        default=0.0,
-    )
+def _size(meaning: str) -> Any:
+    return number("rows", meaning, NARROWEST, 1e5, or_zero=True, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -122,18 +85,12 @@ class Envelope:
     driven row has a width only; it is switched on within the `ramp`, by r(s) = s³(10 − 15s + 6s²), s = τ/ramp.
     """
 
-    length: float = _size("rows, standard deviation along the wave; 0: none")
-    width: float = _size("rows, standard deviation across the wave; 0: none")
-    offset: float = declared(
-        float,
-        "rows, from the middle of the envelope to the centre sphere, along the wave",
-        "a number in [-1e5, 1e5], rows",
-        between(-1e5, 1e5),
-        default=0.0,
+    length: float = _size("standard deviation along the wave; 0: none")
+    width: float = _size("standard deviation across the wave; 0: none")
+    offset: float = number(
+        "rows", "from the middle of the envelope to the centre sphere, along the wave", -1e5, 1e5, default=0.0
     )
-    ramp: float = declared(
-        float, "tau, in which a driven row is switched on", "a number in [1, 1e5], tau", between(1, 1e5), default=20.0
-    )
+    ramp: float = number("tau", "in which a driven row is switched on", 1, 1e5, default=20.0)
 
     @property
     def finite(self) -> bool:
@@ -163,23 +120,13 @@ class Time:
     With a `tolerance` the steps are chosen by `granular_lmp.accuracy.tolerance`; until then there is none.
     """
 
-    duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
-    timestep: float = declared(
-        float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
+    duration: float = number("tau", "of the run", 1e-3, 1e7)
+    timestep: float = number("tau", "at most", FINEST, 2, default=0.05)
+    tolerance: float | None = number(
+        "", "relative L2 error of p, q and phi each, in place of a timestep", 1e-9, 0.1, default=None
     )
-    tolerance: float | None = declared(
-        float,
-        "relative L2 error of p, q and phi each, in place of a timestep",
-        "a number in [1e-9, 0.1], the relative error of p, q and phi each",
-        between(1e-9, 0.1),
-        default=None,
-    )
-    sample: float = declared(
-        float, "tau between records", f"a number in [{FINEST:g}, 1e7], in tau", between(FINEST, 1e7), default=0.5
-    )
-    allow_echo: bool = declared(
-        bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
-    )
+    sample: float = number("tau", "between records", FINEST, 1e7, default=0.5)
+    allow_echo: bool = flag("run on when the walls are heard at the centre", default=False)
 
     @property
     def steps_per_sample(self) -> int:
@@ -226,49 +173,26 @@ class Effects:
     damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
     contact_opening: bool | Auto = switch("contacts part and meet again")
     shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
-    friction: float | Auto = declared(
-        float,
-        "coefficient; auto: none slides",
-        "a number in (0, 1e4]",
-        lambda value: 0 < value <= 1e4,
-        words=(AUTO,),
-        default=AUTO,
+    friction: float | Auto = number(
+        "", "coefficient; auto: none slides", 0, 1e4, open_low=True, words=(AUTO,), default=AUTO
     )
-    viscosity: float = declared(
-        float, "N s/m, dashpot of a contact", "a number in [0, 1e12], N s/m", between(0, 1e12), default=0.0
-    )
-    restitution: float = declared(
-        float, "of a Hertz contact; 1: none lost", "a number in (0, 1]", lambda value: 0 < value <= 1, default=1.0
-    )
+    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
+    restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
 
 
 @dataclass(frozen=True)
 class Output:
     """What a run records beside the centre sphere."""
 
-    particles: float = declared(
-        float,
-        "tau between snapshots of all spheres; 0: none",
-        "a number in [0, 1e7], in tau",
-        between(0, 1e7),
-        default=0.0,
-    )
+    particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
 
 
 # The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
 # those in which the numbers of the deck stay far from under- and overflow.
 SPHERE_RULES = {
-    name: Rule(float, note, allowed, check)
-    for name, note, allowed, check in (
-        ("radius", "m", "a number in [1e-9, 1], m", between(1e-9, 1.0)),
-        ("youngs_modulus", "Pa", "a number in [1e3, 1e13], Pa", between(1e3, 1e13)),
-        ("poisson_ratio", "", "a number in (-1, 0.5]", lambda value: -1 < value <= 0.5),
-        (
-            "work_of_adhesion",
-            "J/m2",
-            "0 or a number in [1e-6, 100], J/m2",
-            lambda value: value == 0 or 1e-6 <= value <= 100,
-        ),
-        ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
-    )
+    "radius": Rule(float, "m", "", Interval(1e-9, 1)),
+    "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),
+    "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
+    "work_of_adhesion": Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True)),
+    "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
 }

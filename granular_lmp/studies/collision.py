@@ -19,13 +19,13 @@ from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO, SHIPPED
 from granular_lmp.scene.schema import (
     NOT_TOML,
-    between,
     checked_name,
     choice,
-    declared,
+    count,
     default_name,
     file_text,
     first_file,
+    number,
     one_line,
     plain,
     record,
@@ -43,19 +43,15 @@ _SHIPPED = SHIPPED / "collisions"
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
 
 
-def _number(note: str, low: float, high: float, **default: Any) -> Any:
-    return declared(float, note, f"a number in [{low:g}, {high:g}]", between(low, high), **default)
-
-
 @dataclass(frozen=True)
 class Contact:
     """The contact law, as `granular_lmp.lammps.contact.model` takes it."""
 
     normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", contact.SHEAR_LAWS, default="secant")
-    friction: float = _number("mu", 0.0, 1e4, default=0.0)
-    restitution: float = _number("e of an impact along the normal", 0.01, 1.0, default=1.0)
-    shear_damping: float = _number("of shear over that of normal motion", 0.0, 100.0, default=0.0)
+    friction: float = number("", "mu", 0.0, 1e4, default=0.0)
+    restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
+    shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
 
 
 @dataclass(frozen=True)
@@ -63,14 +59,12 @@ class Impact:
     """How the bodies meet."""
 
     partner: str = choice("an equal sphere, or a rigid plane", ("sphere", "plane"))
-    normal_velocity: float = _number("m/s, of each sphere towards the contact", 1e-9, 1e4)
-    tangential_velocity: float = _number("m/s, of the first sphere", -1e4, 1e4, default=0.0)
-    spin: float = _number("rad/s, of the first sphere", -1e12, 1e12, default=0.0)
-    partner_spin: float = _number("rad/s, of the second sphere", -1e12, 1e12, default=0.0)
-    duration: float = _number("elastic contact times", 1.1, 100.0, default=2.0)
-    steps: int = declared(
-        int, "to an elastic contact time", "a whole number from 100 to 10000000", between(100, 1e7), default=10_000
-    )
+    normal_velocity: float = number("m/s", "of each sphere towards the contact", 1e-9, 1e4)
+    tangential_velocity: float = number("m/s", "of the first sphere", -1e4, 1e4, default=0.0)
+    spin: float = number("rad/s", "of the first sphere", -1e12, 1e12, default=0.0)
+    partner_spin: float = number("rad/s", "of the second sphere", -1e12, 1e12, default=0.0)
+    duration: float = number("", "elastic contact times", 1.1, 100.0, default=2.0)
+    steps: int = count("to an elastic contact time", 100, 10_000_000, default=10_000)
 
 
 _TABLES: dict[str, type] = {"sphere": Sphere, "contact": Contact, "collision": Impact}

@@ -331,7 +331,7 @@ def test_a_collision_reads_back_as_it_is_written(name: str, tmp_path: Path) -> N
         ({"contact.normal": "dmt", "contact.restitution": 0.5}, "contact.restitution = 0.5: must be 1 with"),
         ({"collision.partner_spin": 1.0}, "collision.partner_spin = 1.0: must be 0"),
         ({"collision.partner": "wall"}, 'collision.partner = \'wall\': must be one of "sphere", "plane"'),
-        ({"collision.normal_velocity": 0.0}, "collision.normal_velocity = 0.0: must be a number in [1e-09, 10000]"),
+        ({"collision.normal_velocity": 0.0}, "collision.normal_velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
         ({"collision.normal_velocity": 1e4}, "the overlap would be 1.43 of the diameter; at most 0.05 is allowed"),
         ({"collision.spn": 1.0}, "collision.spn: unknown key; did you mean 'spin'?"),
         ({"colision.spin": 1.0}, "colision: unknown key; did you mean 'collision'?"),

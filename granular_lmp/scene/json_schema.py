@@ -1,0 +1,105 @@
+"""The keys of a scene file as JSON Schema, for completion in editors, and as the table of the reference page.
+
+Both are made from the declarations in `granular_lmp.scene.sections`, so that neither can say something else than the
+reader checks. What values mean together is checked by `Scene` alone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import MISSING, dataclass
+from typing import Any
+
+from granular_lmp.scene.scene import SECTION_RULES, SECTIONS
+from granular_lmp.scene.schema import Rule, declared_fields, toml
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
+_WAVEVECTOR = "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a scene file.
+
+    Attributes
+    ----------
+    section, name : str
+    rule : Rule
+    default : Any
+        None where the key must be given, and for ``time.tolerance``, which takes the place of a time step.
+    required : bool
+    """
+
+    section: str
+    name: str
+    rule: Rule
+    default: Any
+    required: bool
+
+
+def keys() -> Iterator[Key]:
+    """Every key of a scene file, section by section."""
+    for section, kind in SECTIONS.items():
+        for item, rule in declared_fields(kind, SECTION_RULES.get(section)):
+            required = item.default is MISSING
+            yield Key(section, item.name, rule, None if required else item.default, required)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a scene file."""
+    properties: dict[str, Any] = {"name": {"type": "string", "pattern": "^[A-Za-z0-9_-]{1,200}$"}}
+    sections: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
+    needed: dict[str, list[str]] = {section: [] for section in SECTIONS}
+    for key in keys():
+        sections[key.section][key.name] = _value(key)
+        if key.required:
+            needed[key.section].append(key.name)
+    for section, inner in sections.items():
+        table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
+        if section == "wave":  # a wave vector says what wave number and direction say
+            pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+            inner["wavevector"] = pair | {"description": _WAVEVECTOR}
+            needed["wave"].remove("wavenumber")
+            table["oneOf"] = [{"required": ["wavenumber"]}, {"required": ["wavevector"]}]
+        properties[section] = table | ({"required": needed[section]} if needed[section] else {})
+    return {
+        "$schema": DIALECT,
+        "title": "A scene of granular-lmp",
+        "type": "object",
+        "properties": properties,
+        "required": [section for section in SECTIONS if needed[section]],
+        "additionalProperties": False,
+    }
+
+
+def _value(key: Key) -> dict[str, Any]:
+    rule, default = key.rule, {} if key.default is None else {"default": key.default}
+    described = {"description": rule.note} if rule.note else {}
+    return _values(rule) | described | default
+
+
+def _values(rule: Rule) -> dict[str, Any]:
+    """What a rule allows."""
+    if rule.kind is str:
+        return {"enum": list(rule.words)}
+    numbers: dict[str, Any] = {"type": _KINDS[rule.kind]}
+    if rule.interval is not None:
+        low = "exclusiveMinimum" if rule.interval.open_low else "minimum"
+        numbers |= {low: rule.interval.low, "maximum": rule.interval.high}
+    others: list[Any] = [{"const": 0}] if rule.interval is not None and rule.interval.or_zero else []
+    others += [{"enum": list(rule.words)}] if rule.words else []
+    return {"anyOf": [numbers, *others]} if others else numbers
+
+
+def reference() -> str:
+    """Return the table of all keys in Markdown: key, unit, default, what is allowed, meaning; a heading a section."""
+    lines: list[str] = []
+    section = ""
+    for key in keys():
+        if key.section != section:
+            section = key.section
+            lines += ["", f"## `[{section}]`", "", "| key | unit | default | allowed | meaning |"]
+            lines.append("|---|---|---|---|---|")
+        default = "must be given" if key.required else "–" if key.default is None else f"`{toml(key.default)}`"
+        row = (f"`{key.name}`", key.rule.unit, default, key.rule.allowed, key.rule.meaning)
+        lines.append("| " + " | ".join(row) + " |")
+    return "\n".join(lines).strip() + "\n"

@@ -1,0 +1,88 @@
+"""The JSON Schema of a scene file says the same as the reader."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
+
+SCHEMA = json_schema()
+SCENES = sorted((Path(__file__).parents[1] / "lammps_inputs").glob("*/scene.toml"))
+KEYS = list(keys())
+
+
+def fits(key: Key, value: Any) -> bool:
+    """Whether the schema lets a key have a value."""
+    part = SCHEMA["properties"][key.section]["properties"][key.name]
+    return bool(jsonschema.Draft202012Validator(part).is_valid(value))
+
+
+def is_read(key: Key, value: Any) -> bool:
+    try:
+        key.rule.value(value, key.name)
+    except SceneError:
+        return False
+    return True
+
+
+def test_the_schema_is_one() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
+def test_a_shipped_scene_fits_the_schema(path: Path) -> None:
+    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"wave": {"wavenumber": 1.0, "amplitude": 0.1}},
+        {"wave": {"mode": "TR", "wavenumber": 1.0, "wavevector": [1.0, 0.0], "amplitude": 0.1}},
+        {"packing": {"rows": 2}},
+        {"vacancies": 0.1},
+        {"time": {"duration": 120.0, "tau": 3.0}},
+    ],
+    ids=str,
+)
+def test_a_scene_that_is_refused_does_not_fit(change: dict[str, Any]) -> None:
+    scene = tomllib.loads(SCENES[0].read_text(encoding="utf-8")) | change
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, SCHEMA)
+
+
+VALUES = st.one_of(
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.integers(-(10**9), 10**9),
+    st.booleans(),
+    st.sampled_from(["auto", "x", "y", "TR", "secant", "fixed", "other", ""]),
+)
+
+
+@given(st.sampled_from(KEYS), VALUES)
+def test_the_schema_lets_pass_what_the_reader_takes(key: Key, value: Any) -> None:
+    # JSON knows 3.0 as an integer, TOML does not; the reader follows TOML
+    if key.rule.kind is int and isinstance(value, float):
+        return
+    assert fits(key, value) == is_read(key, value)
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.section}.{key.name}")
+def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
+    interval = key.rule.interval
+    if interval is not None:
+        for end in (interval.low, interval.high):
+            assert fits(key, end) == is_read(key, end)
+            assert fits(key, key.rule.kind(end)) == is_read(key, key.rule.kind(end))
+
+
+def test_the_reference_names_every_key() -> None:
+    page = reference()
+    for key in KEYS:
+        assert f"| `{key.name}` |" in page.partition(f"## `[{key.section}]`")[2]
