@@ -16,7 +16,7 @@ from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInt
 from granular_lmp.folder import clear, locked, writable
 from granular_lmp.launch import check_machine, run_input
 from granular_lmp.modes import highest_frequency
-from granular_lmp.outputs import LOG, SCENE, read_log
+from granular_lmp.outputs import CHECKPOINTS, LOG, SCENE, read_log
 from granular_lmp.packing import lattice_constant, unit_lattice
 from granular_lmp.scene import Scene
 from granular_lmp.units import units_for
@@ -103,6 +103,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         try:
             run_input(folder, INPUT, lock)
         except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
             raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
         log = read_log(folder / LOG)[0]
         for column, limit, what in _LINEAR:
