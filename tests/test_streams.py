@@ -136,3 +136,4 @@ def test_a_kick_that_is_stopped_says_how_to_go_on(small_toml: Path, tmp_path: Pa
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.endswith(f"granular-lmp: error: {tmp_path / 'run'}: interrupted; run it again with --force\n")
+    assert not list((tmp_path / "run").glob("checkpoint*"))  # a kicked sheet is not continued

@@ -143,13 +143,13 @@ def run_deck(
         raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
     program = launcher == "lmp" or ranks > 1
     route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
+    info = description(deck, "lmp" if program else "module", ranks)
     folder = Path(folder).absolute()
     with locked(folder, make=True, force=force) as lock:
         clear(folder)
         deck.write(folder, force=True)
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
-        info = description(deck, "lmp" if program else "module", ranks)
         job = Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene), _columns(deck))
         return _execute(deck, job, route, info)
 

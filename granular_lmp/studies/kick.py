@@ -15,7 +15,7 @@ from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import Deck, build
-from granular_lmp.lammps.outputs import LOG, SCENE, read_log, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_log, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import check_machine, run_input
@@ -106,6 +106,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         try:
             run_input(folder, INPUT, lock)
         except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
             raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
         log = read_log(folder / LOG)[0]
         for column, limit, what in _LINEAR:
