@@ -39,9 +39,9 @@ from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from analysis.damping import restitution_viscosity
+from analysis.integrator import dop853
 from analysis.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.second_harmonic import SOLID_SPHERE, Mode
 
@@ -280,19 +280,7 @@ def integrate(
     tau = np.asarray(tau, dtype=float)
     if tau.ndim != 1 or tau.size == 0 or tau[0] < 0 or np.any(np.diff(tau) <= 0):
         raise ValueError("tau must be one-dimensional, not empty, not negative and ascending")
-    solution = solve_ivp(
-        lambda _, y: derivative(y.reshape(start.shape)).ravel(),
-        (0.0, tau[-1]),
-        start.ravel(),
-        method="DOP853",
-        t_eval=tau,
-        rtol=rtol,
-        atol=rtol * scale,
-        max_step=longest,
-    )
-    if not solution.success:
-        raise RuntimeError(f"integration of the lattice failed: {solution.message}")
-    return solution.y.T.reshape(-1, *start.shape)
+    return dop853(derivative, start, tau, rtol, rtol * scale, longest)
 
 
 def motion(
