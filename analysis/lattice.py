@@ -39,9 +39,9 @@ from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from analysis.damping import restitution_viscosity
+from analysis.integrator import dop853
 from analysis.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.second_harmonic import SOLID_SPHERE, Mode
 
@@ -151,11 +151,10 @@ def stretch_and_normal(
     if overlap_ratio == 0:
         return along, *normal
     length = 1 / overlap_ratio - 1
-    r_p, r_q = length * normal[0] + dp, length * normal[1] + dq
-    distance = np.sqrt(r_p**2 + r_q**2)
-    # |r| − ℓ itself would lose the four digits by which ℓ exceeds x.
-    stretch = (2 * length * along + dp**2 + dq**2) / (distance + length)
-    return stretch, r_p / distance, r_q / distance
+    # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
+    excess = 2 * length * along + dp**2 + dq**2
+    distance = np.sqrt(length**2 + excess)
+    return excess / (distance + length), (length * normal[0] + dp) / distance, (length * normal[1] + dq) / distance
 
 
 def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
@@ -197,8 +196,10 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
         if contact.shear:
             shear = shear + dashpot * closed * slip_rate
 
-    lever = shear - contact.overlap_ratio * overlap * shear if contact.overlap_ratio else shear
-    force = np.stack([n_p * normal - n_q * shear, n_q * normal + n_p * shear, lever], axis=1)
+    force = np.empty_like(apart[:, :3])
+    force[:, 0] = n_p * normal - n_q * shear
+    force[:, 1] = n_q * normal + n_p * shear
+    force[:, 2] = shear * (1 - contact.overlap_ratio * overlap) if contact.overlap_ratio else shear
     onward, behind = force.sum(axis=0), neighbours.behind(force)
     rate[:3] = state[3:6]
     rate[3:5] = onward[:2] - behind[:2]
@@ -279,19 +280,7 @@ def integrate(
     tau = np.asarray(tau, dtype=float)
     if tau.ndim != 1 or tau.size == 0 or tau[0] < 0 or np.any(np.diff(tau) <= 0):
         raise ValueError("tau must be one-dimensional, not empty, not negative and ascending")
-    solution = solve_ivp(
-        lambda _, y: derivative(y.reshape(start.shape)).ravel(),
-        (0.0, tau[-1]),
-        start.ravel(),
-        method="DOP853",
-        t_eval=tau,
-        rtol=rtol,
-        atol=rtol * scale,
-        max_step=longest,
-    )
-    if not solution.success:
-        raise RuntimeError(f"integration of the lattice failed: {solution.message}")
-    return solution.y.T.reshape(-1, *start.shape)
+    return dop853(derivative, start, tau, rtol, rtol * scale, longest)
 
 
 def motion(

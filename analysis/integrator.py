@@ -1,0 +1,117 @@
+"""DOP853 of Hairer, Nørsett and Wanner for arrays, real or complex, without BLAS.
+
+The method, its step control and its interpolation are those of `scipy.integrate.solve_ivp`, with SciPy's coefficients.
+SciPy sums the stages by BLAS, which hands states of a few hundred complex numbers to all its threads: on a machine that
+does other work too, that takes thirty times as long as the sums.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853 as TABLEAU
+
+Array = NDArray[Any]  # of floats or of complex numbers
+Derivative = Callable[[Array], Array]
+
+STAGES = TABLEAU.n_stages
+SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the change from one step to the next, as in SciPy
+
+
+def dop853(
+    derivative: Callable[[Array], Array],
+    start: Array,
+    tau: NDArray[np.float64],
+    rtol: float,
+    atol: float,
+    longest: float,
+) -> Array:
+    """Return the states (T, …) of y' = derivative(y), y(0) = start, at the ascending times tau ≥ 0.
+
+    Parameters
+    ----------
+    derivative : of a state, an array like `start`.
+    rtol, atol : error per step, the root mean square over the numbers of a state.
+    longest : largest step.
+
+    Raises RuntimeError when the step has fallen to rounding, or a state is not finite.
+    """
+    result = np.empty((len(tau), *start.shape), dtype=start.dtype)
+    done = int(np.searchsorted(tau, 0.0, side="right"))
+    result[:done] = start
+    if done == len(tau):
+        return result
+    slopes = np.empty((STAGES + 1 + len(TABLEAU.C_EXTRA), *start.shape), dtype=start.dtype)
+    time, y, slopes[0] = 0.0, start, derivative(start)
+    step = min(_first_step(derivative, y, slopes[0], rtol, atol), longest)
+    rejected = False
+    while done < len(tau):
+        step = min(step, longest, tau[-1] - time)
+        if not step > 10 * np.spacing(time):
+            raise RuntimeError(f"the step has fallen to {step:.1e} at tau = {time:.6g}: the state is not smooth there")
+        for stage in range(1, STAGES):
+            slopes[stage] = derivative(y + step * _sum(TABLEAU.A[stage, :stage], slopes))
+        after = y + step * _sum(TABLEAU.B, slopes)
+        slopes[STAGES] = derivative(after)
+        error = step * _error(slopes, atol + rtol * np.maximum(np.abs(y), np.abs(after)))
+        if not error < 1:
+            rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))
+            continue
+        end = time + step if step < tau[-1] - time else float(tau[-1])
+        upto = int(np.searchsorted(tau, end, side="right"))
+        if upto > done:
+            result[done:upto] = _between(derivative, y, after, slopes, step, (tau[done:upto] - time) / step)
+        growth = SAFETY * error ** (-1 / 8) if error > 0 else MOST
+        step *= min(1.0 if rejected else MOST, growth)
+        time, y, slopes[0], done, rejected = end, after, slopes[STAGES], upto, False
+    return result
+
+
+def _sum(weights: Array, slopes: Array) -> Array:
+    """Return Σ_i weights_i slopes_i."""
+    numbers = slopes[: len(weights)].reshape(len(weights), -1).view(np.float64)  # a complex number is two
+    total: Array = np.einsum("i,ij->j", weights, numbers)
+    return total.view(slopes.dtype).reshape(slopes.shape[1:])
+
+
+def _norm(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+
+
+def _error(slopes: Array, scale: Array) -> float:
+    """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
+    fifth, third = _norm(_sum(TABLEAU.E5, slopes) / scale), _norm(_sum(TABLEAU.E3, slopes) / scale)
+    both = np.hypot(fifth, 0.1 * third)
+    return float(fifth**2 / both) if both else 0.0
+
+
+def _first_step(derivative: Derivative, y: Array, slope: Array, rtol: float, atol: float) -> float:
+    """Return the first step: Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, section II.4."""
+    scale = atol + rtol * np.abs(y)
+    size, speed = _norm(y / scale), _norm(slope / scale)
+    guess = 1e-6 if min(size, speed) < 1e-5 else 0.01 * size / speed
+    turning = _norm((derivative(y + guess * slope) - slope) / scale) / guess
+    fastest = max(speed, turning)
+    return min(100 * guess, max(1e-6, guess * 1e-3) if fastest <= 1e-15 else (0.01 / fastest) ** (1 / 8))
+
+
+def _between(
+    derivative: Callable[[Array], Array],
+    y: Array,
+    after: Array,
+    slopes: Array,
+    step: float,
+    places: NDArray[np.float64],
+) -> Array:
+    """Return the states at the places x in (0, 1] of a step, by the interpolation of order 7."""
+    for row, weights in enumerate(TABLEAU.A_EXTRA, STAGES + 1):
+        slopes[row] = derivative(y + step * _sum(weights[:row], slopes))
+    rise = after - y
+    terms = [rise, step * slopes[0] - rise, 2 * rise - step * (slopes[STAGES] + slopes[0])]
+    terms += [step * _sum(weights, slopes) for weights in TABLEAU.D]
+    x = places.reshape(-1, *[1] * y.ndim)
+    total = np.zeros((len(places), *y.shape), dtype=y.dtype)
+    for power, term in reversed(list(enumerate(terms))):
+        total = (total + term) * (1 - x if power % 2 else x)
+    return y + total
