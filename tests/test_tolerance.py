@@ -489,6 +489,21 @@ def test_the_estimate_bounds_an_error_of_any_order(exponent: int, pair: tuple[Sc
         assert estimate(spoilt)["q"] == pytest.approx(SAFETY * error, rel=0.01)
 
 
+def test_free_waves_that_coarse_steps_do_not_resolve_are_in_the_estimate() -> None:
+    # φ of a long TR wave holds RT waves of third order, of which second-order theory knew nothing: too small by 240
+    wave: Wave = ("TR", 0.3, 0.3, 0.0)
+    RECORDS[wave] = 120
+    runs, scene = Stepped(), scene_of(wave, 1e-3)
+
+    def at(*counts: int) -> list[Record]:
+        return [runs.record(with_step(scene, 0.5 / count), wave) for count in counts]
+
+    exact = answer(at(16, 32, 64)).phi
+    for counts in ((1, 2, 4, 8), (2, 4, 8, 16)):
+        found = at(*counts)
+        assert estimate(found)["phi"] > relative_error(answer(found).phi, exact)
+
+
 def test_one_run_tells_nothing(pair: tuple[Scene, Callable[[int], Record]]) -> None:
     _, at = pair
     assert estimate([at(3)]) == dict.fromkeys(NAMES, np.inf)
