@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import Record, Scene, build
-from granular_lmp.effects.table import with_all
+from granular_lmp.effects.selection import with_all
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.outputs import LOG

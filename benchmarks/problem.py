@@ -115,7 +115,7 @@ class Start:
         deck, sphere = build(scene), scene.sphere
         packing = deck.packing
         rows, columns = packing.arrays["row"], packing.arrays["column"]
-        fields = plane_wave(packing, deck.mode, scene.wave.phase)
+        fields = plane_wave(packing, deck.problem.mode, scene.wave.phase)
         unit = scene.wave.amplitude * sphere.static_overlap * np.array([1.0, 1.0, 1 / sphere.radius])
         low = packing.get_celldisp().ravel()[:2]
         return cls(

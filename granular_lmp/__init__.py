@@ -15,9 +15,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from granular_lmp.accuracy.ladder import build as build
     from granular_lmp.accuracy.tolerance import run as run
     from granular_lmp.lammps.deck import Deck as Deck
-    from granular_lmp.lammps.deck import build as build
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
 
@@ -27,7 +27,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
-    "build": "lammps.deck",
+    "build": "accuracy.ladder",
     "run": "accuracy.tolerance",
     "Record": "runs.record",
 }

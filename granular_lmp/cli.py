@@ -252,7 +252,7 @@ def _workers(text: str) -> int | str:
 
 
 def _scene(options: argparse.Namespace) -> "Scene":
-    from granular_lmp.effects.table import select, warnings, with_all
+    from granular_lmp.effects.selection import select, warnings, with_all
     from granular_lmp.scene.scene import Scene, assignment
 
     scene = Scene.load(options.scene)
@@ -273,7 +273,7 @@ def _scene(options: argparse.Namespace) -> "Scene":
 def _build(options: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from granular_lmp.lammps.deck import build
+    from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.folder import clear, locked
 
     scene = _scene(options)
@@ -389,15 +389,15 @@ def _progress_of_runs(done: int, runs: int, left: float) -> None:
 
 
 def _effects(options: argparse.Namespace) -> int:
-    from granular_lmp.lammps.deck import build
+    from granular_lmp.accuracy.ladder import build
 
-    deck = build(_scene(options))
-    scene, shape = deck.scene, deck.scene.shape
+    problem = build(_scene(options)).problem
+    scene, shape = problem.scene, problem.scene.shape
     _say(
         f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
     )
     _say(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
-    for effect in deck.effects:
+    for effect in problem.effects:
         state = "on" if effect.on else "off"
         head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
         _say(head + effect.finding)

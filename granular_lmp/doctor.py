@@ -9,10 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from granular_lmp import __version__
+from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
-from granular_lmp.lammps.deck import build
 from granular_lmp.lammps.installation import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
-from granular_lmp.runs.launch import check_machine, core_count, run
+from granular_lmp.problem import prepare
+from granular_lmp.runs.launch import check_machine, core_count
 from granular_lmp.scene.scene import Scene
 
 # A TR wave of the paper's spheres, one wavelength in a periodic cell of 12 rows, for three periods.
@@ -72,7 +73,7 @@ def frequency_error() -> float:
     With q = Q cos Ωτ and φ = f sin Ωτ the phase of the wave is atan2(φ/f, q/Q); its slope is the frequency.
     """
     scene = Scene.loads(SELF_TEST)
-    mode = build(scene).mode
+    mode = prepare(scene).mode
     with TemporaryDirectory() as scratch:
         record = run(scene, Path(scratch) / "run")
     phase = np.unwrap(np.arctan2(record.phi / mode.f, record.q / -mode.ux))

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import Record, Scene
-from granular_lmp.effects.table import resolve, switches
+from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import TRAJECTORY, write_status
 from granular_lmp.scene.sections import Envelope
@@ -40,7 +41,7 @@ def status_of(scene: Scene) -> dict[str, Any]:
 
 def leave_folder(record: Record, folder: Path) -> None:
     """Write what a finished run leaves that a script reads; ``run.json`` holds the record's info besides."""
-    scene, _ = resolve(record.scene)
+    scene = prepare(record.scene).scene
     folder.mkdir(parents=True)
     (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
     record.write_csv(folder / TRAJECTORY)

@@ -14,8 +14,9 @@ import pytest
 from analysis import compare
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.tolerance import run as run_any
-from granular_lmp.effects.table import ROWS, resolve, select, switches
+from granular_lmp.effects.selection import EFFECTS, select, switches
 from granular_lmp.errors import RunFolderError
+from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import SAME, refuse_other_trajectory
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
@@ -75,7 +76,7 @@ LIES: list[tuple[Change, str]] = [
     (lambda info: info["effects"].pop("walls"), "effects.walls.on = null, but false by scene.toml"),
     *(
         (changed(f"effects.{name}.on", not on), f"effects.{name}.on = {json.dumps(not on)}, but {json.dumps(on)}")
-        for name, on in {row.name: row.name in ("adhesion", "shear", "rotation", "tracking") for row in ROWS}.items()
+        for name, on in {row.name: row.name in ("adhesion", "shear", "rotation", "tracking") for row in EFFECTS}.items()
     ),
     (changed("effects.rolling", ROLLING), 'effects.rolling.on = true, but "no such name" by scene.toml'),
     (changed("effects.rolling", ROLLING | {"on": None}), 'effects.rolling.on = null, but "no such name"'),
@@ -122,7 +123,7 @@ def test_the_folder_of_a_run_agrees_with_itself_for_each_effect(tmp_path: Path) 
 def test_what_a_resolved_scene_switches_is_what_the_rules_chose(changes: dict[str, Any]) -> None:
     scene = PAPER.with_values(changes)
     chosen = {effect.name: (effect.on, effect.guard) for effect in select(scene)}
-    assert switches(resolve(scene)[0]) == chosen
+    assert switches(prepare(scene).scene) == chosen
 
 
 def test_a_run_that_was_stopped_may_say_less_but_nothing_else(folder: Path) -> None:

@@ -17,7 +17,7 @@ from analysis.timestep import limit, stepped
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import phase_error, with_step
-from granular_lmp.crystal.modes import mode_of
+from granular_lmp.scene.linear import mode_of
 from tests.conftest import PAPER
 from tests.test_compare import from_theory
 

@@ -14,15 +14,15 @@ from analysis.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script
 from analysis.rows import load_form
 from analysis.theories import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
 from granular_lmp import Record, Scene, run
-from granular_lmp.effects import table as package_effects
-from granular_lmp.effects.rules import Case, Finding
-from granular_lmp.effects.table import ROWS, Row
+from granular_lmp.effects import selection as package_effects
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.scene.sections import FORMS, MODES, SHEAR_LAWS
 from tests.conftest import PAPER
 from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 5.0, 0.5)
-EFFECTS = [row.name for row in ROWS]
+EFFECTS = [row.name for row in EFFECTS]
 INVENTED_EFFECT, INVENTED_FORM = "rolling", "spiral"
 
 
@@ -232,8 +232,10 @@ def rolling(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
         def rule(case: Case) -> Finding:
             return Finding(on, 1.0, "of everything rolls")
 
-        row = Row("rolling", rule, cost="1.00", loss="all", switch="packing.rolling", declared=lambda scene: on)
-        monkeypatch.setattr(package_effects, "ROWS", (*ROWS, row))
+        row = Effect(
+            "rolling", rule, cost="1.00", loss=lambda case: "all", switch="packing.rolling", declared=lambda scene: on
+        )
+        monkeypatch.setattr(package_effects, "EFFECTS", (*EFFECTS, row))
 
     return add
 

@@ -12,7 +12,7 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.effects.table import ROWS
+from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.plot.signals import dispersion_figure
 
 COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
@@ -125,7 +125,7 @@ def test_effects_gives_a_reason_with_a_number(capsys: pytest.CaptureFixture[str]
     status, out, _ = cli(capsys, "effects", "tr_nonresonant")
     assert status == 0
     table = [line.split() for line in out.splitlines() if not line.startswith(" ")]
-    assert [words[0] for words in table[2:-1]] == [row.name for row in ROWS]
+    assert [words[0] for words in table[2:-1]] == [row.name for row in EFFECTS]
     assert "201 rows x 3 columns = 603 spheres, 2400 steps" in out
     assert "0.02193 of the kinetic energy of a TR wave is rotation" in out
     assert "without it: the frequency is 0.3809 per tau instead of 0.2769" in out

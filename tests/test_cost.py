@@ -16,7 +16,6 @@ from analysis.norms import relative_error
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.runs.launch import run_deck
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
 from granular_lmp.studies.cost import measure, plan
@@ -130,8 +129,8 @@ def test_the_tables_say_the_same(study: tuple[Path, dict[str, Any]]) -> None:
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_the_centre_is_found_in_what_was_written(name: str, small: Scene, tmp_path: Path) -> None:
     deck = build(small)
-    plain = run_deck(deck, tmp_path / "plain")
-    written = run_deck(edited(deck, OUTPUTS[name]), tmp_path / "run")
+    plain = run(deck, tmp_path / "plain")
+    written = run(edited(deck, OUTPUTS[name]), tmp_path / "run")
     kept = keep_centre(deck, written, OUTPUTS[name])
     # Rounding of positions: all digits of 7 µm are 1e-9 nm, 2e-8 D0; six digits 7e-3 nm, 0.14 D0
     tolerance = 2e-8 if OUTPUTS[name].all_digits else 1e-5 if name.startswith("probe") else 0.2

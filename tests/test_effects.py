@@ -12,15 +12,15 @@ import pytest
 from analysis.norms import relative_error, slope
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record, Scene, build, cli, run
-from granular_lmp.accuracy.tolerance import run_to_tolerance
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import decay_rate
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.guards import GUARDS, LOOKS, fastest, line_interval, look_interval
-from granular_lmp.effects.rules import Case, Finding
-from granular_lmp.effects.table import ROWS, Effect, largest_step, resolve, select, warnings, with_all
+from granular_lmp.effects.effect import Case, Chosen, Finding
+from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
+from granular_lmp.lammps.guards import GUARDS, LOOKS, fastest, line_interval, look_interval
 from granular_lmp.lammps.installation import lammps_module
+from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 
@@ -32,7 +32,7 @@ COMPRESSED = {"sphere.work_of_adhesion": 0.0, "packing.contact_force": STATIC_FO
 SPRING = PAPER.sphere.mass / PAPER.sphere.time_scale  # m/t0, N s/m
 
 
-def chosen(scene: Scene) -> dict[str, Effect]:
+def chosen(scene: Scene) -> dict[str, Chosen]:
     return {effect.name: effect for effect in select(scene)}
 
 
@@ -101,10 +101,11 @@ def test_what_is_forced_off_though_called_for_is_a_warning_with_a_number() -> No
 
 def test_a_resolved_scene_says_all_and_resolves_to_itself() -> None:
     scene = CELL.with_values({"packing.rows": "auto", "packing.ends": "auto", "packing.columns": "auto"})
-    resolved, effects = resolve(scene)
+    problem = prepare(scene)
+    resolved, effects = problem.scene, problem.effects
     assert (resolved.packing.rows, resolved.packing.columns, resolved.packing.ends) == (8, 3, "periodic")
     assert [getattr(resolved.effects, e.name) for e in effects[:-2]] == [e.on for e in effects[:-2]]
-    assert resolve(resolved) == (resolved, effects)
+    assert (prepare(resolved).scene, prepare(resolved).effects) == (resolved, effects)
     assert build(resolved).input_text == build(scene).input_text
 
 
@@ -184,7 +185,7 @@ def test_no_slot_stays_open() -> None:
 def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> None:
     for scene in (PAPER, PAPER.with_values({"wave.mode": "L"}), PAPER.with_values({"wave.amplitude": 3.0})):
         deck = build(scene)
-        for effect, row in zip(deck.effects, ROWS, strict=True):
+        for effect, row in zip(deck.problem.effects, EFFECTS, strict=True):
             if row.guard:
                 assert (effect.guard == row.guard) == (not effect.on or row.always)
                 assert (GUARDS[row.guard].column in deck.input_text) == (not effect.on or row.always)
@@ -198,7 +199,7 @@ def test_guards_look_forty_times_in_the_fastest_period_or_at_every_step(mode: st
     steps = look_interval(scene)
     assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
     assert scene.time.steps_per_sample % steps == 0
-    assert fastest(scene) >= max(2 * build(scene).mode.frequency, 1)
+    assert fastest(scene) >= max(2 * build(scene).problem.mode.frequency, 1)
     assert line_interval(scene) * step <= 10
 
 
@@ -289,10 +290,12 @@ def test_contacts_that_open_where_none_should_fail_the_run_and_the_results_are_k
 ) -> None:
     # The rules are made to believe that nothing opens: what they cannot foresee, as a resonance, looks the same
     blind = [
-        replace(row, rule=lambda case: Finding(False, 1.0, "left")) for row in ROWS if row.name == "contact_opening"
+        replace(row, called_for=lambda case: Finding(False, 1.0, "left"))
+        for row in EFFECTS
+        if row.name == "contact_opening"
     ]
-    table = [*(row for row in ROWS if row.name != "contact_opening"), *blind]
-    monkeypatch.setattr("granular_lmp.effects.table.ROWS", table)
+    table = [*(row for row in EFFECTS if row.name != "contact_opening"), *blind]
+    monkeypatch.setattr("granular_lmp.effects.selection.EFFECTS", table)
     strong = CELL.with_values({"wave.amplitude": 3.0, "time.sample": 0.5})
     with pytest.raises(EffectError, match=r"contact_opening triggered .* at tau = .*: open_contacts = \d") as caught:
         run(strong, tmp_path / "run")
@@ -307,32 +310,30 @@ def test_contacts_that_open_where_none_should_fail_the_run_and_the_results_are_k
     assert len(Record.load(tmp_path / "run", unfinished=True).tau) == 81
 
 
-def test_a_wave_that_turns_spheres_is_heard_when_rotation_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wave_that_turns_spheres_is_reported_when_rotation_is_left_out(tmp_path: Path) -> None:
     # A deck of an L wave given the fields of a TR wave: the guard must see the torque
     scene = CELL.with_values({"wave.mode": "L"})
     real = build(scene)
     other = build(CELL.with_values({"effects.rotation": False}))
-    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(real, data=other.data))
     with pytest.raises(EffectError, match="rotation triggered its guard at tau = 0: largest_torque"):
-        run(scene, tmp_path / "run")
+        run(replace(real, data=other.data), tmp_path / "run")
 
 
-def test_a_row_that_is_torn_apart_is_heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_that_is_torn_apart_is_reported(tmp_path: Path) -> None:
     deck = build(CELL)
     wave = deck.data.wave.copy()
     wave[22, 0] += 1e-4  # one sphere of the centre row
     torn = replace(deck.data, wave=wave)
-    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(deck, data=torn))
     with pytest.raises(EffectError, match="width triggered its guard at tau = 0: row_spread = "):
-        run(CELL, tmp_path / "run")
+        run(replace(deck, data=torn), tmp_path / "run")
 
 
 def blind(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
     """Let the rules of some effects foresee nothing."""
-    rows = [replace(row, rule=lambda case: Finding(False, 0.0, "")) if row.name in names else row for row in ROWS]
-    monkeypatch.setattr("granular_lmp.effects.table.ROWS", tuple(rows))
+    rows = [
+        replace(row, called_for=lambda case: Finding(False, 0.0, "")) if row.name in names else row for row in EFFECTS
+    ]
+    monkeypatch.setattr("granular_lmp.effects.selection.EFFECTS", tuple(rows))
 
 
 def test_sliding_below_the_scene_s_friction_fails_the_run_and_the_message_says_what_to_do(
@@ -412,8 +413,8 @@ def test_hertz_contacts_that_open_need_a_friction() -> None:
 def test_dashpots_shorten_the_stable_step(tmp_path: Path) -> None:
     # z² − (2 − h²Ω² − hcλ)z + (1 − hcλ) = 0 leaves the unit circle at h²Ω² + 2hcλ = 4; λ is taken at its largest
     scene = CELL.with_values({"effects.viscosity": 0.5 * SPRING})
-    limit = largest_step(resolve(scene)[0])
-    assert limit < 0.5 * largest_step(resolve(CELL)[0])
+    limit = largest_step(prepare(scene).scene)
+    assert limit < 0.5 * largest_step(prepare(CELL).scene)
     with pytest.raises(SceneError, match="stability"):
         build(scene.with_values({"time.sample": limit, "time.timestep": limit}))
     step = 0.95 * limit
@@ -440,7 +441,7 @@ def test_a_tolerance_holds_where_an_effect_makes_the_error_one_of_first_order(
     changes: dict[str, Any], tmp_path: Path
 ) -> None:
     scene = CELL.with_values(changes | {"time.tolerance": 1e-3})
-    record = run_to_tolerance(scene, tmp_path / "run")
+    record = run(scene, tmp_path / "run")
     assert len(record.info["refinements"]) >= 1  # two runs cannot tell
     exact = trajectory("exact-lattice", Wave.of(record), record.tau)
     for name, values in zip(("p", "q", "phi"), exact, strict=True):
@@ -478,7 +479,7 @@ def test_small_waves_of_a_lattice_with_other_effects_are_its_modes(
     # 1e-3 in p of L; Verlet runs a mode at sin(Ω'Δτ/2) = ΩΔτ/2 and leaves (ΩΔτ)²/8 = 4e-6 in its shape.
     scene = CELL.with_values({"wave.mode": mode, "wave.amplitude": 1e-3, "time.timestep": 0.02} | changes)
     record = run(scene, tmp_path / "run")
-    wave, step = build(scene).mode, scene.time.step
+    wave, step = build(scene).problem.mode, scene.time.step
     angle = 2 / step * np.arcsin(wave.frequency * step / 2) * record.tau
     for name, expected, tolerance in (
         ("q", -wave.ux * np.cos(angle), 5e-6),
@@ -491,8 +492,8 @@ def test_small_waves_of_a_lattice_with_other_effects_are_its_modes(
 def test_a_wrong_prestress_would_be_seen() -> None:
     # What the test above rests on: without the prestress the phase would be off by 40 τ times this
     pressed = CELL.with_values(COMPRESSED)
-    plain = build(CELL).mode.frequency
-    assert abs(build(pressed).mode.frequency - plain) * 40 > 3e-4
+    plain = build(CELL).problem.mode.frequency
+    assert abs(build(pressed).problem.mode.frequency - plain) * 40 > 3e-4
 
 
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
@@ -504,7 +505,7 @@ def test_damping_makes_a_small_wave_decay_at_the_rate_of_theory(mode: str, kind:
     }
     scene = CELL.with_values({"wave.mode": mode, "wave.amplitude": 1e-3} | changes[kind])
     record = run(scene, tmp_path / "run")
-    wave, rate = build(scene).mode, chosen(scene)["damping"].number
+    wave, rate = build(scene).problem.mode, chosen(scene)["damping"].number
     signal = record.p if mode == "L" else record.q
     amplitude = wave.uy if mode == "L" else -wave.ux
     expected = amplitude * np.exp(-rate * record.tau) * np.cos(wave.frequency * record.tau)
@@ -577,7 +578,7 @@ def test_a_crystal_of_large_steel_spheres_is_simulated(tmp_path: Path) -> None:
 
 def test_decay_rates_agree_between_the_rule_and_the_mode() -> None:
     scene = CELL.with_values({"effects.viscosity": 0.02 * SPRING})
-    rate = decay_rate(unit_lattice(scene.sphere), scene.sphere, build(scene).mode, 0.02)
+    rate = decay_rate(unit_lattice(scene.sphere), scene.sphere, build(scene).problem.mode, 0.02)
     assert chosen(scene)["damping"].number == pytest.approx(rate, rel=1e-12)
 
 

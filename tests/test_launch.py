@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.effects.table import ROWS, resolve
+from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.lammps import installation as locate
 from granular_lmp.lammps.outputs import mend_dump, mend_log, read_dump, read_log
+from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
@@ -83,7 +84,7 @@ def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewher
     assert info["versions"]["lammps"]
     assert info["wavenumber_used"] == small.wavenumber
     assert info["wall_seconds"]["total"] >= info["wall_seconds"]["loop"] > 0
-    assert list(info["effects"]) == [row.name for row in ROWS]
+    assert list(info["effects"]) == [row.name for row in EFFECTS]
     assert {"granular_lmp", "python", "numpy", "lammps"} == set(info["versions"])
     assert all(guard["quiet"] for guard in info["guards"].values())
 
@@ -93,7 +94,7 @@ def test_a_record_is_read_back_as_it_was_returned(small: Scene, tmp_path: Path) 
     again = Record.load(tmp_path / "run")
     for name in ("tau", "p", "q", "phi"):
         np.testing.assert_array_equal(getattr(again, name), getattr(record, name))
-    assert again.scene == resolve(small)[0]
+    assert again.scene == prepare(small).scene
     assert (tmp_path / "run" / "trajectory.csv").read_text().startswith("tau,p,q,phi\n0.0,0.0,0.97")
 
 

@@ -54,7 +54,7 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
 def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:
     run(seen, tmp_path / "run")
     deck = build(seen)
-    wave = plane_wave(deck.packing, deck.mode)
+    wave = plane_wave(deck.packing, deck.problem.mode)
     first = Particles.load(tmp_path / "run")[0]
     # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0; the data file holds 13 decimals
     np.testing.assert_allclose(np.column_stack([first.displacement, first.rotation]), wave.displacement, atol=1e-10)
@@ -120,7 +120,7 @@ def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(RunInterrupted):
-        launch.run(scene, tmp_path / "run", progress=stop)
+        run(scene, tmp_path / "run", progress=stop)
     dump = tmp_path / "run" / "dump.particles"
     assert 1 <= len(Particles.load(tmp_path / "run")) < 31
     with dump.open("a") as stream:

@@ -30,8 +30,8 @@ from granular_lmp.accuracy.ladder import (
 from granular_lmp.accuracy.richardson import SAFETY, answer, estimate
 from granular_lmp.accuracy.rounding import floor, linear_signals, moving, rounding
 from granular_lmp.accuracy.tolerance import refine, resume
-from granular_lmp.effects.table import largest_step, resolve
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.stand_in import status_of
@@ -264,7 +264,7 @@ def test_lammps_meets_a_tolerance(scene: Scene, tolerance: float, tmp_path: Path
     for name, error in found.items():
         assert error < 1.1 * estimated[name] or error < 0.03 * tolerance
     again = Record.load(tmp_path / "run")
-    assert again.scene == resolve(scene)[0]
+    assert again.scene == prepare(scene).scene
     assert again.p.tolist() == record.p.tolist()
 
 
@@ -412,7 +412,7 @@ def test_the_steps_fit_the_sample_and_are_the_largest_that_do(sample: float) -> 
         return pair_error(frequency, sample / (8 * count), scene.time.duration)
 
     assert expected(count) <= 1e-5
-    if count > 1 and sample / (count - 1) < COARSEST * largest_step(resolve(scene)[0]):
+    if count > 1 and sample / (count - 1) < COARSEST * largest_step(prepare(scene).scene):
         assert expected(count - 1) > 1e-5
 
 
@@ -437,7 +437,7 @@ def test_the_deciding_frequency_is_of_the_drive_or_of_the_free_wave() -> None:
 )
 def test_a_step_is_found_at_the_edges_of_what_a_scene_may_be(changes: dict[str, Any]) -> None:
     scene = PAPER.with_values({"time.tolerance": 1e-2} | changes)
-    assert 0 < first_step(scene) <= COARSEST * largest_step(resolve(scene)[0])
+    assert 0 < first_step(scene) <= COARSEST * largest_step(prepare(scene).scene)
 
 
 def test_a_step_too_small_is_refused() -> None:

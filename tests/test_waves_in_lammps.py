@@ -13,9 +13,8 @@ from analysis.rows import load_form
 from analysis.theories import physics_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import richardson
-from granular_lmp.accuracy.tolerance import run_to_tolerance
 from granular_lmp.errors import RunInterrupted
-from granular_lmp.runs.launch import resume, run_deck
+from granular_lmp.runs.launch import resume
 from granular_lmp.runs.launch import run as run_once
 from tests.conftest import PAPER
 
@@ -207,10 +206,10 @@ def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_p
     now = "(30*v_s^2*(1-v_s)^2/v_ramp*cos(v_Omega*v_tau)-v_Omega*v_s^3*(10-15*v_s+6*v_s^2)*sin(v_Omega*v_tau))"
     assert "(v_swing-v_was)/v_step" in deck.input_text
     text = deck.input_text.replace("(v_swing-v_was)/v_step", f"v_D0/v_t0*{now}")
-    done = run_deck(replace(deck, input_text=text), tmp_path / "run")
+    done = run(replace(deck, input_text=text), tmp_path / "run")
     found = driven.compare(*load_form(done.folder, "driven")).deviations()
     # The row's shear forces lead by half a step. Of the phase ½Ωh that is, some goes into the wave, by its impedance
-    phase = build(scene).mode.frequency * scene.time.step / 2
+    phase = build(scene).problem.mode.frequency * scene.time.step / 2
     assert 0.3 * phase < max(found["q"]) < 3 * phase
     assert max(found["p at 2Ω"]) > phase
 
@@ -261,7 +260,7 @@ def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path)
 def test_a_tolerance_is_met_for_every_wave(scene: Scene, tolerance: float, tmp_path: Path) -> None:
     # No law is known of these: three runs tell. Against a pair of a quarter of the finest step that was taken
     scene = scene.with_values({"output.particles": 0.0})
-    record = run_to_tolerance(scene.with_values({"time.tolerance": tolerance}), tmp_path / "run")
+    record = run(scene.with_values({"time.tolerance": tolerance}), tmp_path / "run")
     finest = min(record.info["extrapolated_from"])
     runs = [run(scene.with_values({"time.timestep": finest / part}), tmp_path / str(part)) for part in (2, 4)]
     reference = richardson(*runs)

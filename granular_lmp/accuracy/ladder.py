@@ -18,8 +18,9 @@ from math import hypot, sqrt
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.effects.table import largest_step
 from granular_lmp.errors import SceneError
+from granular_lmp.lammps.deck import Deck, deck_of
+from granular_lmp.problem import largest_step, prepare
 from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
@@ -89,6 +90,22 @@ def first_step(scene: Scene) -> float:
 def finest_step(scene: Scene) -> float:
     """Return the last and shortest step of the ladder that is expected to meet ``time.tolerance``, in τ."""
     return first_step(scene) / (1 << RUNGS - 1)
+
+
+def build(scene: Scene) -> Deck:
+    """Return the deck of a scene; nothing is written.
+
+    With a tolerance it is the finest of the runs that are planned to meet it.
+
+    Raises
+    ------
+    SceneError
+        When effects do not go together, or the time step is beyond the stability limit (`granular_lmp.problem`).
+    """
+    problem = prepare(scene)
+    if scene.time.tolerance is not None:
+        problem = problem.stepped(with_step(problem.scene, finest_step(problem.scene)))
+    return deck_of(problem)
 
 
 def planned_steps(scene: Scene) -> int:

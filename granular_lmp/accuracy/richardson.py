@@ -2,7 +2,7 @@
 
 Velocity Verlet's error is C h² + D h⁴ + … in the step h. Of two runs with the steps h and h/2 the combination
 R = (4·fine − coarse)/3 is free of the first term (Richardson extrapolation), and of two such R = (16·fine − coarse)/15
-is free of the second. Some effects make the error one of first order (`granular_lmp.effects.table.order`); then the
+is free of the second. Some effects make the error one of first order (`granular_lmp.effects.selection.order`); then the
 answer is 2·fine − coarse of the last two runs, for nothing is known of the next order.
 
 The error of the answer is estimated by its distance to the answer without the last run, times `SAFETY`. That bounds
@@ -20,7 +20,7 @@ from math import inf, isclose
 import numpy as np
 
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.effects.table import order
+from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
@@ -41,7 +41,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     ----------
     coarse, fine : Record
     order : int
-        Of the error in the step: 2, or 1 for the effects that spoil it (`effects.table.order`); 4 of two records
+        Of the error in the step: 2, or 1 for the effects that spoil it (`effects.selection.order`); 4 of two records
         that are extrapolated themselves.
 
     Returns

@@ -13,6 +13,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 
@@ -31,17 +32,6 @@ def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
     sizes = {name: float(np.max(np.abs(values))) for name, values in known.items()}
     largest = max((size for size in sizes.values() if np.isfinite(size)), default=0.0)
     return [name for name, size in sizes.items() if not size <= _STILL * largest]
-
-
-def position_rounding(scene: Scene, lattice_constants: float) -> float:
-    """Rounding of a position so many lattice constants from the origin, in D0: ½ eps of it."""
-    distance = lattice_constants * scene.sphere.lattice_constant
-    return float(np.finfo(float).eps / 2 * distance / (scene.wave.amplitude * scene.sphere.static_overlap))
-
-
-def farthest_rounding(scene: Scene) -> float:
-    """`position_rounding` of the farthest row."""
-    return position_rounding(scene, scene.shape.rows / 2 * ROW_SPACING)
 
 
 def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:

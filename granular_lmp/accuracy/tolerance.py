@@ -10,6 +10,7 @@ The folder holds a run folder for each step, ``N_per_sample``, and the extrapola
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -18,9 +19,10 @@ from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.accuracy.ladder import MOST_RUNGS, RUNGS, first_step, with_step
 from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.effects.table import resolve
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
+from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text, writable
+from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
 from granular_lmp.runs.folder import clear, locked
@@ -36,9 +38,76 @@ from granular_lmp.scene.scene import Scene
 OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
 
 
-def run(scene: Scene, folder: str | Path, **options: Any) -> Record:
-    """Run a scene: once with its time step (`launch.run`), or to its tolerance (`run_to_tolerance`)."""
-    return (launch.run if scene.time.tolerance is None else run_to_tolerance)(scene, folder, **options)
+def run(
+    what: Scene | Deck,
+    folder: str | Path,
+    *,
+    launcher: str = "module",
+    ranks: int = 1,
+    force: bool = False,
+    progress: launch.Progress | None = None,
+) -> Record:
+    """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
+
+    A scene with ``time.tolerance`` is run with smaller and smaller steps until the estimated error meets it.
+
+    Parameters
+    ----------
+    what : Scene or Deck
+        Of a deck that was edited, `resume` does not know the edits.
+    folder : path
+        The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
+        ``dump.centre``, ``trajectory.csv``, ``run.json``, with snapshots of all spheres ``dump.particles``, and of a
+        run that was stopped or is long ``checkpoint.*``. With a tolerance: such a folder for each step, and the
+        extrapolated ``trajectory.csv``.
+    launcher : "module" or "lmp"
+        In this process, or the program ``lmp``. More than one rank always means the program.
+    ranks : int
+        MPI ranks.
+    force : bool
+        Run again in a folder that is there; what an earlier run wrote is deleted, all else there is kept.
+    progress : callable, optional
+        Called as ``progress(step, steps)`` about ten times a second; the steps grow when more runs are needed.
+
+    Returns
+    -------
+    Record
+        With a tolerance ``info["error_estimate"]`` holds the relative L2 errors of its p, q, phi (None where symmetry
+        makes one zero).
+
+    Raises
+    ------
+    SceneError
+        Before anything is run, when the scene cannot be: effects that do not go together, a step beyond the stability
+        limit, a tolerance below what rounding or the walls leave of the linear wave.
+    RunFolderError
+        When the folder is there (without `force`) or cannot be written.
+    LaunchError
+        For another launcher, or more ranks than cores.
+    LammpsMissingError, LammpsError
+    EffectError
+        When the run is done but an effect that its deck leaves out was there (`granular_lmp.lammps.guards`).
+    ToleranceError
+        When the tolerance is below what rounding leaves of the signals that the first run shows, or the shortest step
+        misses it.
+    RunInterrupted
+        On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
+    """
+    options = launch.Options(launcher, ranks, force, progress)
+    if isinstance(what, Deck):
+        return _with_budget(launch.launch(what, folder, options))
+    if what.time.tolerance is None:
+        return _with_budget(launch.launch(deck_of(prepare(what)), folder, options))
+    return _to_tolerance(what, folder, options)
+
+
+def _with_budget(record: Record) -> Record:
+    """Return the record of one run with what it knows of its errors, which ``run.json`` then holds too."""
+    assert record.folder is not None
+    info = record.info | {"error_budget": error_budget(record.scene, record.signals)}
+    with writable(record.folder):
+        write_status(record.folder, info)
+    return replace(record, info=info)
 
 
 def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
@@ -48,7 +117,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_status(folder)
     if "tolerance" not in info:
-        return launch.resume(folder, progress=progress)
+        return _with_budget(launch.resume(folder, progress=progress))
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
     refuse_other_scene(folder, info)
@@ -56,50 +125,21 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
 
+    started = launch.Options(info["launcher"], info["ranks"], force=True)
+
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
             return Record.load(place)
         if any((place / name).is_file() for name in CHECKPOINTS):
             return launch.resume(place, progress=told)
-        return launch.run(scene, place, launcher=info["launcher"], ranks=info["ranks"], force=True, progress=told)
+        return launch.launch(deck_of(prepare(scene)), place, replace(started, progress=told))
 
     with locked(folder):
         return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
 
 
-def run_to_tolerance(
-    scene: Scene,
-    folder: str | Path,
-    *,
-    launcher: str = "module",
-    ranks: int = 1,
-    force: bool = False,
-    progress: launch.Progress | None = None,
-) -> Record:
-    """Run a scene to its ``time.tolerance``, and return the extrapolated record with the estimate of its error.
-
-    Parameters
-    ----------
-    scene : Scene
-        With ``time.tolerance``.
-    folder, launcher, ranks, force, progress
-        As in `launch.run`. The steps that `progress` is told grow when the ladder goes on.
-
-    Returns
-    -------
-    Record
-        ``info["error_estimate"]`` holds the relative L2 errors of its p, q, phi (None where symmetry makes one zero).
-
-    Raises
-    ------
-    SceneError
-        Before anything is run, when the tolerance is below what rounding or the walls leave of the linear wave.
-    ToleranceError
-        When it is below what rounding leaves of the signals that the first run shows, or the shortest step misses it.
-    RunFolderError, LaunchError, LammpsMissingError, LammpsError, RunInterrupted
-        As in `launch.run`.
-    """
-    scene, _ = resolve(scene)
+def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> Record:
+    scene = prepare(scene).scene
     check_floor(scene, linear_signals(scene))
     folder = Path(folder).absolute()
     digest = scene_digest(scene.to_toml())
@@ -107,19 +147,19 @@ def run_to_tolerance(
         "name": scene.name,
         "scene_sha256": digest,
         "tolerance": scene.time.tolerance,
-        "launcher": launcher,
-        "ranks": ranks,
+        "launcher": options.launcher,
+        "ranks": options.ranks,
     }
 
     def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
         # By force: a folder of the user's own files may have been left there
-        return launch.run(scene, place, launcher=launcher, ranks=ranks, force=True, progress=told)
+        return launch.launch(deck_of(prepare(scene)), place, replace(options, force=True, progress=told))
 
-    with locked(folder, make=True, force=force):
+    with locked(folder, make=True, force=options.force):
         clear(folder)
         with writable(folder):
             replace_text(folder / "scene.toml", scene.to_toml())
-        return refine(scene, folder, one, progress, info)
+        return refine(scene, folder, one, options.progress, info)
 
 
 def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:

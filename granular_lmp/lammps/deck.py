@@ -10,53 +10,56 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import ase
 import numpy as np
 
-from granular_lmp.accuracy.ladder import finest_step, with_step
-from granular_lmp.crystal.lattices import hexagonal
-from granular_lmp.crystal.modes import Mode
-from granular_lmp.effects import guards
-from granular_lmp.effects import table as effects
-from granular_lmp.effects.table import Effect
+from granular_lmp.effects import selection
+from granular_lmp.effects.effect import Case
+from granular_lmp.lammps import contact, guards
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, writable
 from granular_lmp.lammps.units import Units, units_for
+from granular_lmp.problem import Problem
 from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
 
 CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Deck:
-    """A deck and what it was made from.
+    """A deck and the problem that it was made from.
 
     Attributes
     ----------
-    declared : Scene
-        As it was given.
-    scene : Scene
-        Every "auto" decided.
-    packing : ase.Atoms
-    mode : Mode
-        The Bloch mode that starts the wave.
-    effects : list of Effect
+    problem : Problem
     input_text : str
         Contents of ``in.NAME``.
     data : DataFile
         What ``data.NAME`` holds.
     """
 
-    declared: Scene
-    scene: Scene
-    packing: ase.Atoms
-    mode: Mode
-    effects: list[Effect]
+    problem: Problem
     input_text: str
     data: DataFile
+
+    @property
+    def declared(self) -> Scene:
+        """The scene as it was given."""
+        return self.problem.declared
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with every "auto" decided."""
+        return self.problem.scene
+
+    @property
+    def packing(self) -> ase.Atoms:
+        """The spheres at rest."""
+        return self.problem.crystal
 
     @property
     def input_name(self) -> str:
@@ -94,33 +97,19 @@ class Deck:
                     stream.writelines(pieces)
 
 
-def build(scene: Scene) -> Deck:
-    """The deck of a scene; nothing is written.
+def deck_of(problem: Problem) -> Deck:
+    """Return the deck of a problem; nothing is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude. With a tolerance it is the finest of the runs that `granular_lmp.accuracy.tolerance` plans.
+    order in the amplitude.
 
     Raises
     ------
     SceneError
-        When effects do not go together, or the time step is beyond the stability limit (`granular_lmp.effects.table`).
+        When the scene has a tolerance and no time step: `granular_lmp.accuracy.ladder.build` chooses one.
     """
-    declared = scene
-    scene, chosen = effects.resolve(declared)
-    if scene.time.tolerance is not None:
-        scene = with_step(scene, finest_step(scene))
-    mode = mode_of(scene)
-    packing = hexagonal(scene.sphere, scene.shape)
-    units = units_for(scene.sphere.radius)
-    return Deck(
-        declared=declared,
-        scene=scene,
-        packing=packing,
-        mode=mode,
-        effects=chosen,
-        input_text=_text(_blocks(scene), _values(scene, chosen, mode, units)),
-        data=_data(scene, packing, mode, units),
-    )
+    units = units_for(problem.scene.sphere.radius)
+    return Deck(problem, _text(_blocks(problem.scene), _values(problem, units)), _data(problem, units))
 
 
 def _title(scene: Scene) -> str:
@@ -128,12 +117,13 @@ def _title(scene: Scene) -> str:
     return f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
 
 
-def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
+def _data(problem: Problem, units: Units) -> DataFile:
+    scene, packing = problem.scene, problem.crystal
     to_deck = units.number(scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
-    fields = initial_fields(scene, packing, mode)
-    moving = physics_of(scene).coordinates
+    fields = initial_fields(scene, packing, problem.mode)
+    moving = problem.physics.coordinates
     return DataFile(
         box=np.column_stack([low, low + size]),
         kind=np.where(packing.arrays["fixed"], 2, 1),
@@ -276,6 +266,13 @@ _PARTICLES = {
     "particles_append": "dump_modify  particles append yes",
 }
 
+# What the slots of effects hold that no effect fills
+UNCALLED = dict.fromkeys(
+    ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
+    + ("read_angle", "angle_column", "angle_name"),
+    "",
+) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
+
 _STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
 
 
@@ -306,20 +303,14 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
     ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
     """
-    values = _values(deck.scene, deck.effects, deck.mode, units_for(deck.scene.sphere.radius))
+    values = _values(deck.problem, units_for(deck.scene.sphere.radius))
     return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"})
 
 
-def guarded(chosen: list[Effect]) -> list[str]:
-    """The guards that the deck of these effects holds."""
-    return [effect.guard for effect in chosen if effect.guard]
-
-
-def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dict[str, str]:
-    """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
+def _values(problem: Problem, units: Units) -> dict[str, str]:
+    """Return what the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
+    scene = problem.scene
     sphere, time = scene.sphere, scene.time
-    watched = guarded(chosen)
-    judged = [effect.guard for effect in chosen if effect.guard and effect.judged]
     lines = guards.line_interval(scene)
     all_seen = scene.output.particles > 0
     plain = {
@@ -329,9 +320,9 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
         "units": units.names,
         "field": _FIELD,
         "ramp": _RAMP if scene.wave.form == "driven" else "",
-        "invalid": guards.header(judged, scene),
+        "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.AT_REST),
-        "guards": "\n".join(guards.lines(watched, scene, judged)),
+        "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
         "contacts_append": "",
         "dump": DUMP,
         "snapshots": PARTICLES,
@@ -346,7 +337,7 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
     measured = {
         "amplitude": scene.wave.amplitude,
         "phase": scene.wave.phase,
-        "frequency": mode.frequency,
+        "frequency": problem.mode.frequency,
         "switch_on": scene.envelope.ramp,
         "timestep": time.timestep,
         "sample": time.sample,
@@ -359,7 +350,26 @@ def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dic
     }
     optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
-    return plain | optional | numbers | effects.values(scene, chosen, units)
+    return UNCALLED | selection.lines(problem.on) | plain | optional | numbers | _contact_values(problem, units)
+
+
+def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
+    """Return the contact law that the effects make together, and the forces that the guards compare with."""
+    scene, sphere, case = problem.scene, problem.scene.sphere, Case(problem.scene, problem.on)
+    law: dict[str, Any] = {"friction": "${friction}"}
+    for effect in selection.EFFECTS:
+        law |= effect.law(scene, problem.on[effect.name])
+    friction, first = scene.effects.friction, scene.shape.centre_row * scene.shape.columns + 1
+    return {
+        "contact": contact.pair(contact.model(sphere, units, **law)),
+        "friction_given": repr(friction),
+        "no_slip_friction": repr(case.no_slip_friction),
+        "friction_limit": "v_friction" if friction == AUTO else repr(friction),
+        "adhesive_force": repr(units.number(sphere.pull_off_force, mass=1, length=1, time=-2)),
+        "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
+        "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
+        "centre_row": f"{first}:{first + scene.shape.columns - 1}",
+    }
 
 
 def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
@@ -367,13 +377,14 @@ def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
 
 
 def filled(block: str, values: Mapping[str, str]) -> str:
-    """A block with every ``<slot>`` replaced, also those in what replaces it; lines that become empty are left out."""
+    """Return a block with its ``<slots>`` replaced by lines, and those in the lines by numbers.
+
+    A line that was there for a slot that stays empty is left out.
+    """
     slot = re.compile(r"<(\w+)>")
-    lines = []
-    for line in block.split("\n"):
-        text = line
-        while slot.search(text):
-            text = slot.sub(lambda match: values[match[1]], text)
-        if text.strip() or not line.strip():
-            lines.append(text)
-    return "\n".join(lines)
+
+    def fill(text: str) -> str:
+        return slot.sub(lambda match: values[match[1]], text)
+
+    filled_lines = [(line, fill(fill(line))) for line in block.split("\n")]
+    return "\n".join(text for line, text in filled_lines if text.strip() or not line.strip())

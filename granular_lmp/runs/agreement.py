@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.effects.table import switches
+from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
 from granular_lmp.scene.scene import Scene

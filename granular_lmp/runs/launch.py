@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.effects.guards import GUARDS, columns, line_interval, words_between_runs
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
@@ -31,7 +30,8 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
-from granular_lmp.lammps.deck import Deck, build, guarded, resume_text
+from granular_lmp.lammps.deck import Deck, deck_of, resume_text
+from granular_lmp.lammps.guards import GUARDS, columns, line_interval, words_between_runs
 from granular_lmp.lammps.installation import lammps_module, lmp_command
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
@@ -47,6 +47,7 @@ from granular_lmp.lammps.outputs import (
     replace_text,
     writable,
 )
+from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered
@@ -84,73 +85,46 @@ class Job:
 Route = Callable[[Job], None]
 
 
-def run(
-    scene: Scene,
-    folder: str | Path,
-    *,
-    launcher: str = "module",
-    ranks: int = 1,
-    force: bool = False,
-    progress: Progress | None = None,
-) -> Record:
-    """Build the deck of `scene` in `folder`, run it, and return the record of the centre sphere.
+@dataclass(frozen=True)
+class Options:
+    """How a run is done: what `granular_lmp.run` is told beside the scene and the folder, and documents."""
 
-    Parameters
-    ----------
-    scene : Scene
-    folder : path
-        The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
-        ``dump.centre``, ``trajectory.csv``, ``run.json``, with snapshots of all spheres ``dump.particles``, and of a
-        run that was stopped or is long ``checkpoint.*``.
-    launcher : "module" or "lmp"
-        In this process, or the program ``lmp``. More than one rank always means the program.
-    ranks : int
-        MPI ranks.
-    force : bool
-        Run again in a folder that is there; what an earlier run wrote is deleted, all else there is kept.
-    progress : callable, optional
-        Called as ``progress(step, steps)`` about ten times a second.
+    launcher: str = "module"
+    ranks: int = 1
+    force: bool = False
+    progress: Progress | None = None
+
+    def __post_init__(self) -> None:
+        if self.launcher not in LAUNCHERS:
+            raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
+        if not 1 <= self.ranks <= core_count():
+            # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
+            raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
+
+    @property
+    def program(self) -> bool:
+        """Whether the program ``lmp`` runs the deck, and not this process."""
+        return self.launcher == "lmp" or self.ranks > 1
+
+
+def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
+    """Run a deck in `folder`, which is made, and return the record of the centre sphere.
 
     Raises
     ------
-    RunFolderError
-        When the folder is there (without `force`) or cannot be written.
-    LaunchError
-        For another launcher, or more ranks than cores.
-    LammpsMissingError, LammpsError
-    EffectError
-        When the run is done but an effect that its deck leaves out was there (`granular_lmp.effects.guards`).
-    RunInterrupted
-        On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
+    RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
+        As `granular_lmp.run`.
     """
-    return run_deck(build(scene), folder, launcher=launcher, ranks=ranks, force=force, progress=progress)
-
-
-def run_deck(
-    deck: Deck,
-    folder: str | Path,
-    *,
-    launcher: str = "module",
-    ranks: int = 1,
-    force: bool = False,
-    progress: Progress | None = None,
-) -> Record:
-    """`run` for a deck that is built already, and whose text may have been edited since; `resume` knows no edits."""
-    if launcher not in LAUNCHERS:
-        raise LaunchError(f"launcher = {launcher!r}: must be one of {', '.join(LAUNCHERS)}")
-    if not 1 <= ranks <= core_count():
-        # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
-        raise LaunchError(f"ranks = {ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
-    program = launcher == "lmp" or ranks > 1
-    route = _route(program, ranks)  # everything that can be missing is asked for before a file is written
-    info = description(deck, "lmp" if program else "module", ranks)
+    # Everything that can be missing is asked for before a file is written
+    route = _route(options.program, options.ranks)
+    info = description(deck, "lmp" if options.program else "module", options.ranks)
     folder = Path(folder).absolute()
-    with locked(folder, make=True, force=force) as lock:
+    with locked(folder, make=True, force=options.force) as lock:
         clear(folder)
         deck.write(folder, force=True)
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
-        job = Job(folder, deck.input_name, LOG, lock, _teller(progress, deck.scene), _columns(deck))
+        job = Job(folder, deck.input_name, LOG, lock, _teller(options.progress, deck.scene), _columns(deck))
         return _execute(deck, job, route, info)
 
 
@@ -179,7 +153,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         if not known:
             raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
         refuse_other_scene(folder, info)
-        deck = build(Scene.load(folder / SCENE))
+        deck = deck_of(prepare(Scene.load(folder / SCENE)))
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
@@ -240,7 +214,7 @@ def _teller(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
 
 
 def _columns(deck: Deck) -> tuple[str, ...]:
-    return tuple(columns(guarded(deck.effects), deck.scene))
+    return tuple(columns(deck.problem.guards, deck.scene))
 
 
 def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:

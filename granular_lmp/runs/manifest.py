@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
-from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.effects.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
-from granular_lmp.effects.table import warnings
 from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
 from granular_lmp.lammps.outputs import LOG, read_log
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import Record
@@ -20,7 +18,7 @@ from granular_lmp.scene.scene import Scene
 
 def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
     """What is known before the run."""
-    scene, sphere, time_ = deck.scene, deck.scene.sphere, deck.scene.time
+    problem, scene, sphere, time_ = deck.problem, deck.scene, deck.scene.sphere, deck.scene.time
     return {
         "name": scene.name,
         "scene_sha256": scene_digest(scene.to_toml()),
@@ -32,7 +30,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "timestep_used": time_.step,
         "wavenumber_used": scene.wavenumber,
         "direction_used": scene.direction,
-        "frequency": deck.mode.frequency,
+        "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
         "epsilon": sphere.nonlinearity(scene.wave.amplitude),
         "Delta0_m": sphere.static_overlap,
@@ -47,9 +45,9 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
                 "reason": effect.reason,
                 "guard": effect.guard,
             }
-            for effect in deck.effects
+            for effect in problem.effects
         },
-        "remarks": [*deck.declared.remarks(), *warnings(deck.effects)],
+        "remarks": problem.warnings(),
     }
 
 
@@ -60,7 +58,6 @@ def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]
     return {
         "samples": len(record.tau),
         "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
-        "error_budget": error_budget(record.scene, record.signals),
         "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
         # Of all spheres, also of those that nothing recorded depends on
         "elsewhere": {

@@ -3,7 +3,7 @@
 A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[envelope]``, ``[time]``, ``[effects]`` and
 ``[output]`` (`granular_lmp.scene.sections`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
 units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing (`Scene.shape`),
-and in `granular_lmp.effects.table` where it concerns the physics.
+and in `granular_lmp.effects` where it concerns the physics.
 """
 
 import tomllib

@@ -161,7 +161,7 @@ class Time:
 class Effects:
     """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
 
-    What "auto" comes to, and why, is the business of `granular_lmp.effects.table`. Walls and width of the packing are
+    What "auto" comes to, and why, is the business of `granular_lmp.effects`. Walls and width of the packing are
     effects too; their switches are ``packing.ends`` and ``packing.columns``.
     """
 

@@ -21,11 +21,11 @@ from time import monotonic
 from typing import Any
 
 from granular_lmp.accuracy import tolerance
+from granular_lmp.accuracy.ladder import build
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.lammps.deck import build
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.folder import locked, refuse_long
-from granular_lmp.runs.launch import core_count, run_deck
+from granular_lmp.runs.launch import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
@@ -248,7 +248,7 @@ def _warm_up(scene: Scene) -> tuple[float, float]:
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
     with TemporaryDirectory(prefix="cost-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS
-            info = run_deck(build(short), Path(folder) / name).info
+            info = tolerance.run(build(short), Path(folder) / name).info
     return info["particles"] * info["steps"] / info["wall_seconds"]["loop"], info["wall_seconds"]["other"]
 
 
@@ -270,7 +270,7 @@ def _run(run: Run, folder: Path) -> None:
             tolerance.run(run.scene, folder, ranks=run.ranks, force=True)
         else:
             deck, output = build(run.scene), OUTPUTS[run.output]
-            keep_centre(deck, run_deck(edited(deck, output), folder, ranks=run.ranks, force=True), output)
+            keep_centre(deck, tolerance.run(edited(deck, output), folder, ranks=run.ranks, force=True), output)
     except RunInterrupted:
         raise
     except GranularError as error:

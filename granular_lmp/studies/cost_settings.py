@@ -12,8 +12,9 @@ from typing import Any
 
 from granular_lmp.accuracy.ladder import finest_step, planned_steps, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.effects.table import largest_step, resolve, warnings, with_all
+from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
+from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.launch import core_count
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
@@ -70,7 +71,7 @@ def base(scene: Scene) -> Scene:
     SceneError
         For a wave that is not a running plane wave along y.
     """
-    resolve(scene)
+    prepare(scene)
     if not scene.plane_along_y:
         raise SceneError(
             f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
@@ -177,7 +178,7 @@ def _outputs(scene: Scene) -> dict[str, Make]:
 
 
 def _effects(scene: Scene) -> dict[str, Make]:
-    chosen = resolve(scene)[1]
+    chosen = prepare(scene).effects
     on = {effect.name: effect.on for effect in chosen}
 
     def without(name: str) -> Make:

@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.ladder import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
-from granular_lmp.lammps.deck import Deck, build
+from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_log, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.folder import clear, locked
@@ -159,7 +160,7 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
         poisson_ratio=sphere.poisson_ratio,
         overlap_ratio=sphere.overlap_ratio,
         contact_force=sphere.contact_force,
-        effects=[effect.name for effect in deck.effects if effect.on],
+        effects=[effect.name for effect in deck.problem.effects if effect.on],
     )
 
 

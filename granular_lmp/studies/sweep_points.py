@@ -9,8 +9,8 @@ from itertools import product
 from math import prod
 from typing import Any
 
-from granular_lmp.effects.table import resolve
 from granular_lmp.errors import SceneError
+from granular_lmp.problem import prepare
 from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.schema import cut, shown
 
@@ -109,4 +109,4 @@ def concrete_hash(scene: Scene) -> str:
 
 def concrete(scene: Scene) -> Scene:
     """The scene with every default and choice made."""
-    return resolve(scene)[0]
+    return prepare(scene).scene

@@ -14,7 +14,7 @@ import numpy as np
 
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.effects.table import order
+from granular_lmp.effects.selection import order
 from granular_lmp.lammps.outputs import SCENE, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status

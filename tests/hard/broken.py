@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from granular_lmp import Scene, build
+from granular_lmp import Scene, build, run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP
@@ -64,11 +64,10 @@ def outcome(name: str, start: int, end: int, new: str) -> str:
     whole = deck(name)
     expected = whole_dump(name)
     text = whole.input_text[:start] + new + whole.input_text[end:]
-    launch.build = lambda scene: replace(whole, input_text=text)
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "run"
         try:
-            launch.run(whole.scene, folder)
+            run(replace(whole, input_text=text), folder)
             said = FINISHED if (folder / DUMP).read_bytes() == expected else OTHER
         except GranularError as error:
             said = f"{type(error).__name__}: {error}"

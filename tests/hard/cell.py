@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
-from granular_lmp.effects.table import with_all
+from granular_lmp.effects.selection import with_all
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.units import units_for
 from tests.hard.case import Edits

@@ -21,15 +21,14 @@ from unittest import mock
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp import Scene
+from granular_lmp import Scene, build, run
 from granular_lmp.crystal.wavevector import ROW_SPACING
-from granular_lmp.effects import table as effects
-from granular_lmp.effects.guards import BETWEEN, GUARDS
-from granular_lmp.effects.rules import Case, Finding
+from granular_lmp.effects import selection as effects
+from granular_lmp.effects.effect import Case, Finding
 from granular_lmp.errors import EffectError
-from granular_lmp.lammps.deck import Deck, build
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.guards import BETWEEN, GUARDS
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.launch import run_deck
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 
@@ -85,12 +84,12 @@ def random_scene(family: str, seed: int) -> Scene:
 def blind_rules() -> Iterator[None]:
     """Let no rule foresee openings and sliding: what a guard is there for."""
     rows = [
-        replace(row, rule=lambda case: Finding(False, 0.0, "not foreseen"))
+        replace(row, called_for=lambda case: Finding(False, 0.0, "not foreseen"))
         if row.name in ("sliding", "contact_opening")
         else row
-        for row in effects.ROWS
+        for row in effects.EFFECTS
     ]
-    with mock.patch.object(effects, "ROWS", tuple(rows)):
+    with mock.patch.object(effects, "EFFECTS", tuple(rows)):
         yield
 
 
@@ -128,7 +127,7 @@ def truth(deck: Deck, folder: Path) -> Truth:
     along = np.sum((gap - vector) * tangent, axis=-1) - (angle[:, first] + angle[:, second])
     touching = np.maximum(overlap, 0.0)
     shear = sphere.shear_stiffness * np.abs(along) * radius * np.sqrt(touching)
-    friction = Case(scene, {effect.name: effect.on for effect in deck.effects}).friction
+    friction = Case(scene, {effect.name: effect.on for effect in deck.problem.effects}).friction
     limit = friction * (sphere.pull_off_force + sphere.holding_force * touching**1.5)
     slip = np.divide(shear, limit, out=np.zeros_like(shear), where=limit > 0)
     # A contact that has been open has lost its shear: from there on only LAMMPS knows it
@@ -218,7 +217,7 @@ def compared(scene: Scene, folder: Path) -> tuple[Comparison, Comparison]:
         dump += "\ndump_modify everyone sort id format float %.13g\n"
         watched = replace(deck, input_text=deck.input_text.replace(RUN, dump + RUN))
         with suppress(EffectError):  # what the guards said stands in run.json
-            run_deck(watched, folder)
+            run(watched, folder)
     info, real = read_status(folder), truth(deck, folder)
     return _openings(info, real), _slip(info, real)
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from analysis import directions, lattice
 from analysis.second_harmonic import ModeName
-from granular_lmp import Record, Scene, build
-from granular_lmp.runs.launch import run_deck
+from granular_lmp import Record, Scene, build, run
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited
 from tests.hard.waves import ETA, NU, PERIODIC, verlet_bound
@@ -22,7 +21,7 @@ def made(scene: Scene, edits: Edits = ()) -> tuple[Record, float]:
     """A run of a deck, broken or not, with what it says of momentum: the largest change, over Σ|v| at the start."""
     deck = build(scene)
     with TemporaryDirectory() as place:
-        record = run_deck(replace(deck, input_text=edited(deck.input_text, edits)), Path(place) / "run")
+        record = run(replace(deck, input_text=edited(deck.input_text, edits)), Path(place) / "run")
         if not scene.output.particles:
             return record, 0.0
         velocity = record.particles().stack("velocity")

@@ -16,8 +16,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from granular_lmp import Scene, build
-from granular_lmp.effects.table import resolve
 from granular_lmp.errors import GranularError, SceneError
+from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
 from granular_lmp.scene.scene import SHIPPED
 from granular_lmp.scene.schema import assignment
@@ -79,7 +79,7 @@ def survives(make: Callable[[], Scene], words: set[str]) -> None:
     """A scene is refused in one line, or is one that the whole way to the deck is open to."""
     try:
         scene = make()
-        resolved, _ = resolve(scene)
+        resolved = prepare(scene).scene
         if resolved.shape.spheres <= MOST_BUILT:
             deck = build(scene)
             json.dumps(description(deck, "module", 1), allow_nan=False)

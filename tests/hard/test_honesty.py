@@ -279,9 +279,9 @@ def test_a_scene_with_a_tolerance_fails_as_its_runs_do(
 def test_two_scenes_with_a_tolerance_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
     scene = small.with_values({"time.tolerance": 1e-3})
     with launch.locked(tmp_path / "run", make=True):
-        for start in (run_any, launch.run):
+        for each in (scene, small):
             with pytest.raises(RunFolderError, match="another run is at work there"):
-                start(scene if start is run_any else small, tmp_path / "run", force=True)
+                run_any(each, tmp_path / "run", force=True)
     assert list((tmp_path / "run").iterdir()) == []
 
 

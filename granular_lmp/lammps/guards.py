@@ -1,97 +1,40 @@
-"""Guards: what a run measures to prove that the effects left out of its deck stayed silent.
+"""The guards of a deck: how often a run looks, at which spheres, and what it measured.
 
 Each guard is a number that LAMMPS takes from contacts or spheres at every *look*, and the largest value that still
 counts as silent. A guard is in the deck only while its effect is not. The thermo table holds the extremes over all
 looks so far and the first time at which a limit was passed.
 
 Looks are frequent enough for the motion that is watched (`fastest`), and a look judges only the spheres whose state can
-still reach what the run records (`_inside`).
+still reach what the run records (`_inside`). The guards themselves are defined with their effects
+(`granular_lmp.effects`).
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import cos, pi
+from math import pi
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.accuracy.rounding import farthest_rounding
 from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard
+from granular_lmp.effects.selection import guards
+from granular_lmp.effects.sliding import SLIDING_FORCE
 from granular_lmp.lammps.outputs import CONTACTS, read_local
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
-LOOKS = 40  # looks in a period of the fastest motion that matters
-BETWEEN = 1 - cos(pi / LOOKS)  # of the swing of a motion: how far it may go beyond what two looks see, 0.31 %
-TOP = 1.0  # rad/tau, top of the branches that carry displacements: L and TR at the edge of the zone
+GUARDS = guards()
 LINE = 10.0  # tau between two lines of the thermo table
-NEVER = 1e20  # tau at which a limit was passed that was not; what LAMMPS takes for the minimum of nothing
-
-# What a symmetry forbids stays at rounding: half of that of the farthest position (spread), 25 times that (torque). For
-# a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is no rounding, and harms nothing yet.
-BROKEN_SYMMETRY = 1e-6
-ROUNDINGS = 100.0
 
 # Before the first run, which finds the spheres at rest. LAMMPS counts, so that the number is that of the data file
 AT_REST = (
     "compute      touching all contact/atom",
     "fix          at_rest all store/state 0 c_touching",
 )
-_CONTACT = (
-    "compute      contact inside pair/local dist p4",
-    "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
-    "variable     overlap_now equal (2*v_R-c_extreme[1])/v_Delta0  # the smallest, in Delta0, of contacts that touch",
-)
-_MISSED = (
-    "variable     missed atom f_at_rest-c_touching  # contacts that a sphere had at rest and has not now",
-    "compute      missing inside reduce sum v_missed",
-)
-# The sliding force of two spheres at the overlap <of>
-_SLIDING = "(v_mu*(<adhesive_force>+<holding_force>*v_overlap_<of>^1.5))"
-
-
-@dataclass(frozen=True)
-class Guard:
-    """One measure.
-
-    Attributes
-    ----------
-    name : str
-        Variables of the deck begin with it: NAME_now at a look, NAME the largest of all looks, NAME_at the first time
-        (tau) at which it was above the limit, `NEVER` if it was not.
-    lines : tuple of str
-        Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
-    limit : float
-        The largest value of silence.
-    meaning : str
-        What a larger value says.
-    cure : str
-        What to do about it.
-    roundings : float
-        How many times the rounding of positions (`farthest_rounding`) counts as silence besides.
-    per_contact : bool
-        Whether NAME is only an upper bound, and contacts are written out while it is above the limit.
-    """
-
-    name: str
-    lines: tuple[str, ...]
-    limit: float
-    meaning: str
-    cure: str
-    roundings: float = 0.0
-    per_contact: bool = False
-
-    @property
-    def column(self) -> str:
-        """Name of the thermo column of the extreme."""
-        return f"v_{self.name}"
-
-    def largest_silent(self, scene: Scene) -> float:
-        """Return the largest value that counts as silence in a scene."""
-        return self.limit + self.roundings * farthest_rounding(scene)
 
 
 @dataclass(frozen=True)
@@ -113,60 +56,6 @@ class Measured:
     bound: float
 
 
-GUARDS = {
-    "open_contacts": Guard(
-        name="open",
-        lines=(
-            *_CONTACT,
-            *_MISSED,
-            f"variable     open_now equal ceil(c_missing/2)+({BETWEEN:.4f}>v_overlap_now)"
-            "  # one that hardly touches may open between looks",
-        ),
-        limit=0.0,
-        meaning="contacts opened: no closed form holds, and shear forces are lost",
-        cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
-    ),
-    "largest_slip": Guard(
-        name="slip",
-        lines=(
-            *_CONTACT,
-            "variable     mu equal <friction_limit>",
-            "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-            "variable     slip_now equal c_extreme[2]/" + _SLIDING.replace("<of>", "now"),
-        ),
-        limit=1 - BETWEEN,
-        meaning="of the sliding force: contacts may have slid, which the model does not",
-        cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
-        "wave.amplitude",
-        per_contact=True,
-    ),
-    "largest_torque": Guard(
-        name="torque",
-        lines=(
-            "compute      torques all property/atom tqz",
-            "compute      turn inside reduce maxabs c_torques",
-            "variable     torque_now equal c_turn/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
-        ),
-        limit=BROKEN_SYMMETRY,
-        roundings=ROUNDINGS,
-        meaning="of R g1 D0 is the largest torque: the spheres would turn",
-        cure="set effects.rotation = true",
-    ),
-    "row_spread": Guard(
-        name="spread",
-        lines=(
-            "group        row id <centre_row>",
-            "compute      most  row reduce max c_u[1] c_u[2]",
-            "compute      least row reduce min c_u[1] c_u[2]",
-            "variable     spread_now equal (c_most[1]-c_least[1]+c_most[2]-c_least[2])/v_D0  # in the centre row",
-        ),
-        limit=BROKEN_SYMMETRY,
-        roundings=ROUNDINGS,
-        meaning="D0 are between spheres of the centre row: the wave is no longer plane, and needs more packing.columns",
-        cure="set packing.columns to more",
-    ),
-}
-
 # Contacts that no longer matter, or do not yet: held ends cut a wave off and shear their neighbours hard
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 _ELSEWHERE = (
@@ -175,7 +64,7 @@ _ELSEWHERE = (
     "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
     "compute      missing_all all reduce sum v_missed",
     "variable     overlap_all equal (2*v_R-c_extreme_all[1])/v_Delta0",
-    "variable     slip_all equal c_extreme_all[2]/" + _SLIDING.replace("<of>", "all"),
+    "variable     slip_all equal c_extreme_all[2]/" + SLIDING_FORCE.replace("<of>", "all"),
     "variable     open_all equal ceil(c_missing_all/2)",
 )
 
@@ -255,11 +144,11 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     judged : list of str
         Those of which a value above the limit fails the run.
     """
-    steps, longest, guards = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
-    text = list(dict.fromkeys(line for guard in guards for line in guard.lines))
-    seen = [name for guard in guards for name in (f"{guard.name}_now", f"{guard.name}_at_now")]
+    steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
+    text = list(dict.fromkeys(line for guard in watched for line in guard.lines))
+    seen = [name for guard in watched for name in (f"{guard.name}_now", f"{guard.name}_at_now")]
     seen += ["overlap_now"]
-    for guard in guards:
+    for guard in watched:
         limit = guard.largest_silent(scene)
         text.append(f"variable     {guard.name}_at_now equal ternary({limit!r}>=v_{guard.name}_now,{NEVER:g},v_tau)")
     text += [
@@ -272,7 +161,7 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
         text.append(f"variable     {name.removesuffix('_now')} equal {'min' if least else 'max'}(f_looks[{column}])")
     if watches_part(scene):
         text += [line for line in _ELSEWHERE if _is_there(line, names)]
-    for guard in guards:
+    for guard in watched:
         if guard.per_contact and guard in [GUARDS[name] for name in judged]:
             text += _written_out(guard, scene)
     return [

@@ -1,0 +1,53 @@
+"""Damping: contacts dissipate, by a viscosity or by the coefficient of restitution of a Hertz contact."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.scene import Scene
+
+
+def called_for(case: Case) -> Finding:
+    if case.viscosity == 0:
+        return Finding(False, 0.0, "N s/m of viscosity, and no restitution below 1")
+    rate = case.decay_rate
+    if case.scene.wave.form == "driven":
+        return Finding(True, rate, "per tau is the decay rate of the wave on its way from the driven row")
+    left = case.amplitude_left
+    return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
+
+
+def loss(case: Case) -> str:
+    return f"nothing decays, where {case.amplitude_left:.3g} of the wave should be left"
+
+
+def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+    if not on:
+        return {}
+    effects = scene.effects
+    kind = {"damping": effects.viscosity} if effects.restitution == 1 else {"restitution": effects.restitution}
+    return kind | {"shear_damping": 1.0}
+
+
+def refuse(case: Case) -> str:
+    effects = case.scene.effects
+    if not case.on["damping"]:
+        return ""
+    if case.viscosity == 0:
+        return "effects.damping = true: needs effects.viscosity above 0 or effects.restitution below 1"
+    if effects.restitution < 1 and case.on["adhesion"]:
+        return (
+            f"effects.restitution = {effects.restitution!r}: LAMMPS has it for contacts without adhesion only; "
+            "use effects.viscosity, or effects.adhesion = false with packing.contact_force"
+        )
+    return ""
+
+
+def first_order(scene: Scene) -> bool:
+    """LAMMPS's dashpots push by the velocity of half a step ago."""
+    return True
+
+
+DAMPING = Effect(
+    "damping", called_for, cost="1.00", loss=loss, law=law, refuse=refuse, first_order=first_order, in_all=False
+)

@@ -1,0 +1,53 @@
+"""Rotation: spheres turn, because shear forces act at their surface. An L wave along y turns none, by symmetry."""
+
+from granular_lmp.crystal.modes import Physics
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
+
+LINES = {
+    "motion": "nve/sphere",
+    "angle_field": " d_phi",
+    "spin_field": " d_vphi",
+    "spin_column": " omegaz",
+    "preload_spin": "variable     to_th atom v_D0*d_phi/v_R/v_slow\n"
+    "variable     zero  atom 0.0\n"
+    "set          group all omega v_zero v_zero v_to_th",
+    "start_spin": "variable     om atom v_D0*d_vphi/v_R/v_t0\nset          group all omega v_zero v_zero v_om",
+}
+
+GUARD = Guard(
+    title="largest_torque",
+    name="torque",
+    lines=(
+        "compute      torques all property/atom tqz",
+        "compute      turn inside reduce maxabs c_torques",
+        "variable     torque_now equal c_turn/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
+    ),
+    limit=BROKEN_SYMMETRY,
+    roundings=ROUNDINGS,
+    meaning="of R g1 D0 is the largest torque: the spheres would turn",
+    cure="set effects.rotation = true",
+)
+
+
+def called_for(case: Case) -> Finding:
+    spin = INERTIA_RATIO * case.mode.f**2
+    share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
+    said = f"of the kinetic energy of {case.wave_words} is rotation"
+    if case.scene.envelope.width > 0:
+        return Finding(True, share, said + ", but at the sides of a beam spheres turn")
+    if case.scene.wave.mode == "RT":  # at K along x it does not turn them, but without rotation there is no such branch
+        return Finding(True, share, said)
+    if share <= NOTHING and case.mode.name == "TR" and case.scene.shape.ends == "fixed":  # at ξ = π
+        return Finding(True, share, said + ", but the held rows turn their neighbours")
+    return Finding(share > NOTHING, share, said)
+
+
+def loss(case: Case) -> str:
+    if case.scene.envelope.width > 0:
+        return "the sides of a beam, where spheres turn, are wrong"
+    return case.frequency_shift(Physics(shear=case.on.get("shear", True), rotation=False))
+
+
+ROTATION = Effect("rotation", called_for, cost="1.02", loss=loss, needs="shear", lines=LINES, guard=GUARD)

@@ -1,0 +1,109 @@
+"""Which effects a scene carries: the list of them all, and the choice among them."""
+
+from collections.abc import Iterable, Mapping
+
+from granular_lmp.effects.adhesion import ADHESION
+from granular_lmp.effects.contact_opening import CONTACT_OPENING
+from granular_lmp.effects.damping import DAMPING
+from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
+from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.rotation import ROTATION
+from granular_lmp.effects.shear import SHEAR
+from granular_lmp.effects.sliding import SLIDING
+from granular_lmp.effects.tracking import TRACKING
+from granular_lmp.effects.walls import WALLS
+from granular_lmp.effects.width import WIDTH
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
+
+# In the order in which they build on one another
+EFFECTS: tuple[Effect, ...] = (
+    *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
+    *(WALLS, WIDTH),
+)
+
+
+def guards() -> dict[str, Guard]:
+    """Return the guards of all effects by their titles."""
+    return {effect.guard.title: effect.guard for effect in EFFECTS if effect.guard}
+
+
+def select(scene: Scene) -> list[Chosen]:
+    """Return the effects of a scene, each on or off, in the order in which they build on one another.
+
+    Raises
+    ------
+    SceneError
+        For an effect that is forced on without what it needs: another effect, or a coefficient; for restitution of
+        adhesive contacts, which LAMMPS does not have; for contacts that slide whatever they do.
+    """
+    on: dict[str, bool] = {}
+    chosen = []
+    for effect in EFFECTS:
+        case, possible = Case(scene, dict(on)), on.get(effect.needs, True)
+        needed = Finding(False, 0.0, f"needs {effect.needs}, which is off")
+        finding = effect.called_for(case) if possible else needed
+        on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
+        loss = effect.loss(case) if finding.called_for else "nothing"
+        guard = effect.guard_name(on)
+        decided = (effect.name, effect.key, on[effect.name], *finding)
+        chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
+    for effect in EFFECTS:
+        reason = effect.refuse(Case(scene, on))
+        if reason:
+            raise SceneError(reason)
+    return chosen
+
+
+def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bool:
+    wanted = effect.declared(scene) if effect.declared else getattr(scene.effects, effect.name)
+    if wanted is True and not possible:
+        raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off")
+    return possible and called_for if wanted == AUTO else bool(wanted)
+
+
+def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
+    """Return for each effect whether it is on, and the guard that the deck has for it ("": none).
+
+    The scene is one whose every "auto" is decided (`granular_lmp.problem.prepare`): no rule is asked.
+    """
+    on: dict[str, bool] = {}
+    found = {}
+    for effect in EFFECTS:
+        on[effect.name] = effect.declared(scene) if effect.declared else getattr(scene.effects, effect.name) is True
+        found[effect.name] = on[effect.name], effect.guard_name(on)
+    return found
+
+
+def lines(on: Mapping[str, bool]) -> dict[str, str]:
+    """Return the lines that the effects write into the slots of the deck; a later effect replaces an earlier one's."""
+    written: dict[str, str] = {}
+    for effect in EFFECTS:
+        if on.get(effect.needs, True):
+            written |= effect.lines if on[effect.name] else effect.lines_off
+    return written
+
+
+def order(scene: Scene) -> int:
+    """Return the order of LAMMPS's error in the time step: 2, as of velocity Verlet, or 1 where an effect spoils it."""
+    spoilt = (
+        effect.first_order(scene)
+        for effect in EFFECTS
+        if effect.declared is None and getattr(scene.effects, effect.name) is True
+    )
+    return 1 if any(spoilt) else 2
+
+
+def with_all(scene: Scene) -> Scene:
+    """Return the scene with everything on that does not change its lattice or need a coefficient, to compare with."""
+    return scene.with_values({effect.key: True for effect in EFFECTS if effect.declared is None and effect.in_all})
+
+
+def warnings(chosen: Iterable[Chosen]) -> list[str]:
+    """Return a sentence for each effect that is forced off although the scene calls for it: what will be wrong."""
+    return [
+        f"{effect.switch} is off, but {effect.finding}; without it {effect.loss}"
+        for effect in chosen
+        if effect.called_for and not effect.on
+    ]

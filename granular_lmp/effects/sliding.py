@@ -1,0 +1,84 @@
+"""Sliding: a contact slides where its shear force reaches the Coulomb limit μ(f_N + 2F).
+
+While contacts must not slide, the deck takes a friction at which none does.
+"""
+
+from math import inf
+
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.guard import BETWEEN, CONTACT, Guard
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
+
+# The sliding force of two spheres at the overlap <of>
+SLIDING_FORCE = "(v_mu*(<adhesive_force>+<holding_force>*v_overlap_<of>^1.5))"
+
+LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
+LINES_OFF = {
+    "friction": "variable friction index $(<no_slip_friction>*v_amplitude:%.17g)"
+    "  # no sliding; much more would freeze the shear"
+}
+
+GUARD = Guard(
+    title="largest_slip",
+    name="slip",
+    lines=(
+        *CONTACT,
+        "variable     mu equal <friction_limit>",
+        "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
+        "variable     slip_now equal c_extreme[2]/" + SLIDING_FORCE.replace("<of>", "now"),
+    ),
+    limit=1 - BETWEEN,
+    meaning="of the sliding force: contacts may have slid, which the model does not",
+    cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
+    "wave.amplitude",
+    per_contact=True,
+)
+
+
+def called_for(case: Case) -> Finding:
+    ratio = case.largest_slip()
+    if ratio == inf and case.scene.effects.friction != AUTO:
+        return Finding(True, ratio, f"contacts open, and an open one bears no shear force (friction {case.friction:g})")
+    if case.scene.effects.friction == AUTO:
+        return Finding(False, ratio, f"of the sliding force is the largest shear force (friction {case.friction:.3g})")
+    return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")
+
+
+def loss(case: Case) -> str:
+    ratio = case.largest_slip()
+    return f"shear forces grow to {ratio:.3g} of what friction bears" if ratio < inf else "open contacts bear shear"
+
+
+def refuse(case: Case) -> str:
+    if case.scene.effects.friction != AUTO:
+        return ""
+    if case.on["sliding"]:
+        return "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
+    if case.on["shear"] and case.largest_slip() >= 1:
+        return (
+            'effects.friction = "auto": must be a number in (0, 1e4], as in so strong a wave contacts that open slide '
+            "before"
+        )
+    return ""
+
+
+def first_order(scene: Scene) -> bool:
+    """A contact begins to slide inside a step."""
+    return True
+
+
+SLIDING = Effect(
+    "sliding",
+    called_for,
+    cost="1.00",
+    loss=loss,
+    needs="shear",
+    lines=LINES,
+    lines_off=LINES_OFF,
+    refuse=refuse,
+    first_order=first_order,
+    guard=GUARD,
+    always=True,
+    in_all=False,
+)

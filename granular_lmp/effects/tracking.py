@@ -1,0 +1,28 @@
+"""Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
+
+from granular_lmp.effects.effect import Case, Effect, Finding
+
+LINES = {
+    "motion": "nve/sphere update dipole",
+    "atom_style": "hybrid sphere dipole",
+    "mass": "mass         * 1.0  # asked for by the dipole style, not used: spheres have their own",
+    "start_angle": "variable     mx atom cos(v_D0*d_phi/v_R)\n"
+    "variable     my atom sin(v_D0*d_phi/v_R)\n"
+    "set          group all dipole v_mx v_my v_zero",
+    "read_angle": "compute      dipole <seen> property/atom mux muy\n"
+    "variable     theta atom atan2(c_dipole[2],c_dipole[1])",
+    "angle_column": " v_theta",
+    "angle_name": " colname v_theta theta",
+}
+
+
+def called_for(case: Case) -> Finding:
+    angle = case.scene.wave.amplitude * case.mode.f * case.scene.sphere.static_overlap / case.scene.sphere.radius
+    return Finding(case.on["rotation"], abs(angle), "rad is the largest angle of a sphere")
+
+
+def loss(case: Case) -> str:
+    return "the angle is not in the record"
+
+
+TRACKING = Effect("tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES)

@@ -1,0 +1,41 @@
+"""Width: columns beyond the three that stand for any number where the spheres of a row all move alike."""
+
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.shape import FEWEST_COLUMNS
+
+GUARD = Guard(
+    title="row_spread",
+    name="spread",
+    lines=(
+        "group        row id <centre_row>",
+        "compute      most  row reduce max c_u[1] c_u[2]",
+        "compute      least row reduce min c_u[1] c_u[2]",
+        "variable     spread_now equal (c_most[1]-c_least[1]+c_most[2]-c_least[2])/v_D0  # in the centre row",
+    ),
+    limit=BROKEN_SYMMETRY,
+    roundings=ROUNDINGS,
+    meaning="D0 are between spheres of the centre row: the wave is no longer plane, and needs more packing.columns",
+    cure="set packing.columns to more",
+)
+
+
+def called_for(case: Case) -> Finding:
+    columns = float(case.scene.shape.columns)
+    if case.scene.uniform_rows:
+        return Finding(False, columns, f"columns; {FEWEST_COLUMNS} stand for any number where all of a row move alike")
+    return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")
+
+
+def loss(case: Case) -> str:
+    return "waves whose rows do not move alike"
+
+
+def declared(scene: Scene) -> bool:
+    return scene.shape.columns > FEWEST_COLUMNS or not scene.uniform_rows
+
+
+WIDTH = Effect(
+    "width", called_for, cost="columns", loss=loss, guard=GUARD, switch="packing.columns", declared=declared
+)

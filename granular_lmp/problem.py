@@ -1,0 +1,124 @@
+"""A scene, prepared once: everything after it takes the `Problem` and asks nothing twice.
+
+`prepare` decides every "auto" of a scene, finds the contacts of its lattice, solves the linear problem of its wave, and
+chooses the effects. The deck, the guards, the choice of a time step and the run are made of what comes out.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import hypot
+from typing import Any
+
+import ase
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lattices import hexagonal, unit_lattice
+from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
+from granular_lmp.effects.effect import Case, Chosen
+from granular_lmp.effects.selection import select, warnings
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A prepared scene.
+
+    Attributes
+    ----------
+    declared : Scene
+        As it was given.
+    scene : Scene
+        Every "auto" decided.
+    lattice : Contacts
+        Contacts of a sphere of the perfect lattice.
+    mode : Mode
+        The Bloch mode of the wave in the lattice with these effects.
+    effects : tuple of Chosen
+        Each effect, on or off, and why.
+    """
+
+    declared: Scene
+    scene: Scene
+    lattice: Contacts
+    mode: Mode
+    effects: tuple[Chosen, ...]
+
+    @cached_property
+    def crystal(self) -> ase.Atoms:
+        """The spheres at rest."""
+        return hexagonal(self.scene.sphere, self.scene.shape)
+
+    @property
+    def physics(self) -> Physics:
+        """The degrees of freedom of the lattice."""
+        return physics_of(self.scene)
+
+    @property
+    def on(self) -> dict[str, bool]:
+        """Effect → is it on."""
+        return {effect.name: effect.on for effect in self.effects}
+
+    @property
+    def guards(self) -> list[str]:
+        """Titles of the guards in the deck."""
+        return [effect.guard for effect in self.effects if effect.guard]
+
+    @property
+    def judged(self) -> list[str]:
+        """Titles of the guards that fail the run."""
+        return [effect.guard for effect in self.effects if effect.guard and effect.judged]
+
+    @property
+    def largest_step(self) -> float:
+        """The stability limit of velocity Verlet, τ."""
+        return largest_step(self.scene)
+
+    def warnings(self) -> list[str]:
+        """Return a sentence for each change that made the scene fit, and for each effect that is forced off."""
+        return [*self.declared.remarks(), *warnings(self.effects)]
+
+    def stepped(self, scene: Scene) -> "Problem":
+        """Return the problem of the same scene with another time step."""
+        return replace(self, scene=scene)
+
+
+def prepare(scene: Scene) -> Problem:
+    """Decide, find and solve all that a deck and a run of the scene need; nothing is written.
+
+    Raises
+    ------
+    SceneError
+        When effects do not go together (`granular_lmp.effects.selection.select`), and for a time step beyond the
+        stability limit of velocity Verlet.
+    """
+    chosen = select(scene)
+    shape = scene.shape
+    values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
+    values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
+    resolved = scene.with_values(values)
+    problem = Problem(scene, resolved, unit_lattice(resolved.sphere), mode_of(resolved), tuple(chosen))
+    limit = problem.largest_step
+    if scene.time.tolerance is None and scene.time.step >= limit:
+        name = "2/Omega_max, less with dashpots," if resolved.effects.damping is True else "2/Omega_max"
+        raise SceneError(
+            f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
+            f"must be below {name} = {limit:.6g}, in tau"
+        )
+    return problem
+
+
+def largest_step(scene: Scene) -> float:
+    """Return the stability limit of velocity Verlet in the scene's lattice, τ: 2/Ω_max, less with dashpots.
+
+    LAMMPS's dashpots push by the velocity of half a step before, which makes (ΩΔτ)² + 2cλΔτ < 4 of it, with c in m/t0
+    and λ = 2(κ+3)Ω²/min(κ, 1) at the most.
+    """
+    physics = physics_of(scene)
+    top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)
+    kappa = scene.sphere.stiffness_ratio
+    drag = 0.0
+    if scene.effects.damping is not False:
+        drag = Case(scene).viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
+    return 2 / top / (hypot(drag * top / 2, 1) + drag * top / 2)
