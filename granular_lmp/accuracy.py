@@ -21,7 +21,7 @@ import numpy as np
 
 from granular_lmp.effects import order
 from granular_lmp.record import Record
-from granular_lmp.rounding import moving
+from granular_lmp.rounding import judged
 from granular_lmp.scene import Scene
 
 # The distance itself was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5, the
@@ -102,7 +102,7 @@ def estimate(runs: Sequence[Record]) -> dict[str, float]:
         Without those that vanish by symmetry; inf where one run cannot tell.
     """
     newer = answer(runs)
-    names = moving(newer.signals)
+    names = judged(newer.scene, newer.signals)
     if len(runs) == 1:
         return dict.fromkeys(names, inf)
     older = answer(runs[:-1])

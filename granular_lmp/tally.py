@@ -18,7 +18,7 @@ from granular_lmp.effects import order
 from granular_lmp.knobs import ORDERED, REFERENCE, Point, Run
 from granular_lmp.outputs import SCENE, replace_text
 from granular_lmp.record import STATUS, TRAJECTORY, Record, read_status, scene_digest, write_status
-from granular_lmp.rounding import moving
+from granular_lmp.rounding import judged
 
 RUNS = "runs"
 NOT_RUN = "not run yet"
@@ -146,7 +146,7 @@ def _why_not(folder: Path, point: Point) -> str:
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:
     """Relative L2 error of p, q, φ against the reference; None for what symmetry makes zero or was not recorded."""
-    there = moving(best.signals)
+    there = judged(best.scene, best.signals)
     found: dict[str, float | None] = {}
     for name in COMPONENTS:
         values, exact = getattr(record, name), getattr(best, name)
