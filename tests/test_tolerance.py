@@ -282,6 +282,14 @@ def test_a_ladder_that_begins_too_coarse_goes_on_and_says_so(tmp_path: Path, cap
     assert max(errors_of(record, exact).values()) <= 1e-3
 
 
+def test_the_rounding_of_what_a_mirror_makes_zero_is_no_signal(tmp_path: Path) -> None:
+    scene = periodic("L", 200, 26, 1e-5, time_tolerance=5e-2, time_duration=30.0)
+    record = run(scene, tmp_path / "run")
+    assert np.max(np.abs(record.q)) > 0
+    assert record.info["error_estimate"]["q"] is None
+    assert record.info["error_budget"][2]["q"] is None
+
+
 # Long enough for the display, which looks ten times a second, to come in between
 LONG = periodic("TR", 16, 2, 0.2, time_tolerance=1e-2, time_duration=2500.0)
 

@@ -258,7 +258,7 @@ def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path)
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
 @pytest.mark.parametrize("scene", [OBLIQUE, GRATING, HEARD, PULSE], ids=lambda scene: scene.name)
 def test_a_tolerance_is_met_for_every_wave(scene: Scene, tolerance: float, tmp_path: Path) -> None:
-    # No law is known of these: three runs tell. Against a pair of a quarter of the finest step that was taken
+    # Against a pair of a quarter of the finest step that was taken
     scene = scene.with_values({"output.particles": 0.0})
     record = run(scene.with_values({"time.tolerance": tolerance}), tmp_path / "run")
     finest = min(record.info["extrapolated_from"])

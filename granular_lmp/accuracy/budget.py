@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.ladder import phase_error
-from granular_lmp.accuracy.rounding import linear_signals, moving, rounding, walls
+from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, walls
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 
@@ -48,7 +48,7 @@ def error_budget(
         ("time step", stepped, remedy),
         (
             "walls",
-            dict.fromkeys(moving(signals), walls(scene)),
+            dict.fromkeys(judged(scene, signals), walls(scene)),
             f"packing.rows = {scene.shape.rows + more}" if held else "nothing to halve: a periodic cell",
         ),
         ("rounding", rounding(scene, signals), "wave.amplitude x 2 (p of TR, RT: x 1.41), or half the packing.rows"),

@@ -19,7 +19,7 @@ from math import inf, isclose
 
 import numpy as np
 
-from granular_lmp.accuracy.rounding import moving
+from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
@@ -102,7 +102,7 @@ def estimate(runs: Sequence[Record]) -> dict[str, float]:
         Without those that vanish by symmetry; inf where one run cannot tell.
     """
     newer = answer(runs)
-    names = moving(newer.signals)
+    names = judged(newer.scene, newer.signals)
     if len(runs) == 1:
         return dict.fromkeys(names, inf)
     older = answer(runs[:-1])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.accuracy.richardson import richardson
-from granular_lmp.accuracy.rounding import moving
+from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
 from granular_lmp.lammps.outputs import SCENE, replace_text
 from granular_lmp.runs.agreement import scene_digest
@@ -147,7 +147,7 @@ def _why_not(folder: Path, point: Point) -> str:
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:
     """Relative L2 error of p, q, φ against the reference; None for what symmetry makes zero or was not recorded."""
-    there = moving(best.signals)
+    there = judged(best.scene, best.signals)
     found: dict[str, float | None] = {}
     for name in COMPONENTS:
         values, exact = getattr(record, name), getattr(best, name)
