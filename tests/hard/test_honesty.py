@@ -139,10 +139,16 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(small, tmp_path / "run")
-    monkeypatch.setattr(launch, "description", lambda *arguments: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
+    before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError):
+        patched.setattr(launch, "description", lambda *arguments: 1 / 0)  # before the folder is touched
         run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
-    refused(tmp_path / "run")
+    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    for step in ("replace_text", "_execute"):  # once it is: while the deck is written, and when the run begins
+        with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError):
+            patched.setattr(launch, step, lambda *arguments: 1 / 0)
+            run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
+        refused(tmp_path / "run")
 
 
 # --- disks ---
