@@ -140,14 +140,18 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
 ) -> None:
     run(small, tmp_path / "run")
     before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
-    with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError):
-        patched.setattr(launch, "description", lambda *arguments: 1 / 0)  # before the folder is touched
-        run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
-    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
-    for step in ("replace_text", "_execute"):  # once it is: while the deck is written, and when the run begins
-        with monkeypatch.context() as patched, pytest.raises(ZeroDivisionError):
+    other = small.with_values({"wave.amplitude": 0.1})
+
+    def fails_at(step: str) -> None:
+        with monkeypatch.context() as patched:
             patched.setattr(launch, step, lambda *arguments: 1 / 0)
-            run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
+            with pytest.raises(ZeroDivisionError):
+                run(other, tmp_path / "run", force=True)
+
+    fails_at("description")  # before the folder is touched
+    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    for step in ("replace_text", "_execute"):  # while the deck is written, and when the run begins
+        fails_at(step)
         refused(tmp_path / "run")
 
 

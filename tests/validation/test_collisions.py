@@ -335,7 +335,7 @@ def test_a_collision_reads_back_as_it_is_written(name: str, tmp_path: Path) -> N
         ({"collision.normal_velocity": 1e4}, "the overlap would be 1.43 of the diameter; at most 0.05 is allowed"),
         ({"collision.spn": 1.0}, "collision.spn: unknown key; did you mean 'spin'?"),
         ({"colision.spin": 1.0}, "colision: unknown key; did you mean 'collision'?"),
-        ({"name": "a b"}, "name = 'a b': must be ASCII letters"),
+        ({"name": "a b"}, "name = 'a b': must be a string of at most 200 ASCII letters"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], message: str) -> None:
