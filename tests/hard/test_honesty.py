@@ -145,10 +145,20 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(small, tmp_path / "run")
-    monkeypatch.setattr(launch, "description", lambda *arguments: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        run(small.with_values({"wave.amplitude": 0.1}), tmp_path / "run", force=True)
-    refused(tmp_path / "run")
+    before = {path: path.read_bytes() for path in (tmp_path / "run").iterdir()}
+    other = small.with_values({"wave.amplitude": 0.1})
+
+    def fails_at(step: str) -> None:
+        with monkeypatch.context() as patched:
+            patched.setattr(launch, step, lambda *arguments: 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                run(other, tmp_path / "run", force=True)
+
+    fails_at("description")  # before the folder is touched
+    assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
+    for step in ("replace_text", "_execute"):  # while the deck is written, and when the run begins
+        fails_at(step)
+        refused(tmp_path / "run")
 
 
 # --- disks ---
