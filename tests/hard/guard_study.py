@@ -185,14 +185,14 @@ def _snapshots(path: Path) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What one guard said of a scene, beside the truth; `slack` is what a look may be late or a number be off."""
+    """What one guard said of a scene, beside the truth."""
 
     guard: str
     happened: bool  # to a contact that surely reaches the record
     happened_wide: bool  # to one that perhaps does
     said: bool
     late: float  # tau, of the first time
-    excess: float  # of the bound over the truth, or of the smallest overlap over the true one
+    over: float  # what was reported over the truth, less 1, of slip; the smallest overlap less the true one
 
     @property
     def missed(self) -> bool:
@@ -233,7 +233,7 @@ def _openings(info: dict[str, Any], real: Truth) -> Comparison:
         happened_wide=bool((real.overlap_wide <= BETWEEN).any()),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
-        excess=info["smallest_overlap"] - float(real.overlap.min()) if first is None else 0.0,
+        over=info["smallest_overlap"] - float(real.overlap.min()) if first is None else 0.0,
     )
 
 
@@ -251,7 +251,7 @@ def _slip(info: dict[str, Any], real: Truth) -> Comparison:
         happened_wide=bool((real.slip_wide >= limit).any()) or not whole.all(),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
-        excess=guard["bound"] / worst - 1 if worst > 0 and whole.all() else 0.0,
+        over=guard["bound"] / worst - 1 if worst > 0 and whole.all() else 0.0,
     )
 
 
@@ -285,7 +285,7 @@ def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
         for guard in zip(*pairs, strict=True):
             words += [str(sum(getattr(one, key) for one in guard)) for key in ("happened", "missed", "stopped")]
             words.append(f"{max(one.late for one in guard):.2f}")
-        excess = [1 + slip.excess for _, slip in pairs if slip.excess]
+        excess = [1 + slip.over for _, slip in pairs if slip.over]
         words.append(f"{np.median(excess):.2f}, {max(excess):.2f} at most" if excess else "")
         lines.append(f"| {' | '.join(words)} |")
     return "\n".join(lines)
