@@ -1,8 +1,8 @@
 """Guards: what a run measures to prove that the effects left out of its deck stayed silent.
 
 Each guard is a number that LAMMPS takes from contacts or spheres at every *look*, and the largest value that still
-counts as silent. A guard is in the deck only while its effect is not. The thermo table holds the extremes over all
-looks so far and the first time at which a limit was passed.
+counts as silent. A guard is in the deck only while its effect is not. A line of the thermo table holds the extremes
+over all looks since the line before, and the first time among them at which a limit was passed.
 
 Looks are frequent enough for the motion that is watched (`fastest`), and a look judges only the spheres whose state can
 still reach what the run records (`_inside`).
@@ -60,7 +60,7 @@ class Guard:
     Attributes
     ----------
     name : str
-        Variables of the deck begin with it: NAME_now at a look, NAME the largest of all looks, NAME_at the first time
+        Variables of the deck begin with it: NAME_now at a look, NAME the largest since the last line of the table, NAME_at the first time
         (tau) at which it was above the limit, `NEVER` if it was not.
     lines : tuple of str
         Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
@@ -270,7 +270,8 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
         text.append(f"variable     {guard.name}_when equal ternary({limit!r}>=f_now[{column}],{NEVER:g},v_tau)")
         kept += [f"f_now[{column}]", f"v_{guard.name}_when"]
         extremes += [(guard.name, "max"), (f"{guard.name}_at", "min")]
-    text.append(f"fix          looks all vector ${{look}} {' '.join([*kept, f'f_now[{len(now)}]'])}")
+    kept += [f"f_now[{len(now)}]", "nmax", str(_looks_per_line(scene) + 1)]  # of a long run it would fill the memory
+    text.append(f"fix          looks all vector ${{look}} {' '.join(kept)}")
     for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
         text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
@@ -330,7 +331,7 @@ def header(names: list[str], scene: Scene) -> str:
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
-    top = "# The last line of the thermo table holds extremes of the run. It is invalid (since the tau in v_NAME_at) if"
+    top = "# A line of the thermo table holds the extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *said]) if said else ""
 
 
