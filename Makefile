@@ -7,6 +7,7 @@
 # make dispersion (all branches from one kicked sheet), make waves (other directions, gratings, driven rows and
 # pulses, a minute: docs/waves.md), make figures (the others of the docs),
 # make stability (hard cases, a few minutes: docs/stability.md),
+# make guards (how often a guard is wrong, of 203 random scenes, ten minutes: docs/effects.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -21,7 +22,7 @@ STEP = 0.0125
 UNTIL = 165
 RUNS = $(CASES:%=runs/paper/%)
 
-.PHONY: paper figures spectrum dispersion waves gallery test stability cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
+.PHONY: paper figures spectrum dispersion waves gallery test stability guards cost bench scale decks clean $(EFFECTS:%=runs/effects/%)
 
 paper: .venv/ready
 	for case in $(CASES); do \
@@ -88,6 +89,9 @@ test: .venv/ready
 stability: .venv/ready
 	$(BIN)/python -m tests.hard.report -o docs/stability.md
 	$(BIN)/pytest tests/hard/test_bad_input.py tests/hard/test_broken_decks.py --hypothesis-profile=thorough
+
+guards: .venv/ready
+	$(BIN)/python -m tests.hard.guard_study --write docs/effects.md
 
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost

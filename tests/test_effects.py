@@ -198,7 +198,7 @@ def test_guards_look_forty_times_in_the_fastest_period_or_at_every_step(mode: st
     scene = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).scene
     steps = look_interval(scene)
     assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
-    assert scene.time.steps_per_sample % steps == 0
+    assert scene.time.steps % steps == 0
     assert fastest(scene) >= max(2 * build(scene).problem.mode.frequency, 1)
     assert line_interval(scene) * step <= 10
 

@@ -91,8 +91,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "studies": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "accuracy"},
     "plot": {"errors", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
-    "cli": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "accuracy", "studies", "plot", "doctor"},
 }
+MAY_IMPORT["cli"] = set(MAY_IMPORT)
 # A record draws itself for a notebook: matplotlib and the room are imported when it is asked to
 LAZY = {("runs", "plot")}
 

@@ -21,7 +21,7 @@ GUARD = Guard(
         "  # one that hardly touches may open between looks",
     ),
     limit=0.0,
-    meaning="contacts opened: no closed form holds, and shear forces are lost",
+    meaning="contacts opened, so that no closed form holds and shear forces are lost",
     cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
 )
 

@@ -37,8 +37,8 @@ class Guard:
     title : str
         Its name in ``run.json``.
     name : str
-        Variables of the deck begin with it: NAME_now at a look, NAME the largest of all looks, NAME_at the first time
-        (tau) at which it was above the limit, `NEVER` if it was not.
+        Variables of the deck begin with it: NAME_now at a look, NAME the largest since the last line of the
+        table, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : tuple of str
         Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
     limit : float

@@ -1,8 +1,8 @@
 """The guards of a deck: how often a run looks, at which spheres, and what it measured.
 
 Each guard is a number that LAMMPS takes from contacts or spheres at every *look*, and the largest value that still
-counts as silent. A guard is in the deck only while its effect is not. The thermo table holds the extremes over all
-looks so far and the first time at which a limit was passed.
+counts as silent. A guard is in the deck only while its effect is not. A line of the thermo table holds the extremes
+over all looks since the line before, and the first time among them at which a limit was passed.
 
 Looks are frequent enough for the motion that is watched (`fastest`), and a look judges only the spheres whose state can
 still reach what the run records (`_inside`). The guards themselves are defined with their effects
@@ -85,9 +85,9 @@ def fastest(scene: Scene) -> float:
 
 
 def look_interval(scene: Scene) -> int:
-    """Return the steps between two looks: `LOOKS` in a period of `fastest`, and a whole number of them in a sample."""
-    most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps_per_sample)
-    return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps_per_sample % steps == 0)
+    """Return the steps between two looks: `LOOKS` in a period of `fastest`, and a whole number of them in the run."""
+    most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps)
+    return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps % steps == 0)
 
 
 def line_interval(scene: Scene) -> int:
@@ -115,7 +115,8 @@ def _inside(scene: Scene) -> list[str]:
     """Lines for the group of the spheres whose state can still reach the record before the run ends.
 
     All of them, where snapshots record them or all take part alike in a periodic plane wave; else a cone around the
-    centre: as far as a signal comes in the run (`quiet_rows`) at its begin, and down to the next row at its end.
+    centre: at the begin of the run a row less than where walls may stand that the centre does not hear (`quiet_rows`),
+    at its end the next row. The group is drawn anew whenever the cone has lost a row.
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
@@ -123,9 +124,9 @@ def _inside(scene: Scene) -> list[str]:
     row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * ROW_SPACING, length=1)
     return [
         "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
-        f"variable     reach equal {row!r}*(1.5+{far}*(1-v_tau/v_duration))",
+        f"variable     reach equal {row!r}*(1.5+{far - 2.5}*(1-v_tau/(v_duration+(v_duration==0))))",
         "variable     near atom v_reach^2>x*x+y*y",
-        f"group        inside dynamic all var near every {max(1, round(2 / scene.time.step))}  # a signal runs a row",
+        f"group        inside dynamic all var near every {max(1, int(scene.time.duration / far / scene.time.step))}",
     ]
 
 
@@ -146,24 +147,27 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     """
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
     text = list(dict.fromkeys(line for guard in watched for line in guard.lines))
-    seen = [name for guard in watched for name in (f"{guard.name}_now", f"{guard.name}_at_now")]
-    seen += ["overlap_now"]
-    for guard in watched:
-        limit = guard.largest_silent(scene)
-        text.append(f"variable     {guard.name}_at_now equal ternary({limit!r}>=v_{guard.name}_now,{NEVER:g},v_tau)")
+    now = [*(guard.name for guard in watched), "overlap"]
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
-        f"variable     look equal ternary((v_every%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1)",
-        f"fix          looks all vector ${{look}} {' '.join(f'v_{name}' for name in seen)}",
+        f"variable     look equal ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1)",
+        f"fix          now all ave/time ${{look}} 1 ${{look}} {' '.join(f'v_{name}_now' for name in now)}",
     ]
-    for column, name in enumerate(seen, start=1):
-        least = name == "overlap_now" or name.endswith("_at_now")
-        text.append(f"variable     {name.removesuffix('_now')} equal {'min' if least else 'max'}(f_looks[{column}])")
+    kept, extremes = [], []
+    for column, guard in enumerate(watched, start=1):
+        limit = guard.largest_silent(scene)
+        text.append(f"variable     {guard.name}_when equal ternary({limit!r}>=f_now[{column}],{NEVER:g},v_tau)")
+        kept += [f"f_now[{column}]", f"v_{guard.name}_when"]
+        extremes += [(guard.name, "max"), (f"{guard.name}_at", "min")]
+    kept += [f"f_now[{len(now)}]", "nmax", str(_looks_per_line(scene) + 1)]  # of a long run it would fill the memory
+    text.append(f"fix          looks all vector ${{look}} {' '.join(kept)}")
+    for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
+        text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
         text += [line for line in _ELSEWHERE if _is_there(line, names)]
-    for guard in watched:
-        if guard.per_contact and guard in [GUARDS[name] for name in judged]:
-            text += _written_out(guard, scene)
+    for column, name in enumerate(names, start=1):
+        if GUARDS[name].per_contact and name in judged:
+            text += _written_out(GUARDS[name], column, scene)
     return [
         *_inside(scene),
         *text,
@@ -198,12 +202,12 @@ def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str
     ]
 
 
-def _written_out(guard: Guard, scene: Scene) -> list[str]:
+def _written_out(guard: Guard, column: int, scene: Scene) -> list[str]:
     """Lines that write each contact out while the upper bound is above the limit, so that it is judged by itself."""
     return [
         f"# each contact, distance and shear force, at the looks where the bound v_{guard.name} does not decide",
-        f"variable     {guard.name}_holds equal {guard.largest_silent(scene)!r}>=v_{guard.name}_now",
-        f"dump         contacts all local ${{look}} {CONTACTS} c_contact[1] c_contact[2]",
+        f"variable     {guard.name}_holds equal {guard.largest_silent(scene)!r}>=f_now[{column}]",
+        "dump         contacts all local ${look} ${dump}.contacts c_contact[1] c_contact[2]",
         f'dump_modify  contacts skip v_{guard.name}_holds format line "%.17g %.9g"<contacts_append>',
     ]
 
@@ -211,12 +215,13 @@ def _written_out(guard: Guard, scene: Scene) -> list[str]:
 def header(names: list[str], scene: Scene) -> str:
     """Return the comment at the top of a deck: which thermo column above which value invalidates the run."""
     said = [
-        f"#   {GUARDS[name].column} is above {GUARDS[name].largest_silent(scene):.4g}"
-        + (f" and {CONTACTS} shows a contact that is by itself" if GUARDS[name].per_contact else "")
-        + f": {GUARDS[name].meaning}"
+        f"#   {GUARDS[name].column} is above {GUARDS[name].largest_silent(scene):.4g}: "
+        + GUARDS[name].meaning.rpartition(": ")[2]
+        + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
-    top = "# The last line of the thermo table holds extremes of the run. It is invalid (since the tau in v_NAME_at) if"
+    since = "# A line of the thermo table holds the extremes since the one before. "
+    top = since + "The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *said]) if said else ""
 
 

@@ -10,7 +10,7 @@ nothing opens and nothing slides, so that guards judge every scene.
 
 import argparse
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from math import inf, pi
@@ -74,8 +74,10 @@ def random_scene(family: str, seed: int) -> Scene:
     }
     scene = Scene.load("tr_periodic").with_values(changes | shape[family])
     swing = float(np.max(np.abs(Case(scene).stretches[0])))
-    scene = scene.with_values({"wave.amplitude": min(0.1 * float(rng.uniform(0.6, 1.3)) / swing, 3.0)})
-    slip = Case(scene).largest_slip()
+    # The rules take the row behind a driven one to stand still, which it does not: its contacts move about half as much
+    more = 2.0 if family == "driven" else 1.0
+    scene = scene.with_values({"wave.amplitude": min(0.1 * more * float(rng.uniform(0.6, 1.3)) / swing, 3.0)})
+    slip = Case(scene).largest_slip() / more
     friction = slip * float(rng.uniform(0.6, 1.4)) if 0 < slip < inf else 1.0
     return scene.with_values({"effects.friction": float(np.clip(friction, 0.01, 100.0))})
 
@@ -185,14 +187,14 @@ def _snapshots(path: Path) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What one guard said of a scene, beside the truth; `slack` is what a look may be late or a number be off."""
+    """What one guard said of a scene, beside the truth."""
 
     guard: str
     happened: bool  # to a contact that surely reaches the record
     happened_wide: bool  # to one that perhaps does
     said: bool
     late: float  # tau, of the first time
-    excess: float  # of the bound over the truth, or of the smallest overlap over the true one
+    over: float  # what was reported over the truth, less 1, of slip; the smallest overlap less the true one
 
     @property
     def missed(self) -> bool:
@@ -233,7 +235,7 @@ def _openings(info: dict[str, Any], real: Truth) -> Comparison:
         happened_wide=bool((real.overlap_wide <= BETWEEN).any()),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
-        excess=info["smallest_overlap"] - float(real.overlap.min()) if first is None else 0.0,
+        over=info["smallest_overlap"] - float(real.overlap.min()) if first is None else 0.0,
     )
 
 
@@ -251,7 +253,7 @@ def _slip(info: dict[str, Any], real: Truth) -> Comparison:
         happened_wide=bool((real.slip_wide >= limit).any()) or not whole.all(),
         said=said is not None,
         late=said - first if said is not None and first is not None else 0.0,
-        excess=guard["bound"] / worst - 1 if worst > 0 and whole.all() else 0.0,
+        over=guard["bound"] / worst - 1 if worst > 0 and whole.all() else 0.0,
     )
 
 
@@ -276,19 +278,24 @@ def study(count: int) -> dict[str, list[tuple[Comparison, Comparison]]]:
 def table(found: dict[str, list[tuple[Comparison, Comparison]]]) -> str:
     """The comparisons as a Markdown table, a line a family."""
     lines = [
-        "| wave | scenes | open | missed | stopped | late, τ | slid | missed | stopped | late, τ | bound over truth |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| wave | scenes | open | missed | stopped | late, τ | overlap too large by, Δ₀ "
+        "| slid | missed | stopped | late, τ | bound over truth |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     every = [pair for pairs in found.values() for pair in pairs]
     for family, pairs in [*found.items(), ("all", every)]:
-        words = [family, str(len(pairs))]
-        for guard in zip(*pairs, strict=True):
-            words += [str(sum(getattr(one, key) for one in guard)) for key in ("happened", "missed", "stopped")]
-            words.append(f"{max(one.late for one in guard):.2f}")
-        excess = [1 + slip.excess for _, slip in pairs if slip.excess]
+        openings, slips = zip(*pairs, strict=True)
+        words = [family, str(len(pairs)), *_counts(openings), f"{max(one.over for one in openings):.4f}"]
+        words += _counts(slips)
+        excess = [1 + slip.over for _, slip in pairs if slip.over]
         words.append(f"{np.median(excess):.2f}, {max(excess):.2f} at most" if excess else "")
         lines.append(f"| {' | '.join(words)} |")
     return "\n".join(lines)
+
+
+def _counts(comparisons: Sequence[Comparison]) -> list[str]:
+    counts = [sum(getattr(one, key) for one in comparisons) for key in ("happened", "missed", "stopped")]
+    return [*map(str, counts), f"{max(one.late for one in comparisons):.2f}"]
 
 
 def main() -> None:

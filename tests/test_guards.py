@@ -1,0 +1,174 @@
+"""Guards are true: nothing is missed, no valid run is stopped, beside the state of every contact at every step."""
+
+from dataclasses import replace
+from math import cos, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+from granular_lmp.guards import ELSEWHERE, GUARDS, NEVER, columns, measured, watches_part, words_between_runs
+from granular_lmp.outputs import CONTACTS, read_local
+from granular_lmp.record import read_status
+from granular_lmp.rules import Case
+
+from granular_lmp import Scene, build, run
+from granular_lmp.errors import EffectError
+from tests.hard.guard_study import FAMILIES, Comparison, compared, random_scene
+
+# A standing L wave that opens a contact for a twelfth of its period, between what looks every 50 steps see
+STANDING = Scene.load("tr_periodic").with_values(
+    {
+        "sphere.poisson_ratio": 0.3,
+        "packing.rows": 16,
+        "packing.ends": "periodic",
+        "wave.form": "standing",
+        "wave.mode": "L",
+        "wave.wavenumber": 0.75 * pi,
+        "wave.phase": 0.3,
+        "wave.amplitude": 0.56,
+        "time.duration": 20.0,
+        "time.timestep": 0.05,
+        "time.sample": 0.5,
+    }
+)
+# A wave whose bulk contacts keep 0.3 of their overlap, while those at the walls open
+WALLED = STANDING.with_values(
+    {
+        "packing.rows": "auto",
+        "packing.ends": "fixed",
+        "wave.form": "running",
+        "wave.wavenumber": 2.519,
+        "wave.amplitude": 0.4,
+        "time.duration": 60.0,
+    }
+)
+
+
+# --- random scenes ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_guard_misses_nothing_and_stops_no_valid_run(family: str, number: int, tmp_path: Path) -> None:
+    openings, slip = compared(random_scene(family, number), tmp_path / "run")
+    for comparison in (openings, slip):
+        assert not comparison.missed, comparison
+        assert not comparison.stopped, comparison
+        assert comparison.late <= 0.2, comparison  # a look is at most 0.157 apart
+    # Between two looks a contact goes on by 0.3 % of its swing at most, which is about its overlap at rest
+    assert openings.over < 5e-3, openings
+    assert slip.over > -5e-3, slip
+
+
+def test_the_study_sees_a_guard_that_is_wrong_on_either_side() -> None:
+    right = Comparison("open_contacts", happened=True, happened_wide=True, said=True, late=0.0, over=0.0)
+    assert not right.missed
+    assert not right.stopped
+    assert replace(right, said=False).missed
+    assert replace(right, happened=False, happened_wide=False).stopped
+
+
+def test_the_study_sees_a_guard_that_looks_too_rarely(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = STANDING.with_values({"effects.friction": 1.0, "effects.sliding": False})
+    monkeypatch.setattr("granular_lmp.guards.look_interval", lambda scene: 50)
+    monkeypatch.setattr("granular_lmp.guards._look_time", lambda scene: 2.5)
+    openings, _ = compared(scene, tmp_path / "run")
+    assert openings.missed or openings.late > 0.5
+
+
+# --- when, whom, and what is said ------------------------------------------------------------------------------------
+
+
+def test_a_standing_wave_that_opens_contacts_for_a_short_time_fails_its_run(tmp_path: Path) -> None:
+    with pytest.raises(EffectError, match=r"open_contacts = \d.*set effects.contact_opening = true"):
+        run(STANDING, tmp_path / "open")
+    # The study finds the first opening at 3.45; a look is every step there
+    assert read_status(tmp_path / "open")["guards"]["open_contacts"]["passed_at"] == pytest.approx(3.45, abs=0.1)
+    closed = run(STANDING.with_values({"wave.amplitude": 0.5}), tmp_path / "closed")
+    assert closed.info["smallest_overlap"] == pytest.approx(0.0895, abs=2e-3)
+
+
+def test_walls_whose_signal_never_reaches_the_record_do_not_stop_a_run(tmp_path: Path) -> None:
+    near = run(WALLED, tmp_path / "near")
+    assert near.info["guards"]["open_contacts"]["quiet"]
+    assert near.info["elsewhere"]["open_all"] > 0
+    assert near.info["smallest_overlap"] == pytest.approx(0.31, abs=0.02)
+    far = run(WALLED.with_values({"packing.rows": WALLED.shape.rows + 60}), tmp_path / "far")
+    # What the walls do there is not in the record: the echo time promises 1e-6
+    assert np.abs(far.p - near.p).max() < 1e-6 + 1e-6 * np.abs(far.p).max()
+
+
+def test_snapshots_widen_the_record_to_all_spheres_and_so_the_guard(tmp_path: Path) -> None:
+    everyone = WALLED.with_values({"output.particles": 1.0})
+    assert watches_part(WALLED)
+    assert not watches_part(everyone)
+    with pytest.raises(EffectError, match="contact_opening triggered its guard"):
+        run(everyone, tmp_path / "run")
+
+
+def test_contacts_that_bear_their_shear_do_not_stop_a_run_whose_bound_is_above_one(tmp_path: Path) -> None:
+    # An L wave shears the contacts that hardly touch least: the bound takes the hardest sheared of all over them
+    scene = STANDING.with_values({"wave.form": "running", "wave.amplitude": 0.5, "effects.friction": 0.5})
+    record = run(scene, tmp_path / "run")
+    guard = record.info["guards"]["largest_slip"]
+    assert guard["bound"] > 1 > guard["value"] > 0
+    assert guard["quiet"]
+    assert guard["value"] == pytest.approx(Case(scene).largest_slip(), rel=0.25)  # the linear wave, to order a
+    assert not (tmp_path / "run" / CONTACTS).exists()
+
+
+def test_the_rule_takes_the_ratio_of_one_contact_at_one_time() -> None:
+    case = Case(STANDING.with_values({"effects.friction": 0.5}))
+    kappa, most = STANDING.sphere.stiffness_ratio, 0.0
+    for normal, shear in zip(*case.stretches, strict=True):
+        for degree in range(360):
+            overlap = max(1 - normal * cos(degree * pi / 180), 0.0)
+            force = 1.5 * kappa * abs(shear * cos(degree * pi / 180)) * overlap**0.5
+            most = max(most, force / (0.5 * (overlap**1.5 + 1)))
+    assert case.largest_slip() == pytest.approx(most, rel=1e-4)  # the phases are a degree apart
+
+
+def test_a_deck_says_which_column_invalidates_its_run_and_counts_no_contacts() -> None:
+    text = build(STANDING).input_text
+    head = text.split("\n\n")[0]
+    for name in ("v_open", "v_slip", "v_torque", "v_spread"):
+        assert f"#   {name} is above " in head
+    assert str(3 * 48) not in text
+
+
+# --- what LAMMPS leaves ----------------------------------------------------------------------------------------------
+
+
+def test_what_is_no_number_is_not_silent(tmp_path: Path) -> None:
+    scene = build(STANDING).scene
+    for at in (NEVER, 2.0):
+        table = {"v_tau": np.array([0.0, 10.0]), "v_open": np.array([0.0, np.nan]), "v_open_at": np.array([NEVER, at])}
+        assert measured("open_contacts", table, scene, tmp_path).passed_at == (10.0 if at == NEVER else 2.0)
+
+
+def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_path: Path) -> None:
+    look = (
+        "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ENTRIES\n2\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ENTRIES a b\n"
+    )
+    (tmp_path / "dump").write_text(look.format(3) + "1 2\n3 4\n" + look.format(6) + "1 2\n")
+    ((step, contacts),) = read_local(tmp_path / "dump")
+    assert step == 3
+    assert contacts.tolist() == [[1, 2], [3, 4]]
+
+
+def test_a_stopped_run_says_what_its_looks_found() -> None:
+    names = columns(["largest_slip", "open_contacts"], build(WALLED).scene)
+    looks = np.array([[0.1, NEVER, 0.0, NEVER, 0.9], [0.3, NEVER, 2.0, 1.5, 0.4], [0.2, NEVER, 0.0, NEVER, 0.8]])
+    said = dict(zip(names, words_between_runs(names, looks), strict=True))
+    assert [float(said[f"v_{name}"]) for name in ("slip", "slip_at", "open", "open_at", "overlap")] == [
+        0.3,
+        NEVER,
+        2.0,
+        1.5,
+        0.4,
+    ]
+    assert {said[name] for name in ELSEWHERE} == {"nan"}
+
+
+def test_every_guard_says_what_to_do() -> None:
+    assert all("set " in guard.cure for guard in GUARDS.values())
