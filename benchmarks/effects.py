@@ -23,7 +23,7 @@ from granular_lmp.deck import Deck
 from granular_lmp.effects import with_all
 from granular_lmp.locate import lammps_module
 from granular_lmp.outputs import LOG
-from granular_lmp.scene import SHIPPED
+from granular_lmp.shipped import SHIPPED
 
 MARK = re.compile(r"(<!-- measured: begin -->\n).*?(<!-- measured: end -->)", re.DOTALL)
 

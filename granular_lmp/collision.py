@@ -28,7 +28,8 @@ from granular_lmp.fields import (
     refuse_unknown,
     toml_lines,
 )
-from granular_lmp.scene import LARGEST_OVERLAP_RATIO, SHIPPED
+from granular_lmp.scene import LARGEST_OVERLAP_RATIO
+from granular_lmp.shipped import SHIPPED
 from granular_lmp.sphere import Sphere
 from granular_lmp.tables import SPHERE_RULES
 from granular_lmp.units import units_for

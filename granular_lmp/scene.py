@@ -34,12 +34,12 @@ from granular_lmp.fields import (
 )
 from granular_lmp.fields import assignment as assignment
 from granular_lmp.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, Shape, decide, echo_time
+from granular_lmp.shipped import SHIPPED
 from granular_lmp.sphere import Sphere
 from granular_lmp.tables import MODES as MODES
 from granular_lmp.tables import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.wavevector import ROW_SPACING, WaveVector, zone_edge
 
-SHIPPED = Path(__file__).parent.parent / "lammps_inputs"
 _TABLES: dict[str, type] = {
     "sphere": Sphere,
     "packing": Packing,

@@ -71,7 +71,7 @@ def test_package_never_imports_analysis():
 # The direction of the data: a module imports only from the lines above its own.
 ORDER = """
 errors units sphere wavevector
-fields contact outputs
+fields contact shipped outputs
 shape
 tables
 checks

@@ -11,8 +11,9 @@ from analysis.second_harmonic import mode, ratios
 from granular_lmp.errors import SceneError
 from granular_lmp.modes import bloch_mode
 from granular_lmp.packing import unit_lattice
-from granular_lmp.scene import MODES, SHIPPED, Scene, assignment
+from granular_lmp.scene import MODES, Scene, assignment
 from granular_lmp.shape import FASTEST_ROWS_PER_TAU
+from granular_lmp.shipped import SHIPPED
 from granular_lmp.sphere import Sphere
 from granular_lmp.wavevector import WaveVector
 from tests.conftest import PAPER

@@ -390,7 +390,7 @@ def test_the_step_fits_the_sample_and_is_the_largest_that_does(sample: float) ->
         ({"time.duration": 0.5}, set(NAMES)),
         ({"time.duration": 1e6, "time.allow_echo": True, "wave.wavenumber": 0.05}, set(NAMES)),
     ],
-    ids=str,
+    ids=lambda value: str(sorted(value) if isinstance(value, set) else value),
 )
 def test_a_step_is_found_at_the_edges_of_what_a_scene_may_be(changes: dict[str, Any], names: set[str]) -> None:
     scene = PAPER.with_values({"time.tolerance": 1e-2} | changes)

@@ -21,7 +21,7 @@ from granular_lmp.effects import resolve
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.fields import assignment
 from granular_lmp.grid import axes, points
-from granular_lmp.scene import SHIPPED
+from granular_lmp.shipped import SHIPPED
 from granular_lmp.status import description
 from tests.conftest import PAPER
 

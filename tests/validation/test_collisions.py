@@ -22,7 +22,7 @@ from granular_lmp.contact import SHEAR_LAWS
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.launch import locked, run_input
 from granular_lmp.locate import lmp_command
-from granular_lmp.scene import SHIPPED
+from granular_lmp.shipped import SHIPPED
 
 SHIPPED_COLLISIONS = sorted(path.stem for path in (SHIPPED / "collisions").glob("*.toml"))
 PAGE = Path(__file__).parents[2] / "docs" / "collisions.md"
