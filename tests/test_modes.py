@@ -23,6 +23,8 @@ from granular_lmp.sphere import Sphere
 from granular_lmp.wavevector import ROW_SPACING, WaveVector
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 LATTICE = unit_lattice(SILICA)
 
 

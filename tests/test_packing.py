@@ -12,6 +12,8 @@ from granular_lmp.packing import centre, contacts, hexagonal, lattice_constant
 from granular_lmp.shape import Shape
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 SPACING = lattice_constant(SILICA)
 SHAPES = [
     Shape(5, 3, "fixed"),

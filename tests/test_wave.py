@@ -19,6 +19,8 @@ from granular_lmp.wavevector import ROW_SPACING, WaveVector
 from tests.conftest import PAPER
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 CELL = {"packing.ends": "periodic", "packing.rows": "auto", "packing.columns": "auto"}
 PULSE = PAPER.with_values(
     CELL
