@@ -99,6 +99,7 @@ waves: .venv/ready
 
 test: .venv/ready
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest --numprocesses=auto --dist=loadfile
 	$(BIN)/python -m tests.processors
