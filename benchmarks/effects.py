@@ -23,7 +23,7 @@ from granular_lmp.effects.selection import with_all
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.outputs import LOG
-from granular_lmp.scene.scene import SHIPPED
+from granular_lmp.scene.shipped import SHIPPED
 
 MARK = re.compile(r"(<!-- measured: begin -->\n).*?(<!-- measured: end -->)", re.DOTALL)
 

@@ -24,6 +24,8 @@ _BAR = 30  # characters of the progress bar
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
     _open_streams()
+    # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         options = _parsers()[0].parse_args(argv)
         _refuse_deleted_folder()
@@ -106,6 +108,9 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    init = _add(commands, "init", _init, "copy the shipped scenes and their decks, to change them or for plain lmp")
+    init.add_argument("-o", "--output", metavar="DIR", default="lammps_inputs", help="folder (default: %(default)s)")
 
     build = _add(commands, "build", _build, "write the LAMMPS deck of a scene")
     _scene_arguments(build)
@@ -268,6 +273,13 @@ def _scene(options: argparse.Namespace) -> "Scene":
 
 
 # --- the commands ----------------------------------------------------------------------------------------------------
+
+
+def _init(options: argparse.Namespace) -> int:
+    from granular_lmp.scene.shipped import copy_shipped
+
+    print(f"{options.output}: {', '.join(copy_shipped(options.output))}")
+    return 0
 
 
 def _build(options: argparse.Namespace) -> int:

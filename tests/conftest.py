@@ -1,12 +1,18 @@
 """Scenes and LAMMPS runs that several tests share."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from granular_lmp import Record, Scene, run
+# Before numpy is imported, here and in every process that a test starts: tests run side by side, on a core each
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from granular_lmp import Record, Scene, run  # noqa: E402
+
+pytest_plugins = ["tests.durations"]
 
 PAPER = Scene.load("tr_nonresonant")
 

@@ -221,7 +221,9 @@ def test_the_incremental_law_nearly_doubles_p(monkeypatch: pytest.MonkeyPatch, t
     assert errors(record, lattice(record, 0.0))["p"] > 0.8
 
 
-def test_a_far_too_large_friction_freezes_the_history(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    plain = run(PAPER, tmp_path / "plain")
+def test_a_far_too_large_friction_freezes_the_history(
+    monkeypatch: pytest.MonkeyPatch, paper_run: Callable[..., Record], tmp_path: Path
+) -> None:
+    plain = paper_run()
     frozen = run_altered(monkeypatch, tmp_path / "frozen", ("$(5.0*v_amplitude:%.17g)", "1e6"))
     assert relative_error(frozen.p, plain.p) > 5e-4

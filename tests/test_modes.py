@@ -24,6 +24,8 @@ from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 LATTICE = unit_lattice(SILICA)
 
 

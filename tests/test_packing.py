@@ -12,6 +12,8 @@ from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import Shape, centre, hexagonal, lattice_constant
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 SPACING = lattice_constant(SILICA)
 SHAPES = [
     Shape(5, 3, "fixed"),

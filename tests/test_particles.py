@@ -78,7 +78,7 @@ def test_ase_reads_every_digit(seen: Scene, tmp_path: Path) -> None:
     assert len(frames) == 3
     # ASE takes numbers of length for Å unless told otherwise, so that none is changed
     np.testing.assert_array_equal(frames[0].positions, np.column_stack([column[name] for name in "xyz"]))
-    np.testing.assert_array_equal(frames[0].arrays["v_theta"], column["v_theta"])
+    np.testing.assert_array_equal(np.ravel(frames[0].arrays["v_theta"]), column["v_theta"])  # before ASE 3.28 a column
     np.testing.assert_array_equal(frames[0].arrays["type"], column["type"])
     assert frames[0].get_velocities() is not None
     assert frames[0].pbc.tolist() == [True, True, True]

@@ -14,8 +14,9 @@ from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.scene import SHIPPED, Scene, assignment
+from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+from granular_lmp.scene.shipped import SHIPPED
 from tests.conftest import PAPER
 
 PAPER_MINIMAL = """

@@ -11,6 +11,8 @@ from analysis.damping import decay_rate
 from analysis.frequency_shift import shifted_second_order
 from analysis.resonance import three_mode
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 SILICA = sh.ratios(0.17)
 SILICA_ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
 

@@ -67,7 +67,7 @@ PHYSICS = [
 ]
 
 
-@pytest.mark.parametrize(("changes", "names", "expected"), PHYSICS, ids=str)
+@pytest.mark.parametrize(("changes", "names", "expected"), PHYSICS, ids=[str(changes) for changes, *_ in PHYSICS])
 def test_what_holds_the_physics_of_a_run_is_close_to_the_lattice(
     changes: dict[str, object], names: set[str], expected: str, with_physics: With
 ) -> None:
@@ -87,7 +87,7 @@ def test_physics_left_out_is_seen(changes: dict[str, object], with_physics: With
     assert worst(exact, "hierarchy", with_physics()) > 1e-4  # compression of these spheres, h̃ = 2.5e-4, does least
 
 
-@pytest.mark.parametrize(("changes", "names", "expected"), PHYSICS, ids=str)
+@pytest.mark.parametrize(("changes", "names", "expected"), PHYSICS, ids=[str(changes) for changes, *_ in PHYSICS])
 def test_a_theory_that_leaves_something_out_is_refused_by_name(
     changes: dict[str, object], names: set[str], expected: str, with_physics: With
 ) -> None:

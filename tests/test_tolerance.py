@@ -441,7 +441,7 @@ def test_the_deciding_frequency_is_of_the_drive_or_of_the_free_wave() -> None:
         {"time.duration": 1e6, "time.allow_echo": True, "wave.wavenumber": 0.05},
         {"effects.rotation": False},
     ],
-    ids=str,
+    ids=lambda value: str(sorted(value) if isinstance(value, set) else value),
 )
 def test_a_step_is_found_at_the_edges_of_what_a_scene_may_be(changes: dict[str, Any]) -> None:
     scene = PAPER.with_values({"time.tolerance": 1e-2} | changes)

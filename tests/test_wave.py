@@ -18,6 +18,8 @@ from granular_lmp.scene.validation import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.test_sphere import SILICA
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 CELL = {"packing.ends": "periodic", "packing.rows": "auto", "packing.columns": "auto"}
 PULSE = PAPER.with_values(
     CELL

@@ -7,6 +7,8 @@ import pytest
 
 from granular_lmp.crystal.wavevector import WaveVector, snapped, zone_edge
 
+pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
+
 
 @pytest.mark.parametrize(
     ("degrees", "advances", "axis"),

@@ -130,8 +130,8 @@ def _data(problem: Problem, units: Units) -> DataFile:
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
         density=np.full(len(packing), units.number(scene.sphere.density, mass=1, length=-3)),
-        # 13 decimals of D0: finer than a double resolves a position of the lattice, coarser than what one machine's
-        # cosine differs from another's, so that a scene gives the same bytes everywhere
+        # 13 decimals of D0: finer than a double resolves a position of the lattice, and what is 0 says so. The last of
+        # them depends on the processor's cosine
         wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
         directed=scene.effects.tracking is True,
     )

@@ -38,9 +38,9 @@ from granular_lmp.scene.schema import (
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
+from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
-SHIPPED = Path(__file__).parents[2] / "lammps_inputs"
 SECTIONS: dict[str, type] = {
     "sphere": Sphere,
     "packing": Packing,

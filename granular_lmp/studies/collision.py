@@ -16,7 +16,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import units_for
-from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO, SHIPPED
+from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
 from granular_lmp.scene.schema import (
     NOT_TOML,
     checked_name,
@@ -33,6 +33,7 @@ from granular_lmp.scene.schema import (
     toml_lines,
 )
 from granular_lmp.scene.sections import SPHERE_RULES
+from granular_lmp.scene.shipped import SHIPPED
 
 DUMP = "dump.collision"
 COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump

@@ -115,7 +115,7 @@ def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":
     process = subprocess.Popen(
         [sys.executable, "-c", f"from {__name__} import serve; serve({theirs.fileno()})"],
         stdin=subprocess.DEVNULL,
-        env=os.environ | {"PYTHONPATH": path},
+        env={"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": path},  # one core each
         pass_fds=[theirs.fileno()],
         start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
     )

@@ -19,8 +19,8 @@ from granular_lmp import Scene, build
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
-from granular_lmp.scene.scene import SHIPPED
 from granular_lmp.scene.schema import assignment
+from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies.collision import Collision, deck_text
 from granular_lmp.studies.sweep_points import axes, points
 from tests.conftest import PAPER

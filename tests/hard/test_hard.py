@@ -19,7 +19,18 @@ from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import degenerate, end
 
 
-@pytest.mark.parametrize("measure", FAST.values(), ids=FAST.keys())
+def rounded(name: str) -> bool:
+    """Whether a case lies at an edge of the zone, at a degenerate pair of modes, or where a mode is small."""
+    return "of the zone" in name or "degenerate" in name or name == "L, xi = 0.01001"
+
+
+CASES = [
+    pytest.param(measure, id=name, marks=[pytest.mark.rounding] if rounded(name) else [])
+    for name, measure in FAST.items()
+]
+
+
+@pytest.mark.parametrize("measure", CASES)
 def test_the_fast_part_of_the_stability_table_holds(measure: Measure) -> None:
     assert not [str(case) for case in measure() if not case.holds]
 

@@ -21,7 +21,7 @@ from granular_lmp.lammps.contact import SHEAR_LAWS
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.launch import run_input
-from granular_lmp.scene.scene import SHIPPED
+from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies.collide import Result, run
 from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
 

@@ -1,0 +1,44 @@
+"""The command line ``granular-analysis``: ``granular-analysis compare RUN`` is ``python -m analysis.compare RUN``.
+
+Python looks for `analysis` in the current folder first, where another folder may have that name. A command that was
+installed does not look there.
+"""
+
+import argparse
+import os
+import sys
+from importlib import import_module
+
+SCRIPTS = {
+    "accuracy": "what granular-lmp cost measured, beside the theories",
+    "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
+    "convergence": "how errors of the theories fall with amplitude",
+    "dispersion": "all branches, from one kicked sheet",
+    "driven": "a driven row beside its theory",
+    "effects": "the second harmonic over wave number, by what a scene leaves out or adds",
+    "figure2": "the paper's figure 2: dispersion, resonance and antiresonance",
+    "figure3": "the paper's figure 3: p, q and φ of runs beside theory",
+    "laws": "three shear laws side by side",
+    "map": "the second harmonic over direction and wave number",
+    "oblique": "waves of any direction beside theory, from a sweep",
+    "sheets": "any field on a periodic sheet beside theory",
+    "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
+    "standing": "a standing wave beside its theory",
+    "timestep": "what a time step does to a lattice",
+}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one script of `analysis`; returns its exit status."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads would only wait for each other
+    parser = argparse.ArgumentParser(
+        prog="granular-analysis",
+        description="Theory that shares no code with LAMMPS, beside runs of granular-lmp.",
+        epilog="scripts:\n" + "\n".join(f"  {name:12} {says}" for name, says in SCRIPTS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("script", choices=SCRIPTS, metavar="SCRIPT", help="which; each has --help")
+    parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
+    chosen = parser.parse_args(argv)
+    sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
+    return import_module(f"analysis.{chosen.script}").main(chosen.arguments) or 0

@@ -1,0 +1,27 @@
+"""The scenes, collisions and decks that come with the package."""
+
+from importlib.resources import files
+from pathlib import Path
+from shutil import copytree
+
+from granular_lmp.errors import RunFolderError
+
+# In a checkout a link to the folder beside the package; a path, as LAMMPS opens files by their names
+SHIPPED = Path(str(files("granular_lmp") / "lammps_inputs"))
+
+
+def copy_shipped(folder: str | Path) -> list[str]:
+    """Copy all of it into a new folder and return the names of what is there now.
+
+    Raises
+    ------
+    RunFolderError
+        If the folder exists or cannot be written.
+    """
+    try:
+        copytree(SHIPPED, folder)
+    except FileExistsError as error:
+        raise RunFolderError(f"{folder}: is there already; choose another folder") from error
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    return sorted(path.name for path in SHIPPED.iterdir())
