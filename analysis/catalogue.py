@@ -62,7 +62,8 @@ KEYS = frozenset(
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",
         "effects": "adhesion shear rotation tracking sliding damping contact_opening "
-        "shear_law friction viscosity restitution",
+        "rolling twisting shear_law friction viscosity restitution "
+        "rolling_stiffness rolling_viscosity rolling_friction",
         "output": "particles",
     }.items()
     for key in keys.split()

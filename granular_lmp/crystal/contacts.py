@@ -99,6 +99,11 @@ class Contacts:
         return np.stack([first, np.cross(self.normals, first)], axis=1)
 
     @cached_property
+    def radii(self) -> Floats:
+        """Ri + Rj of each contact, (C,), m."""
+        return self.radius[self.i] + self.radius[self.j]
+
+    @cached_property
     def per_sphere(self) -> Integers:
         """How many contacts each sphere has, (N,)."""
         return np.bincount(self.i, minlength=len(self.mass)) + np.bincount(self.j, minlength=len(self.mass))

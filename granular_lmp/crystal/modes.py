@@ -90,10 +90,22 @@ class Mode:
 
 @dataclass(frozen=True)
 class Physics:
-    """Which degrees of freedom the lattice has: does a contact resist shear, and do spheres turn."""
+    """What the contacts of a lattice resist, and how its spheres move.
+
+    Attributes
+    ----------
+    shear : bool
+        Contacts resist a slip.
+    rotation : bool
+        Spheres turn.
+    rolling : float
+        Stiffness k_r with which a contact resists rolling, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that
+        turn against each other, Rc = RiRj/(Ri + Rj), costs ½ k_r ρ². 0 where they roll freely.
+    """
 
     shear: bool = True
     rotation: bool = True
+    rolling: float = 0.0
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -179,6 +191,19 @@ def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, ND
     return normal, sideways, _rows(contacts, -phase_i * turns, -phase_j * turns)
 
 
+def _roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
+    """Return the rows (..., C, 3N) that give the roll ρ of a shape, up to a phase; k in 1/m.
+
+    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
+    large for it, which its stiffness makes up for.
+    """
+    half_phase = wavevectors @ contacts.vector[:, :2].T / 2
+    turn = np.array([0.0, 0.0, 1.0])
+    on_i = 1j * np.exp(-1j * half_phase) * contacts.radius[contacts.j] / contacts.radii
+    on_j = -1j * np.exp(1j * half_phase) * contacts.radius[contacts.i] / contacts.radii
+    return _rows(contacts, on_i[..., None] * turn, on_j[..., None] * turn)
+
+
 def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
     """Return one row a contact over the freedoms of all spheres, from its parts (..., C, 3) on spheres i and j."""
     count, spheres = len(contacts), len(contacts.mass)
@@ -200,6 +225,13 @@ def _solve(
     springs = [(contacts.normal_stiffness, normal)]
     if physics.shear:
         springs.append((contacts.shear_stiffness, sideways + turn))
+    if physics.rolling and physics.rotation:
+        springs.append(
+            (
+                physics.rolling / (1 - contacts.overlap / contacts.radii),
+                _roll_rows(contacts, wavevectors / sphere.radius),
+            )
+        )
     if contacts.contact_force.any():
         springs.append((-contacts.contact_force / contacts.length, sideways))
     energy = [(stiffness[:, None] * per_mass, (rows * inverse_root_mass)[..., columns]) for stiffness, rows in springs]
@@ -264,14 +296,23 @@ def contact_stretches(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[ND
     return normal @ shape, (sideways + turn) @ shape
 
 
+def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
+    """Return the amplitudes of the rolls ρ of the contacts of a sphere, (3,), in units of D0."""
+    rows = _roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
+    return rows @ np.array([mode.ux, mode.uy, mode.f])
+
+
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the top of the spectrum of the hexagonal lattice, rad/t0: Verlet is unstable from Δτ = 2/Ω on.
 
-    With rotation it is at Γ, all spheres turning in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)). Without, it is somewhere on the edges
-    Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4. For other crystals there is
-    `granular_lmp.crystal.stability.frequency_bound`.
+    With rotation it is at Γ, all spheres turning in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling.
+    Otherwise it is somewhere on the edges Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4. For other crystals
+    there is `granular_lmp.crystal.stability.frequency_bound`.
     """
-    path = np.zeros((1, 2)) if physics.rotation else zone_path(60) / lattice_constant(sphere)
+    edges = zone_path(60) / lattice_constant(sphere)
+    path = np.zeros((1, 2)) if physics.rotation else edges
+    if physics.rolling:
+        path = np.vstack([path, edges])
     return float(bloch_modes(lattice, sphere, path, physics)[0].max())
 
 

@@ -98,6 +98,9 @@ def _restoring(contacts: Contacts, motion: Floats, physics: Physics) -> Floats:
     along = contacts.normal_stiffness * np.sum(n * apart, axis=1)
     across = shear - contacts.contact_force / contacts.length * sideways
     pull = along[:, None] * n + across[:, None] * t
+    arm_i, arm_j = contacts.radius[j] / contacts.radii, contacts.radius[i] / contacts.radii  # Rc/Ri, Rc/Rj
+    roll = physics.rolling * (arm_j * motion[j, 2] - arm_i * motion[i, 2])
     count = len(motion)
     columns = [np.bincount(j, part, count) - np.bincount(i, part, count) for part in pull.T]
-    return np.column_stack([*columns, -np.bincount(i, shear, count) - np.bincount(j, shear, count)])
+    turned = np.bincount(j, arm_j * roll - shear, count) - np.bincount(i, arm_i * roll + shear, count)
+    return np.column_stack([*columns, turned])

@@ -47,7 +47,13 @@ class Case:
     def mode(self) -> Mode:
         """The mode of the lattice with these effects; those that are not decided yet are on."""
         shear = self.on.get("shear", True)
-        return self.mode_with(Physics(shear, self.on.get("rotation", shear)))
+        return self.mode_with(Physics(shear, self.on.get("rotation", shear), self.rolling))
+
+    @property
+    def rolling(self) -> float:
+        """Stiffness of the contacts against rolling, N/m; 0 where they roll freely."""
+        declared = self.scene.effects.rolling is not False
+        return self.scene.effects.rolling_stiffness if self.on.get("rolling", declared) else 0.0
 
     def mode_with(self, physics: Physics) -> Mode:
         """The mode of the scene's wave in a lattice with other physics."""
@@ -151,7 +157,7 @@ class Case:
         """Return in words what happens to the frequency of the wave in a lattice with less physics."""
         if self.scene.wave.mode == "RT":
             return "there is no RT wave"
-        full, less = self.mode_with(Physics()).frequency, self.mode_with(physics).frequency
+        full, less = self.mode_with(Physics(rolling=self.rolling)).frequency, self.mode_with(physics).frequency
         return f"the frequency is {less:.4g} per tau instead of {full:.4g}: {abs(less / full - 1):.2%} off"
 
 

@@ -7,10 +7,12 @@ from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
 from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.rolling import ROLLING
 from granular_lmp.effects.rotation import ROTATION
 from granular_lmp.effects.shear import SHEAR
 from granular_lmp.effects.sliding import SLIDING
 from granular_lmp.effects.tracking import TRACKING
+from granular_lmp.effects.twisting import TWISTING
 from granular_lmp.effects.walls import WALLS
 from granular_lmp.effects.width import WIDTH
 from granular_lmp.errors import SceneError
@@ -20,7 +22,7 @@ from granular_lmp.scene.schema import AUTO
 # In the order in which they build on one another
 EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
-    *(WALLS, WIDTH),
+    *(ROLLING, TWISTING, WALLS, WIDTH),
 )
 
 

@@ -36,6 +36,4 @@ def declared(scene: Scene) -> bool:
     return scene.shape.columns > FEWEST_COLUMNS or not scene.uniform_rows
 
 
-WIDTH = Effect(
-    "width", called_for, cost="columns", loss=loss, guard=GUARD, switch="packing.columns", declared=declared
-)
+WIDTH = Effect("width", called_for, cost="columns", loss=loss, guard=GUARD, switch="packing.columns", declared=declared)

@@ -37,6 +37,8 @@ def model(
     damping: float = 0.0,
     restitution: float | None = None,
     shear_damping: float = 0.0,
+    rolling: tuple[float, float, float] | None = None,
+    twisting: bool = False,
 ) -> str:
     """The contact model of two equal spheres, as `pair` and `rigid_plane` take it.
 
@@ -56,6 +58,10 @@ def model(
         e in (0, 1], instead of `damping`: ``damping coeff_restitution``.
     shear_damping : float
         Damping coefficient of the shear over that of the normal motion.
+    rolling : (float, float, float), optional
+        Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; free rolling without it.
+    twisting : bool
+        Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
 
     Raises
     ------
@@ -74,7 +80,14 @@ def model(
         force = f"dmt {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else f"{_MINDLIN[shear]} NULL {shear_damping!r} {friction}"
     loss_law = "velocity" if restitution is None else "coeff_restitution"
-    return f"{force} &\n             tangential {slip} damping {loss_law}"
+    rolls = "none" if rolling is None else _rolling(units, *rolling)
+    turns = f" rolling {rolls} twisting {'marshall' if twisting else 'none'}" if rolling or twisting else ""
+    return f"{force} &\n             tangential {slip}{turns} damping {loss_law}"
+
+
+def _rolling(units: Units, stiffness: float, viscosity: float, friction: float) -> str:
+    spring, dashpot = units.number(stiffness, mass=1, time=-2), units.number(viscosity, mass=1, time=-1)
+    return f"sds {spring!r} {dashpot!r} {friction!r}"
 
 
 def pair(contact: str) -> str:

@@ -172,11 +172,16 @@ class Effects:
     sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
     damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
     contact_opening: bool | Auto = switch("contacts part and meet again")
+    rolling: bool | Auto = switch("contacts resist rolling")
+    twisting: bool | Auto = switch("contacts resist twisting")
     shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
     friction: float | Auto = number(
         "", "coefficient; auto: none slides", 0, 1e4, open_low=True, words=(AUTO,), default=AUTO
     )
     viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
+    rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0)
+    rolling_viscosity: float = number("N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0)
+    rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
 
 

@@ -1,0 +1,71 @@
+"""Rolling resistance: a contact resists that its spheres roll on each other, by a spring, a dashpot and a friction.
+
+LAMMPS's ``rolling sds``: with the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of a contact, Rc = RiRj/(Ri + Rj) and φ = Rθ, a force
+
+    f_r = −k_r ρ − γ_r dρ/dt,    |f_r| ≤ μ_r (f_N + 2F)
+
+makes the torques ±Rc f_r (Luding, Granular Matter 10, 235 (2008)). Below the cap it is a spring of the linear problem
+(`granular_lmp.crystal.modes.Physics.rolling`).
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import Physics, contact_rolls
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.scene import Scene
+
+
+def called_for(case: Case) -> Finding:
+    effects, sphere = case.scene.effects, case.scene.sphere
+    if effects.rolling_stiffness == 0:
+        return Finding(False, 0.0, "N/m of rolling stiffness: spheres roll freely")
+    if effects.rolling_friction == 0:  # refused below, where the effect is not forced off
+        return Finding(True, np.inf, "no cap of the rolling force is declared")
+    rolls = contact_rolls(unit_lattice(sphere), sphere, case.mode)
+    force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
+    cap = effects.rolling_friction * (1 + case.adhesive_share) / 1.5  # of a contact at rest, in k1 Δ0
+    ratio = force * case.scene.wave.amplitude / cap
+    return Finding(True, ratio, "of the cap of rolling friction is the largest rolling force")
+
+
+def loss(case: Case) -> str:
+    return case.frequency_shift(Physics(shear=case.on.get("shear", True), rotation=case.on.get("rotation", True)))
+
+
+def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+    effects = scene.effects
+    sds = (effects.rolling_stiffness, effects.rolling_viscosity, effects.rolling_friction)
+    return {"rolling": sds} if on else {}
+
+
+def refuse(case: Case) -> str:
+    effects = case.scene.effects
+    if not case.on["rolling"]:
+        return ""
+    if effects.rolling_stiffness == 0:
+        return "effects.rolling = true: needs effects.rolling_stiffness above 0, N/m"
+    if effects.rolling_friction == 0:
+        return "effects.rolling_friction = 0.0: must be above 0 with effects.rolling on; it caps the rolling force"
+    return ""
+
+
+def first_order(scene: Scene) -> bool:
+    """LAMMPS's dashpots push by the velocity of half a step ago."""
+    return scene.effects.rolling_viscosity > 0
+
+
+ROLLING = Effect(
+    "rolling",
+    called_for,
+    cost="1.05",
+    loss=loss,
+    needs="rotation",
+    law=law,
+    refuse=refuse,
+    first_order=first_order,
+    in_all=False,
+)

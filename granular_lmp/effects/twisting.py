@@ -1,0 +1,26 @@
+"""Twisting resistance: a contact resists that its spheres turn against each other about its normal.
+
+LAMMPS's ``twisting marshall``. In the plane spheres turn about the axis across it, and no contact is twisted: the
+effect is here so that a deck for three dimensions can carry it, and changes no number of a run.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.scene import Scene
+
+
+def called_for(case: Case) -> Finding:
+    return Finding(False, 0.0, "rad of twist: spheres that move in the plane twist no contact")
+
+
+def loss(case: Case) -> str:
+    return "nothing"
+
+
+def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+    return {"twisting": True} if on else {}
+
+
+TWISTING = Effect("twisting", called_for, cost="1.03", loss=loss, needs="rotation", law=law, in_all=False)

@@ -1,0 +1,101 @@
+"""Rolling and twisting resistance: in the deck, in the linear problem, refused where no theory holds them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.compare import main as compare
+from granular_lmp import build, run
+from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.crystal.contacts import find_contacts
+from granular_lmp.crystal.lattices import Shape, hexagonal, unit_lattice
+from granular_lmp.crystal.modes import Physics, bloch_modes, highest_frequency
+from granular_lmp.crystal.stability import frequency_bound
+from granular_lmp.errors import SceneError
+from granular_lmp.problem import prepare
+from tests.conftest import PAPER
+
+K1 = PAPER.sphere.normal_stiffness
+CELL = PAPER.with_values(
+    {
+        "packing.rows": 8,
+        "packing.ends": "periodic",
+        "wave.wavenumber": np.pi / 4,
+        "wave.mode": "RT",
+        "wave.amplitude": 1e-2,
+        "time.duration": 40.0,
+        "time.timestep": 0.02,
+    }
+)
+ROLLING = {"effects.rolling_stiffness": 5 * K1, "effects.rolling_friction": 10.0}
+
+
+def test_a_run_swings_with_the_frequency_of_the_modes_with_rolling(tmp_path: Path) -> None:
+    scene = CELL.with_values(ROLLING)
+    coarse = run(scene, tmp_path / "coarse")
+    fine = run(scene.with_values({"time.timestep": 0.01}), tmp_path / "fine")
+    record, mode = richardson(coarse, fine), prepare(scene).mode
+    free = prepare(CELL).mode
+    assert mode.frequency > 1.05 * free.frequency
+    # q = Q cos Ωτ at the centre; second order adds nothing to q, third order a² = 1e-4 of it
+    error = np.abs(record.q - mode.q * np.cos(mode.frequency * record.tau)).max() / mode.q
+    assert error < 2e-3
+    wrong = np.abs(record.q - mode.q * np.cos(free.frequency * record.tau)).max() / mode.q
+    assert wrong > 0.5
+
+
+def test_rolling_is_in_the_deck_and_free_rolling_is_not() -> None:
+    text = build(CELL.with_values(ROLLING)).input_text
+    assert " rolling sds " in text
+    assert "rolling" not in build(CELL).input_text
+
+
+def test_rolling_costs_nothing_where_all_spheres_turn_alike() -> None:
+    sphere = PAPER.sphere
+    lattice = unit_lattice(sphere)
+    stiff = Physics(rolling=10 * K1)
+    at_rest, _ = bloch_modes(lattice, sphere, np.zeros(2), stiff)
+    free, _ = bloch_modes(lattice, sphere, np.zeros(2))
+    # A frequency of order 1; roundings of 1e-16 of its square
+    assert at_rest[-1] == pytest.approx(free[-1], rel=1e-12)
+    moving = np.array([0.0, 1.0])
+    assert bloch_modes(lattice, sphere, moving, stiff)[0][-1] > bloch_modes(lattice, sphere, moving)[0][-1] + 0.1
+
+
+def test_the_bound_of_a_sheet_holds_its_rolling_modes() -> None:
+    sphere, stiff = PAPER.sphere, Physics(rolling=20 * K1)
+    sheet = find_contacts(hexagonal(sphere, Shape(12, 12, "periodic")), [sphere], 0.0)
+    top = highest_frequency(unit_lattice(sphere), sphere, stiff)
+    assert top > 1.2 * highest_frequency(unit_lattice(sphere), sphere)
+    # The zone's edge is sampled at 120 points, and the bound is 1e-3 above the top of the sheet
+    assert frequency_bound(sheet, sphere, stiff) == pytest.approx(top, rel=5e-3)
+
+
+def test_twisting_changes_no_byte_of_a_record_in_the_plane(tmp_path: Path) -> None:
+    scene = CELL.with_values({"time.duration": 10.0})
+    run(scene, tmp_path / "free")
+    run(scene.with_values({"effects.twisting": True}), tmp_path / "twisting")
+    free, twisting = ((tmp_path / name / "dump.centre").read_bytes() for name in ("free", "twisting"))
+    assert "twisting marshall" in next((tmp_path / "twisting").glob("in.*")).read_text()
+    assert free == twisting
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"effects.rolling": True}, "effects.rolling = true: needs effects.rolling_stiffness above 0, N/m"),
+        ({"effects.rolling_stiffness": 1.0}, "effects.rolling_friction = 0.0: must be above 0 with effects.rolling on"),
+        ({"effects.twisting": True, "effects.rotation": False}, "effects.twisting = true: needs effects.rotation"),
+    ],
+)
+def test_what_is_missing_is_named(changes: dict[str, object], message: str) -> None:
+    scene = CELL.with_values({"wave.mode": "TR"} | changes)
+    with pytest.raises(SceneError, match=message):
+        prepare(scene)
+
+
+def test_no_theory_holds_rolling_and_compare_says_so(tmp_path: Path) -> None:
+    run(CELL.with_values(ROLLING | {"time.duration": 5.0}), tmp_path / "run")
+    with pytest.raises(SystemExit, match="no theory here holds effects.rolling"):
+        compare([str(tmp_path / "run")])
