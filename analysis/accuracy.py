@@ -37,7 +37,7 @@ from analysis.compare import errors
 from analysis.lattice import torus
 from analysis.plotting import load, parser, save, write
 from analysis.theories import THEORIES, Trajectory, Wave, holding
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)

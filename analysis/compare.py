@@ -37,7 +37,7 @@ from analysis.theories import (
     holding,
     trajectory,
 )
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}

@@ -53,7 +53,7 @@ from analysis.plotting import parser, save
 from analysis.rows import AIRY, Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, nonlinearity
 from analysis.theories import physics_of
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

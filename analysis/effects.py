@@ -23,7 +23,7 @@ from analysis.compare import measured_amplitude
 from analysis.plotting import load, parser, save
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
 from analysis.theories import OBLIQUE, Physics, Wave, holding, physics_of, trajectory
-from granular_lmp.record import STATUS, Record
+from granular_lmp.runs.record import STATUS, Record
 
 # Told apart by marker and dashes without colour.
 STYLES: tuple[dict[str, Any], ...] = (

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from analysis.compare import errors
 from analysis.plotting import load, parser, save
 from analysis.theories import TheoryError, Wave, best, trajectory
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 
 def draw(records: list[Record]) -> Figure:

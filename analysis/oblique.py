@@ -29,7 +29,7 @@ from analysis.plotting import parser, save
 from analysis.quasilinear import component, in_frame
 from analysis.sheets import fields_of, rest_of
 from analysis.theories import Physics, holding, physics_of
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

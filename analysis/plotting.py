@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.plotting import load
 from analysis.theories import physics_of
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 

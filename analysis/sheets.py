@@ -24,7 +24,7 @@ from analysis.directions import Floats
 from analysis.plotting import load, parser, save
 from analysis.quasilinear import ROW, Sheet, evolve, in_frame
 from analysis.theories import physics_of
-from granular_lmp.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record
 
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")

@@ -30,7 +30,7 @@ from analysis import second_harmonic as closed
 from analysis.effects import sweep
 from analysis.plotting import COLOURS, parser, save
 from analysis.theories import OBLIQUE, Wave, holding, physics_of
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 

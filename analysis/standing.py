@@ -40,7 +40,7 @@ from analysis.plotting import parser, save
 from analysis.rows import Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, second_harmonic
 from analysis.theories import physics_of
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 

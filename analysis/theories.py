@@ -34,7 +34,7 @@ from analysis.lattice import Effects, Law, torus
 from analysis.laws import shear_law_ratios
 from analysis.resonance import three_mode
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, second_order
-from granular_lmp.record import Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import Record, Scene, build
-from granular_lmp.deck import Deck
-from granular_lmp.effects import with_all
-from granular_lmp.locate import lammps_module
-from granular_lmp.outputs import LOG
-from granular_lmp.shipped import SHIPPED
+from granular_lmp.effects.table import with_all
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.installation import lammps_module
+from granular_lmp.lammps.outputs import LOG
+from granular_lmp.scene.shipped import SHIPPED
 
 MARK = re.compile(r"(<!-- measured: begin -->\n).*?(<!-- measured: end -->)", re.DOTALL)
 

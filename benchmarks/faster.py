@@ -20,11 +20,11 @@ import numpy as np
 from benchmarks.problem import Floats, base_scene, centre_signals, errors, exact
 from benchmarks.timing import both_ratios, interleave, machine, rates, spread, table
 from granular_lmp import Scene, build
-from granular_lmp.datafile import DataFile, read
-from granular_lmp.locate import lmp_command
-from granular_lmp.outputs import DUMP, LOG, read_dump, read_log
-from granular_lmp.shape import quiet_rows
-from granular_lmp.units import units_for
+from granular_lmp.lammps.datafile import DataFile, read
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.outputs import DUMP, LOG, read_dump, read_log
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.shape import quiet_rows
 
 Edit = Callable[[str], str]
 NEVER = 1_000_000_000  # steps

@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmarks.problem import Contestant, Floats, Solution, Start, base_scene, centre_signals, errors
 from granular_lmp.errors import GranularError
-from granular_lmp.locate import lmp_command
-from granular_lmp.outputs import read_log
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.outputs import read_log
 
 COLUMNS = 100
 NM_PER_M = NS_PER_S = 1e9

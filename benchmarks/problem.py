@@ -17,7 +17,7 @@ from analysis import lattice
 from analysis.norms import relative_error
 from analysis.second_harmonic import mode, ratios
 from granular_lmp import Scene, build
-from granular_lmp.wave import plane_wave
+from granular_lmp.scene.initial_fields import plane_wave
 
 Floats = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from benchmarks.problem import base_scene, centre_signals, errors, exact
 from benchmarks.timing import interleave, machine, rates, ratio, spread, table
 from granular_lmp import Scene, build
 from granular_lmp.errors import LammpsError
-from granular_lmp.locate import lmp_command
-from granular_lmp.outputs import DUMP, LOG, read_dump, read_log
-from granular_lmp.units import units_for
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.outputs import DUMP, LOG, read_dump, read_log
+from granular_lmp.lammps.units import units_for
 
 COLUMNS = 100
 WORK = 5e6  # particle-steps a run: a second or two on one core

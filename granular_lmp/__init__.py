@@ -16,16 +16,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from granular_lmp.deck import Deck as Deck
-    from granular_lmp.deck import build as build
-    from granular_lmp.record import Record as Record
-    from granular_lmp.scene import Scene as Scene
-    from granular_lmp.tolerance import run as run
+    from granular_lmp.accuracy.tolerance import run as run
+    from granular_lmp.lammps.deck import Deck as Deck
+    from granular_lmp.lammps.deck import build as build
+    from granular_lmp.runs.record import Record as Record
+    from granular_lmp.scene.scene import Scene as Scene
 
 __version__ = "0.1.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
-_HOMES = {"Scene": "scene", "Deck": "deck", "build": "deck", "run": "tolerance", "Record": "record"}
+_HOMES = {
+    "Scene": "scene.scene",
+    "Deck": "lammps.deck",
+    "build": "lammps.deck",
+    "run": "accuracy.tolerance",
+    "Record": "runs.record",
+}
 __all__ = ["Deck", "Record", "Scene", "build", "run"]
 
 

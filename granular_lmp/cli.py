@@ -13,8 +13,8 @@ from granular_lmp import __version__
 from granular_lmp.errors import GranularError
 
 if TYPE_CHECKING:
-    from granular_lmp.record import Record
-    from granular_lmp.scene import Scene
+    from granular_lmp.runs.record import Record
+    from granular_lmp.scene.scene import Scene
 
 _BAR = 30  # characters of the progress bar
 
@@ -188,9 +188,9 @@ def _workers(text: str) -> int | str:
 
 
 def _scene(options: argparse.Namespace) -> "Scene":
-    from granular_lmp.effects import select, warnings, with_all
-    from granular_lmp.scene import Scene, assignment
-    from granular_lmp.steplaw import drowned
+    from granular_lmp.accuracy.step_law import drowned
+    from granular_lmp.effects.table import select, warnings, with_all
+    from granular_lmp.scene.scene import Scene, assignment
 
     scene = Scene.load(options.scene)
     if options.all_effects:
@@ -208,7 +208,7 @@ def _scene(options: argparse.Namespace) -> "Scene":
 
 
 def _init(options: argparse.Namespace) -> int:
-    from granular_lmp.shipped import copy_shipped
+    from granular_lmp.scene.shipped import copy_shipped
 
     print(f"{options.output}: {', '.join(copy_shipped(options.output))}")
     return 0
@@ -217,8 +217,8 @@ def _init(options: argparse.Namespace) -> int:
 def _build(options: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from granular_lmp.deck import build
-    from granular_lmp.launch import locked
+    from granular_lmp.lammps.deck import build
+    from granular_lmp.runs.launch import locked
 
     scene = _scene(options)
     deck = build(scene)
@@ -230,7 +230,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from granular_lmp.tolerance import run
+    from granular_lmp.accuracy.tolerance import run
 
     scene = _scene(options)
     folder = options.output or f"runs/{scene.name}"
@@ -241,7 +241,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _resume(options: argparse.Namespace) -> int:
-    from granular_lmp.tolerance import resume
+    from granular_lmp.accuracy.tolerance import resume
 
     with _interruptible() as progress:
         record = resume(options.folder, progress=progress)
@@ -249,9 +249,9 @@ def _resume(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
-    from granular_lmp.grid import axes
-    from granular_lmp.sweep import sweep
-    from granular_lmp.workers import Workers, mpi_workers
+    from granular_lmp.studies.executors import Workers, mpi_workers
+    from granular_lmp.studies.sweep import sweep
+    from granular_lmp.studies.sweep_points import axes
 
     scene, over = _scene(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
@@ -267,8 +267,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
 
 def _cost(options: argparse.Namespace) -> int:
-    from granular_lmp.cost import measure, plan
-    from granular_lmp.tally import NOT_RUN, text
+    from granular_lmp.studies.cost import measure, plan
+    from granular_lmp.studies.tally import NOT_RUN, text
 
     scene = _scene(options)
     folder = options.output or f"costs/{scene.name}"
@@ -328,7 +328,7 @@ def _progress_of_runs(done: int, runs: int, left: float) -> None:
 
 
 def _effects(options: argparse.Namespace) -> int:
-    from granular_lmp.deck import build
+    from granular_lmp.lammps.deck import build
 
     deck = build(_scene(options))
     scene, shape = deck.scene, deck.scene.shape
@@ -347,8 +347,8 @@ def _effects(options: argparse.Namespace) -> int:
 
 
 def _modes(options: argparse.Namespace) -> int:
-    from granular_lmp.modes import Physics, bloch_mode
-    from granular_lmp.packing import unit_lattice
+    from granular_lmp.crystal.lattices import unit_lattice
+    from granular_lmp.crystal.modes import Physics, bloch_mode
 
     scene = _scene(options)
     packing, physics = unit_lattice(scene.sphere), Physics.of(scene)
@@ -363,7 +363,7 @@ def _modes(options: argparse.Namespace) -> int:
         hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
         print(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
     if options.plot:
-        from granular_lmp.plots import dispersion_figure, save
+        from granular_lmp.plot.signals import dispersion_figure, save
 
         save(dispersion_figure(packing, scene), options.plot)
         print(options.plot)
@@ -371,7 +371,7 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _view(options: argparse.Namespace) -> int:
-    from granular_lmp.view import view
+    from granular_lmp.plot.view import view
 
     wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
     for remark in view(options.folder, options.output, **wanted):
@@ -381,9 +381,9 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _collide(options: argparse.Namespace) -> int:
-    from granular_lmp.collide import run, write_numbers
-    from granular_lmp.collision import Collision
-    from granular_lmp.scene import assignment
+    from granular_lmp.scene.scene import assignment
+    from granular_lmp.studies.collide import run, write_numbers
+    from granular_lmp.studies.collision import Collision
 
     collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
     with _interruptible():
@@ -397,7 +397,7 @@ def _collide(options: argparse.Namespace) -> int:
 
 
 def _kick(options: argparse.Namespace) -> int:
-    from granular_lmp.sheet import run_kicked
+    from granular_lmp.studies.kick import run_kicked
 
     scene = _scene(options)
     print(run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force))

@@ -9,11 +9,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from granular_lmp import __version__
-from granular_lmp.deck import build
 from granular_lmp.errors import GranularError
-from granular_lmp.launch import core_count, run
-from granular_lmp.locate import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
-from granular_lmp.scene import Scene
+from granular_lmp.lammps.deck import build
+from granular_lmp.lammps.installation import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
+from granular_lmp.runs.launch import core_count, run
+from granular_lmp.scene.scene import Scene
 
 # A TR wave of the paper's spheres, one wavelength in a periodic cell of 12 rows, for three periods.
 SELF_TEST = """

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.tables import Envelope
+from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 
 AMPLITUDE = 0.1

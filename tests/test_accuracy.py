@@ -13,9 +13,10 @@ import pytest
 from analysis.lattice import torus
 from analysis.norms import relative_error, slope
 from analysis.second_harmonic import mode, ratios, second_order
-from granular_lmp import Record, Scene, build, launch, run
-from granular_lmp.accuracy import halved_step, richardson
-from granular_lmp.rounding import grain, noise_floor
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.richardson import halved_step, richardson
+from granular_lmp.accuracy.rounding import grain, noise_floor
+from granular_lmp.runs import launch
 from tests.conftest import PAPER
 
 Errors = dict[str, float]

@@ -12,8 +12,8 @@ from analysis.norms import relative_error
 from analysis.second_harmonic import mode, ratios, second_order
 from analysis.timestep import Wave, limit, stepped
 from granular_lmp import Record, Scene, run
-from granular_lmp.budget import Source, as_json, error_budget
-from granular_lmp.steplaw import with_step
+from granular_lmp.accuracy.budget import Source, as_json, error_budget
+from granular_lmp.accuracy.step_law import with_step
 from tests.conftest import PAPER
 
 NAMES = ("p", "q", "phi")

@@ -10,8 +10,8 @@ import pytest
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.effects import ROWS
-from granular_lmp.shipped import SHIPPED
+from granular_lmp.effects.table import ROWS
+from granular_lmp.scene.shipped import SHIPPED
 
 COMMANDS = ("init", "build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
 

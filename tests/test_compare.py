@@ -14,7 +14,7 @@ from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ra
 from analysis.theories import THEORIES, Wave, best, cancellation
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
-from granular_lmp.record import read_status, write_status
+from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 
 

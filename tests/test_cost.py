@@ -15,15 +15,15 @@ import pytest
 from analysis.norms import relative_error
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record, Scene, build, run
-from granular_lmp import cost as module
-from granular_lmp.cost import measure, plan
-from granular_lmp.dumps import OUTPUTS, edited, keep_centre
+from granular_lmp.accuracy.step_law import step_for
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.knobs import KNOBS, Run, points, reference
-from granular_lmp.launch import run_deck
-from granular_lmp.record import read_status, write_status
-from granular_lmp.steplaw import step_for
-from granular_lmp.tally import errors, text, to_csv
+from granular_lmp.runs.launch import run_deck
+from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.studies import cost as module
+from granular_lmp.studies.cost import measure, plan
+from granular_lmp.studies.cost_settings import KNOBS, Run, points, reference
+from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
+from granular_lmp.studies.tally import errors, text, to_csv
 from tests.conftest import PAPER
 from tests.test_cli import cli
 
@@ -178,7 +178,7 @@ def test_an_effect_that_is_off_is_not_switched_off_again(small: Scene) -> None:
 
 
 def test_more_ranks_than_cores_are_left_out(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("granular_lmp.knobs.core_count", lambda: 1)
+    monkeypatch.setattr("granular_lmp.studies.cost_settings.core_count", lambda: 1)
     assert points(small)[1] == {"ranks: 2": "ranks = 2: must be from 1 to 1, the cores of this machine"}
 
 

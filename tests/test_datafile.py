@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, build
-from granular_lmp.datafile import _PIECE, DataFile, read
 from granular_lmp.errors import RunFolderError
-from granular_lmp.locate import lammps_module
+from granular_lmp.lammps.datafile import _PIECE, DataFile, read
+from granular_lmp.lammps.installation import lammps_module
 
 
 def awkward_spheres(count: int = 40) -> DataFile:

@@ -10,7 +10,7 @@ from analysis import dispersion
 from analysis.directions import modes
 from granular_lmp import Scene, build
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
-from granular_lmp.sheet import DUMP, kicked, read_sheet, run_kicked
+from granular_lmp.studies.kick import DUMP, kicked, read_sheet, run_kicked
 
 SMALL = Scene.load("tr_periodic").with_values(
     {"packing.rows": 12, "packing.columns": 12, "wave.amplitude": 0.01, "time.duration": 120.0, "time.sample": 1.5}

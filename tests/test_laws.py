@@ -11,7 +11,7 @@ import pytest
 from analysis import lattice, laws
 from analysis import second_harmonic as sh
 from analysis.norms import relative_error, slope
-from granular_lmp.locate import lmp_command
+from granular_lmp.lammps.installation import lmp_command
 
 NU = 0.17
 SILICA = sh.ratios(NU)

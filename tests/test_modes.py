@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis import directions, second_harmonic
-from granular_lmp.errors import SceneError
-from granular_lmp.modes import (
+from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
+from granular_lmp.crystal.modes import (
     FULL,
     Physics,
     bloch_mode,
@@ -17,10 +17,10 @@ from granular_lmp.modes import (
     decay_rate,
     highest_frequency,
 )
-from granular_lmp.packing import lattice_constant, unit_lattice
-from granular_lmp.scene import MODES
-from granular_lmp.sphere import Sphere
-from granular_lmp.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.scene import MODES
 from tests.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines

@@ -8,7 +8,7 @@ import pytest
 
 from analysis import directions, effects, oblique, quasilinear, spectrum
 from granular_lmp import Record, Scene, run
-from granular_lmp.sweep import sweep
+from granular_lmp.studies.sweep import sweep
 
 # Three directions that no symmetry holds, as 24 x 24 spheres carry them: 49.1, 66.6 and 16.1 degrees
 DIRECTIONS = {"a": (3, 3), "b": (2, 4), "c": (4, 1)}

@@ -8,8 +8,8 @@ import pytest
 from ase.visualize.plot import plot_atoms
 from matplotlib.figure import Figure
 
-from granular_lmp.packing import centre, contacts, hexagonal, lattice_constant
-from granular_lmp.shape import Shape
+from granular_lmp.crystal.lattices import centre, contacts, hexagonal, lattice_constant
+from granular_lmp.scene.shape import Shape
 from tests.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines

@@ -6,13 +6,14 @@ import ase.io
 import numpy as np
 import pytest
 
-from granular_lmp import Record, Scene, build, launch, run
+from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
-from granular_lmp.knobs import base
-from granular_lmp.outputs import mend_dump, read_dump, snapshots
-from granular_lmp.particles import Particles, Spheres
-from granular_lmp.units import units_for
-from granular_lmp.wave import plane_wave
+from granular_lmp.lammps.outputs import mend_dump, read_dump, snapshots
+from granular_lmp.lammps.units import units_for
+from granular_lmp.runs import launch
+from granular_lmp.runs.snapshots import Particles, Spheres
+from granular_lmp.scene.initial_fields import plane_wave
+from granular_lmp.studies.cost_settings import base
 
 
 @pytest.fixture

@@ -8,14 +8,14 @@ import pytest
 
 from analysis.lattice import rows, torus
 from analysis.second_harmonic import mode, ratios
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import bloch_mode
-from granular_lmp.packing import unit_lattice
-from granular_lmp.scene import MODES, Scene, assignment
-from granular_lmp.shape import FASTEST_ROWS_PER_TAU
-from granular_lmp.shipped import SHIPPED
-from granular_lmp.sphere import Sphere
-from granular_lmp.wavevector import WaveVector
+from granular_lmp.scene.scene import MODES, Scene, assignment
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+from granular_lmp.scene.shipped import SHIPPED
 from tests.conftest import PAPER
 
 PAPER_MINIMAL = """

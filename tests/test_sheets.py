@@ -16,9 +16,9 @@ from analysis.norms import slope
 from analysis.quasilinear import Sheet, component, evolve
 from analysis.sheets import Comparison, carrier, compare, draw, fields_of, main, relative
 from granular_lmp import Record, Scene, run
-from granular_lmp.packing import hexagonal, lattice_constant
-from granular_lmp.shape import Shape
-from granular_lmp.sphere import Sphere
+from granular_lmp.crystal.lattices import hexagonal, lattice_constant
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.scene.shape import Shape
 
 Floats = NDArray[np.float64]
 

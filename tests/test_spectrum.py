@@ -11,8 +11,8 @@ from analysis import second_harmonic as closed
 from analysis import spectrum
 from analysis.theories import Wave
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy import halved_step
-from granular_lmp.record import TRAJECTORY, write_status
+from granular_lmp.accuracy.richardson import halved_step
+from granular_lmp.runs.record import TRAJECTORY, write_status
 
 ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})
 TAU = np.arange(0.0, 120.1, 0.5)

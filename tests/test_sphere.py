@@ -3,7 +3,7 @@
 from dataclasses import replace
 from math import isclose, pi
 
-from granular_lmp.sphere import Sphere
+from granular_lmp.crystal.sphere import Sphere
 
 SILICA = Sphere(radius=0.5e-6, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
 

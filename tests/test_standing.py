@@ -11,7 +11,7 @@ from analysis import second_harmonic as sh
 from analysis.laws import shear_law_ratios
 from analysis.norms import relative_error
 from analysis.rows import rows_of
-from granular_lmp.tables import Envelope
+from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
 

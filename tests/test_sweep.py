@@ -18,16 +18,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from granular_lmp import Record, Scene, launch, run
+from granular_lmp import Record, Scene, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
-from granular_lmp.grid import axes, axis, scene_hash
-from granular_lmp.launch import locked
-from granular_lmp.record import read_status
-from granular_lmp.sweep import COLUMNS, Sweep, run_point, sweep
-from granular_lmp.workers import Workers
+from granular_lmp.runs import launch
+from granular_lmp.runs.launch import locked
+from granular_lmp.runs.record import read_status
+from granular_lmp.studies.executors import Workers
+from granular_lmp.studies.sweep import COLUMNS, Sweep, run_point, sweep
+from granular_lmp.studies.sweep_points import axes, axis, scene_hash
 from tests.test_cli import cli
 
-module = sys.modules["granular_lmp.sweep"]
+module = sys.modules["granular_lmp.studies.sweep"]
 ROOT = Path(__file__).parents[1]
 TWO = {"wave.amplitude": [0.1, 0.2]}
 

@@ -21,7 +21,7 @@ from analysis.theories import (
     trajectory,
 )
 from granular_lmp import Record
-from granular_lmp.tables import Envelope
+from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 
 TAU = np.arange(0.0, 30.0, 0.5)

@@ -17,11 +17,11 @@ from analysis import timestep
 from analysis.norms import relative_error
 from analysis.timestep import Wave, extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
-from granular_lmp.effects import largest_step, resolve
+from granular_lmp.accuracy.step_law import floor, rounding, sizes, step_errors, step_for, with_step
+from granular_lmp.accuracy.tolerance import estimate, refine, resume
+from granular_lmp.effects.table import largest_step, resolve
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.record import read_status
-from granular_lmp.steplaw import floor, rounding, sizes, step_errors, step_for, with_step
-from granular_lmp.tolerance import estimate, refine, resume
+from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 
 NAMES = ("p", "q", "phi")

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular_lmp import Record, Scene, crystal, run, view
+from granular_lmp import Record, Scene, run
 from granular_lmp.cli import _parser, main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
-from granular_lmp.particles import Particles
-from granular_lmp.plots import signals_to_draw
-from granular_lmp.scene import assignment, note
-from granular_lmp.sweep import Sweep, sweep
+from granular_lmp.plot import crystal, view
+from granular_lmp.plot.signals import signals_to_draw
+from granular_lmp.runs.snapshots import Particles
+from granular_lmp.scene.scene import assignment, note
+from granular_lmp.studies.sweep import Sweep, sweep
 
 
 @pytest.fixture(scope="module")

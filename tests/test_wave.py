@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene
-from granular_lmp import wave as wave_module
-from granular_lmp.checks import FEWEST_RADIANS
+from granular_lmp.crystal.lattices import hexagonal, lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.modes import bloch_mode, bloch_modes, mode_of
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import bloch_mode, bloch_modes, mode_of
-from granular_lmp.packing import hexagonal, lattice_constant, offsets, unit_lattice
-from granular_lmp.scene import MODES
-from granular_lmp.shape import Shape
-from granular_lmp.wave import Fields, initial_fields, plane_wave
-from granular_lmp.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.scene import initial_fields as wave_module
+from granular_lmp.scene.initial_fields import Fields, initial_fields, plane_wave
+from granular_lmp.scene.scene import MODES
+from granular_lmp.scene.shape import Shape
+from granular_lmp.scene.validation import FEWEST_RADIANS
 from tests.conftest import PAPER
 from tests.test_sphere import SILICA
 

@@ -12,11 +12,11 @@ from analysis.norms import relative_error
 from analysis.rows import load_form
 from analysis.theories import FORMS
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy import richardson
+from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.tolerance import run_to_tolerance
 from granular_lmp.errors import RunInterrupted
-from granular_lmp.launch import resume, run_deck
-from granular_lmp.launch import run as run_once
-from granular_lmp.tolerance import run_to_tolerance
+from granular_lmp.runs.launch import resume, run_deck
+from granular_lmp.runs.launch import run as run_once
 from tests.conftest import PAPER
 
 EIGHTH = np.pi / 4  # rad per row
@@ -145,9 +145,9 @@ def test_a_pulse_runs_with_its_group_velocity(tmp_path: Path) -> None:
 
 def group_velocity(scene: Scene) -> np.ndarray:
     """dΩ/dk of the scene's mode, lattice constants per τ, by differences."""
-    from granular_lmp.modes import bloch_mode
-    from granular_lmp.packing import unit_lattice
-    from granular_lmp.wavevector import ROW_SPACING, WaveVector
+    from granular_lmp.crystal.lattices import unit_lattice
+    from granular_lmp.crystal.modes import bloch_mode
+    from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 
     k, h = scene.vector, 1e-4
     frequencies = [

@@ -5,7 +5,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from granular_lmp.wavevector import WaveVector, snapped, zone_edge
+from granular_lmp.crystal.wavevector import WaveVector, snapped, zone_edge
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
 

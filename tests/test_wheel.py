@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from analysis.cli import SCRIPTS
-from granular_lmp.shipped import SHIPPED
+from granular_lmp.scene.shipped import SHIPPED
 from tests.test_docs import PYTHON, ROOT
 
 # Of the variables of this process, those that would let Python find the checkout

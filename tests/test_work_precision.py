@@ -14,9 +14,9 @@ from analysis import accuracy, compare
 from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
 from analysis.theories import Wave, trajectory
 from granular_lmp import Record
-from granular_lmp.record import write_status
-from granular_lmp.steplaw import planned_steps, step_for
-from granular_lmp.tolerance import run
+from granular_lmp.accuracy.step_law import planned_steps, step_for
+from granular_lmp.accuracy.tolerance import run
+from granular_lmp.runs.record import write_status
 from tests.conftest import PAPER
 from tests.test_compare import from_theory
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from granular_lmp.errors import LaunchError, WorkerError
-from granular_lmp.workers import Workers, mpi_workers, stop_requested
+from granular_lmp.studies.executors import Workers, mpi_workers, stop_requested
 
 ROOT = Path(__file__).parents[1]
 
@@ -71,7 +71,7 @@ def test_without_mpi4py_ranks_are_refused_in_one_line(monkeypatch: pytest.Monkey
 def test_a_script_needs_no_main_guard_and_a_killed_caller_leaves_no_process(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(
-        "import os, time\nfrom granular_lmp.workers import Workers\n"
+        "import os, time\nfrom granular_lmp.studies.executors import Workers\n"
         "workers = Workers(1)\nprint(workers.submit(os.getpid).result(), flush=True)\ntime.sleep(60)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -1,4 +1,4 @@
-"""A run of a deck in which one piece is broken, in a process of its own: `granular_lmp.workers` calls `outcome`."""
+"""A run of a deck in which one piece is broken, in a process of its own: `granular_lmp.studies.executors` calls `outcome`."""
 
 import re
 import resource
@@ -8,11 +8,12 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from granular_lmp import Scene, build, launch
-from granular_lmp.deck import Deck
+from granular_lmp import Scene, build
 from granular_lmp.errors import GranularError
-from granular_lmp.outputs import DUMP
-from granular_lmp.record import read_status
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.outputs import DUMP
+from granular_lmp.runs import launch
+from granular_lmp.runs.record import read_status
 
 MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it
 LIMIT = 60  # s for a run of 10 ms: it hangs

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
-from granular_lmp.effects import with_all
-from granular_lmp.locate import lammps_module
-from granular_lmp.units import units_for
+from granular_lmp.effects.table import with_all
+from granular_lmp.lammps.installation import lammps_module
+from granular_lmp.lammps.units import units_for
 from tests.hard.case import Edits
 
 Floats = NDArray[np.float64]

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import build
-from granular_lmp.sphere import INERTIA_RATIO
+from granular_lmp.crystal.sphere import INERTIA_RATIO
 from tests.hard.cell import Cell, Floats
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from analysis import directions, lattice
 from analysis.second_harmonic import ModeName
 from granular_lmp import Record, Scene, build
-from granular_lmp.launch import run_deck
+from granular_lmp.runs.launch import run_deck
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited
 from tests.hard.waves import ETA, NU, PERIODIC, verlet_bound

@@ -11,7 +11,7 @@ from analysis import lattice
 from analysis.norms import relative_error
 from analysis.second_harmonic import mode
 from granular_lmp import Scene, run
-from granular_lmp.accuracy import halved_step, richardson
+from granular_lmp.accuracy.richardson import halved_step, richardson
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.ledger import keep

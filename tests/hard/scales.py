@@ -9,9 +9,9 @@ from analysis import lattice
 from analysis.second_harmonic import mode as linear_mode
 from analysis.second_harmonic import ratios
 from granular_lmp import Scene
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import LARGEST_OVERLAP_RATIO
-from granular_lmp.sphere import Sphere
+from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
 from tests.hard.case import Case, Cases
 from tests.hard.cell import Floats, running
 from tests.hard.waves import NU, scene, verlet_bound

@@ -6,9 +6,9 @@ import numpy as np
 
 from analysis.norms import slope
 from granular_lmp import build
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import SceneError
-from granular_lmp.modes import highest_frequency
-from granular_lmp.packing import unit_lattice
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running
 from tests.hard.ledger import keep

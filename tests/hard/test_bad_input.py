@@ -16,13 +16,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from granular_lmp import Scene, build
-from granular_lmp.collision import Collision, deck_text
-from granular_lmp.effects import resolve
+from granular_lmp.effects.table import resolve
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.fields import assignment
-from granular_lmp.grid import axes, points
-from granular_lmp.shipped import SHIPPED
-from granular_lmp.status import description
+from granular_lmp.runs.manifest import description
+from granular_lmp.scene.schema import assignment
+from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.studies.collision import Collision, deck_text
+from granular_lmp.studies.sweep_points import axes, points
 from tests.conftest import PAPER
 
 SCENES = [Scene.load(path) for path in sorted(SHIPPED.glob("*/scene.toml"))]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 
 from granular_lmp.errors import WorkerError
-from granular_lmp.workers import Workers
+from granular_lmp.studies.executors import Workers
 from tests.hard.broken import FINISHED, OTHER, deck, outcome, tokens
 
 Break = Callable[[str], str]

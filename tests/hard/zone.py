@@ -10,7 +10,7 @@ import numpy as np
 from analysis import lattice
 from analysis.second_harmonic import ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
-from granular_lmp.rounding import noise_floor
+from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running
 from tests.hard.waves import ETA, NU, scene, verlet_bound

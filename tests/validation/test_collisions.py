@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from granular_lmp.cli import main
-from granular_lmp.collide import Result, run
-from granular_lmp.collision import COLUMNS, DUMP, Collision, deck_text
-from granular_lmp.contact import SHEAR_LAWS
 from granular_lmp.errors import RunFolderError, SceneError
-from granular_lmp.launch import locked, run_input
-from granular_lmp.locate import lmp_command
-from granular_lmp.shipped import SHIPPED
+from granular_lmp.lammps.contact import SHEAR_LAWS
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.runs.launch import locked, run_input
+from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.studies.collide import Result, run
+from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
 
 SHIPPED_COLLISIONS = sorted(path.stem for path in (SHIPPED / "collisions").glob("*.toml"))
 PAGE = Path(__file__).parents[2] / "docs" / "collisions.md"

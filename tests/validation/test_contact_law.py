@@ -11,10 +11,11 @@ from math import log, pi, sqrt
 import numpy as np
 import pytest
 
-from granular_lmp import Scene, build, contact
-from granular_lmp.locate import lammps_module
-from granular_lmp.sphere import Sphere
-from granular_lmp.units import MICRO, NANO, SI, Units, units_for
+from granular_lmp import Scene, build
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.lammps import contact
+from granular_lmp.lammps.installation import lammps_module
+from granular_lmp.lammps.units import MICRO, NANO, SI, Units, units_for
 
 PAPER = Scene.load("tr_resonant")
 SILICA = PAPER.sphere

@@ -1,0 +1,1 @@
+"""How a time step is chosen and an error estimated, from runs alone."""

@@ -1,0 +1,1 @@
+"""Spheres at rest and their contacts; knows no scene and no LAMMPS."""

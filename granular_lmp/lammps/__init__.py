@@ -1,0 +1,1 @@
+"""Everything that is written for LAMMPS or read from it."""

@@ -1,0 +1,378 @@
+"""From a scene to the text of a LAMMPS deck: ``in.NAME`` and ``data.NAME``.
+
+The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. What a user would vary without a new lattice
+is an index variable, to be overridden with ``-var``. The blocks of the deck stand below as they are written, with
+``<slots>`` for the numbers of the scene and for the lines of its effects; a line whose slots stay empty is left out.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import ase
+import numpy as np
+
+from granular_lmp.accuracy.step_law import step_for, with_step
+from granular_lmp.crystal.lattices import hexagonal
+from granular_lmp.crystal.modes import Mode, Physics, mode_of
+from granular_lmp.effects import guards
+from granular_lmp.effects import table as effects
+from granular_lmp.effects.table import Effect
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.datafile import DataFile
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS
+from granular_lmp.lammps.units import Units, units_for
+from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.scene.scene import Scene
+
+CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
+
+
+@dataclass(frozen=True)
+class Deck:
+    """A deck and what it was made from.
+
+    Attributes
+    ----------
+    declared : Scene
+        As it was given.
+    scene : Scene
+        Every "auto" decided.
+    packing : ase.Atoms
+    mode : Mode
+        The Bloch mode that starts the wave.
+    effects : list of Effect
+    input_text : str
+        Contents of ``in.NAME``.
+    data : DataFile
+        What ``data.NAME`` holds.
+    """
+
+    declared: Scene
+    scene: Scene
+    packing: ase.Atoms
+    mode: Mode
+    effects: list[Effect]
+    input_text: str
+    data: DataFile
+
+    @property
+    def input_name(self) -> str:
+        """``in.NAME``"""
+        return f"in.{self.scene.name}"
+
+    @property
+    def data_name(self) -> str:
+        """``data.NAME``"""
+        return f"data.{self.scene.name}"
+
+    def files(self) -> dict[str, Iterable[str]]:
+        """Name → text, in pieces, of the three files that make a deck folder."""
+        title = f"{_title(self.scene)}; units {units_for(self.scene.sphere.radius).style}"
+        return {
+            SCENE: [self.declared.to_toml()],
+            self.input_name: [self.input_text],
+            self.data_name: self.data.pieces(title),
+        }
+
+    def write(self, folder: str | Path, *, force: bool = False) -> None:
+        """Write the three files into `folder`, which is made, or with `force` may be there already.
+
+        Raises
+        ------
+        RunFolderError
+            When the folder is there (without `force`) or cannot be written.
+        """
+        folder = Path(folder)
+        with writable(folder):
+            folder.mkdir(parents=True, exist_ok=force)
+            (folder / STATUS).unlink(missing_ok=True)  # of the run of another deck
+            for name, pieces in self.files().items():
+                with (folder / name).open("w", encoding="utf-8") as stream:
+                    stream.writelines(pieces)
+
+
+@contextmanager
+def writable(folder: Path) -> Iterator[None]:
+    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
+    try:
+        yield
+    except FileExistsError as error:
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
+    except OSError as error:
+        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def build(scene: Scene) -> Deck:
+    """The deck of a scene; nothing is written.
+
+    The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
+    order in the amplitude. With a tolerance it is the finer run of the pair that `granular_lmp.accuracy.tolerance` makes.
+
+    Raises
+    ------
+    SceneError
+        When effects do not go together, or the time step is beyond the stability limit (`granular_lmp.effects.table`).
+    """
+    declared = scene
+    scene, chosen = effects.resolve(declared)
+    if scene.time.tolerance is not None:
+        scene = with_step(scene, step_for(scene) / 2)
+    mode = mode_of(scene)
+    packing = hexagonal(scene.sphere, scene.shape)
+    units = units_for(scene.sphere.radius)
+    return Deck(
+        declared=declared,
+        scene=scene,
+        packing=packing,
+        mode=mode,
+        effects=chosen,
+        input_text=_text(_blocks(scene), _values(scene, chosen, mode, units)),
+        data=_data(scene, packing, mode, units),
+    )
+
+
+def _title(scene: Scene) -> str:
+    shape = scene.shape
+    return f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
+
+
+def _data(scene: Scene, packing: ase.Atoms, mode: Mode, units: Units) -> DataFile:
+    to_deck = units.number(scene.sphere.radius, length=1)
+    low = packing.get_celldisp().ravel() * to_deck
+    size = packing.cell.lengths() * to_deck
+    fields = initial_fields(scene, packing, mode)
+    moving = Physics.of(scene).coordinates
+    return DataFile(
+        box=np.column_stack([low, low + size]),
+        kind=np.where(packing.arrays["fixed"], 2, 1),
+        position=packing.positions * to_deck,
+        diameter=2 * packing.arrays["radius"] * to_deck,
+        density=np.full(len(packing), units.number(scene.sphere.density, mass=1, length=-3)),
+        # 13 decimals of D0: finer than a double resolves a position of the lattice, and what is 0 says so. The last of
+        # them depends on the processor's cosine
+        wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
+        directed=scene.effects.tracking is True,
+    )
+
+
+# --- the blocks of in.NAME -------------------------------------------------------------------------------------------
+
+_HEADING = """\
+# <title>
+# Runs as it is in this folder:  lmp -in in.<name>
+# With other values:             lmp -in in.<name> -var amplitude 0.1 -var timestep 0.025"""
+
+_VARIABLES = """\
+# --- may be overridden with -var NAME VALUE
+variable amplitude index <amplitude>  # D0/Delta0
+variable timestep  index <timestep>  # tau; rounded down to fit a whole number of steps into a sample
+variable sample    index <sample>  # tau between records
+variable duration  index <duration>  # tau
+<ramp>
+<friction>
+variable data      index data.<name>
+variable dump      index <dump>
+<particles_variables>
+
+# --- units <style>: <units>
+variable Delta0 equal <Delta0>  # static overlap
+variable R      equal <R>  # radius
+variable t0     equal <t0>  # one tau
+variable D0     equal v_amplitude*v_Delta0
+variable every  equal ceil(v_sample/v_timestep-1e-9)
+variable step   equal v_sample/v_every*v_t0
+variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
+variable tau    equal step*v_step/v_t0"""
+
+_FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
+
+_LATTICE = """\
+# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
+units        <style>
+dimension    2
+boundary     p <along_y> p
+atom_style   <atom_style>
+atom_modify  map array
+comm_modify  vel yes
+<field>
+read_data    ${data} fix wave NULL wave
+<mass>
+group        mobile type 1
+neighbor     <skin> bin"""
+
+_CONTACTS = """\
+# --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
+<contact>"""
+
+_PRELOAD = """\
+# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
+#     step without forces, which loads the shear springs; a long step, slow enough for dashpots to stay silent
+variable     slow  equal 1e6*v_step
+timestep     $(v_slow:%.17g)
+compute      u all displace/atom
+variable     to_ux atom v_D0*d_ux/v_slow
+variable     to_uy atom v_D0*d_uy/v_slow
+velocity     all set v_to_ux v_to_uy NULL units box
+<preload_spin>
+fix          plane all enforce2d
+fix          move mobile nve/noforce
+thermo_style custom step
+run          1 post no
+unfix        move
+reset_timestep 0
+timestep     $(v_step:%.17g)"""
+
+_WAVE = """\
+# --- the wave: the true velocities
+variable     vx atom v_D0*d_vx/v_t0
+variable     vy atom v_D0*d_vy/v_t0
+velocity     all set v_vx v_vy NULL units box
+<start_spin>
+<start_angle>"""
+
+_MEASURES = """\
+compute      u all displace/atom
+fix          plane all enforce2d
+timestep     $(v_step:%.17g)"""
+
+_DRIVE = """\
+# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, r = 0 to 1.
+#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the step
+group        driven id 1:<columns>
+variable     Omega  equal <frequency>  # rad per tau
+variable     s      equal ternary(v_tau<v_ramp,v_tau/v_ramp,1.0)
+variable     swing  equal v_D0*v_s^3*(10-15*v_s+6*v_s^2)*cos(v_Omega*v_tau-<phase>)
+variable     before equal v_tau-v_step/v_t0
+variable     s_was  equal ternary(v_before<v_ramp,(v_before>0)*v_before/v_ramp,1.0)
+variable     was    equal v_D0*v_s_was^3*(10-15*v_s_was+6*v_s_was^2)*cos(v_Omega*v_before-<phase>)
+variable     speed  equal (v_swing-v_was)/v_step
+variable     swing_x atom v_swing*d_ux
+variable     swing_y atom v_swing*d_uy
+variable     speed_x atom v_speed*d_ux
+variable     speed_y atom v_speed*d_uy
+fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box"""
+
+_MOTION = """\
+# --- motion of the spheres that are not held
+fix          move mobile <motion>"""
+
+_GUARDS = """\
+# --- guards: proof that what this deck leaves out stays silent
+<guards>"""
+
+_RECORD = """\
+# --- record of the centre sphere, all digits; a checkpoint every <checkpoint> particle-steps
+restart      <checkpoint_steps> <checkpoints>
+group        centre id <centre>
+<read_angle>
+dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
+dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
+<particles_dump>"""
+
+_RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
+
+# Of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
+_PARTICLES = {
+    "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
+    "variable snapshots index <snapshots>",
+    "particles_dump": "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)\n"
+    "dump         particles all custom ${apart} ${snapshots} id type x y z radius c_u[1] c_u[2] vx vy vz"
+    "<spin_column><angle_column>\n"
+    "dump_modify  particles sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
+    "particles_append": "dump_modify  particles append yes",
+}
+
+_STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
+
+
+def _blocks(scene: Scene) -> tuple[str, ...]:
+    start = _STARTS[scene.wave.form]
+    return (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD, "run ${steps}")
+
+
+def _resumed(scene: Scene) -> tuple[str, ...]:
+    drive = ("<field>", _DRIVE) if scene.wave.form == "driven" else ()
+    return (
+        "# <title>: continues from <from>\nlog <log> append",
+        _VARIABLES,
+        "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
+        _CONTACTS,
+        _MEASURES,
+        *drive,
+        _MOTION,
+        _GUARDS,
+        _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
+        "run ${steps} upto",
+    )
+
+
+def resume_text(deck: Deck, checkpoint: str) -> str:
+    """The input that continues a run of `deck` from a checkpoint, to the same bytes as if it had not been stopped.
+
+    LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
+    ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
+    """
+    values = _values(deck.scene, deck.effects, deck.mode, units_for(deck.scene.sphere.radius))
+    return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG})
+
+
+def _values(scene: Scene, chosen: list[Effect], mode: Mode, units: Units) -> dict[str, str]:
+    """What the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
+    sphere, time = scene.sphere, scene.time
+    watched = guards.lines([effect.guard for effect in chosen if effect.guard], time.step)
+    all_seen = scene.output.particles > 0
+    plain = {
+        "title": _title(scene),
+        "name": scene.name,
+        "style": units.style,
+        "units": units.names,
+        "field": _FIELD,
+        "ramp": _RAMP if scene.wave.form == "driven" else "",
+        "guards": "\n".join(watched),
+        "dump": DUMP,
+        "snapshots": PARTICLES,
+        "seen": "all" if all_seen else "centre",
+        "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
+        "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres)),
+        "checkpoints": " ".join(CHECKPOINTS),
+        "columns": str(scene.shape.columns),
+        "centre": str(scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2 + 1),
+    }
+    measured = {
+        "amplitude": scene.wave.amplitude,
+        "phase": scene.wave.phase,
+        "frequency": mode.frequency,
+        "switch_on": scene.envelope.ramp,
+        "timestep": time.timestep,
+        "sample": time.sample,
+        "particles": scene.output.particles,
+        "duration": time.duration,
+        "Delta0": units.number(sphere.static_overlap, length=1),
+        "R": units.number(sphere.radius, length=1),
+        "t0": units.number(sphere.time_scale, time=1),
+        "skin": units.number(sphere.radius / 10, length=1),
+    }
+    optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
+    numbers = {name: repr(value) for name, value in measured.items()}
+    return plain | optional | numbers | effects.values(scene, chosen, units)
+
+
+def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
+    return "\n\n".join(filled(block, values) for block in blocks) + "\n"
+
+
+def filled(block: str, values: Mapping[str, str]) -> str:
+    """A block with every ``<slot>`` replaced, also those in what replaces it; lines that become empty are left out."""
+    slot = re.compile(r"<(\w+)>")
+    lines = []
+    for line in block.split("\n"):
+        text = line
+        while slot.search(text):
+            text = slot.sub(lambda match: values[match[1]], text)
+        if text.strip() or not line.strip():
+            lines.append(text)
+    return "\n".join(lines)

@@ -1,0 +1,307 @@
+"""The crystal of a run with p, q and φ of its centre sphere beside it, still or moving.
+
+Displacements of a wave are 1e-4 of a radius: they are drawn magnified, and so are the angles, by one factor that stands
+in the picture. A wave along y runs up. A cell of 3 columns is periodic: it is drawn again and again beside itself.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import floor, inf, log10
+from pathlib import Path
+from subprocess import CalledProcessError
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.animation import FFMpegWriter
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from numpy.typing import NDArray
+from PIL import Image
+
+from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, title
+from granular_lmp.runs.record import Record
+from granular_lmp.runs.snapshots import Particles, Spheres
+
+ROWS = 25  # that are drawn unless told otherwise: three wavelengths of the paper's first case
+LARGEST_SHIFT = 0.5  # radii, of an amplitude D0 that is magnified as the picture chooses
+FEWEST_DRAWN = 8  # columns
+MOST_WITH_EDGES = 1500  # spheres; of more, edges and hands would hide the colours
+FRAMES_PER_SECOND = 10
+MOVIES = (".gif", ".mp4")
+_MOVIE_DPI = 80
+_MARK = "tab:red"
+_DARK = 0.6  # of the largest value: from there on the colours of both maps are darker than a grey line can be seen on
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """Which number of a sphere, given the wave vector, is its colour; its name, its map, and is 0 in the middle."""
+
+    value: Callable[[Spheres, WaveVector], NDArray[np.float64]]
+    label: str
+    colours: str
+    symmetric: bool
+
+
+COLOURINGS = {
+    "rotation": Colouring(lambda spheres, k: spheres.rotation, r"rotation $R\theta/D_0$", "RdBu_r", symmetric=True),
+    "energy": Colouring(
+        lambda spheres, k: spheres.energy, r"kinetic energy ($m\,D_0^2/t_0^2$)", "YlOrRd", symmetric=False
+    ),
+    "p": Colouring(
+        lambda spheres, k: k.along(*spheres.displacement.T), r"displacement along $k$ ($D_0$)", "RdBu_r", symmetric=True
+    ),
+    "q": Colouring(
+        lambda spheres, k: k.across(*spheres.displacement.T),
+        r"displacement across $k$ ($D_0$)",
+        "RdBu_r",
+        symmetric=True,
+    ),
+}
+
+
+def run_figure(
+    record: Record,
+    particles: Particles,
+    *,
+    tau: float | None = None,
+    colour: str | None = None,
+    magnify: float | None = None,
+    rows: int | None = None,
+) -> Picture:
+    """The crystal at one moment, and p, q, φ of its centre sphere over all of the run.
+
+    Parameters
+    ----------
+    record : Record
+    particles : Particles
+    tau : float, optional
+        The snapshot nearest to it; the last one when not given.
+    colour : "rotation", "energy", "p" or "q", optional
+        p and q are the displacements along and across the wave vector. Rotation, where spheres turn, when not given.
+    magnify : float, optional
+        By which displacements and angles are multiplied; when not given 1, 2 or 5 times a power of ten, by which D0
+        becomes at most half a radius.
+    rows : int, optional
+        That are drawn, around the centre row: 25, or all where there are fewer.
+
+    Raises
+    ------
+    ViewError
+        For a τ beyond the snapshots, a colour that the run does not hold, a magnification that is not above 0.
+    """
+    moment = particles[_nearest(particles, tau)]
+    scenery = _Scenery(record, particles, [moment], colour, magnify, rows)
+    scenery.show(moment)
+    return scenery.figure
+
+
+def run_movie(
+    record: Record,
+    particles: Particles,
+    path: str | Path,
+    *,
+    colour: str | None = None,
+    magnify: float | None = None,
+    rows: int | None = None,
+) -> None:
+    """Every snapshot of a run as a frame of a movie, GIF or MP4; colours and options as in `run_figure`.
+
+    Raises
+    ------
+    ViewError
+        As `run_figure`, and for an MP4 without the program ffmpeg.
+    RunFolderError
+        When the file cannot be written.
+    """
+    path = Path(path)
+    gif = path.suffix.lower() == ".gif"
+    if not gif and not FFMpegWriter.isAvailable():
+        raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
+    _nearest(particles, None)
+    moments = map(particles.__getitem__, range(len(particles)))
+    scenery = _Scenery(record, particles, moments, colour, magnify, rows)
+    figure = scenery.figure
+
+    def frames() -> Iterator[Picture]:
+        for number in range(len(particles)):
+            scenery.show(particles[number])
+            yield figure
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if gif:
+            _write_gif(frames(), path, scenery.crystal.colouring.colours)
+        else:
+            writer = FFMpegWriter(fps=FRAMES_PER_SECOND)
+            with writer.saving(figure, str(path), dpi=_MOVIE_DPI):
+                for _ in frames():
+                    writer.grab_frame()
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except CalledProcessError as error:
+        raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
+
+
+def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
+    """One palette, without dither, for all frames: half the size of what matplotlib's own writer gives, no flicker."""
+    shades = [colormaps[colours](np.linspace(0, 1, 216)), colormaps["gray"](np.linspace(0, 1, 32))]
+    shades.append(LinearSegmentedColormap.from_list("", [_MARK, "white"])(np.linspace(0, 1, 8)))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
+    images: list[Image.Image] = []
+    for figure in frames:
+        figure.set_dpi(_MOVIE_DPI)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
+
+
+def _nearest(particles: Particles, tau: float | None) -> int:
+    times = particles.tau
+    if not len(times):
+        raise ViewError(f"{particles.path}: holds no whole snapshot yet")
+    if tau is None:
+        return len(times) - 1
+    if not times[0] <= tau <= times[-1]:
+        raise ViewError(f"tau = {tau!r}: must be from {times[0]:g} to {times[-1]:g}, the snapshots of {particles.path}")
+    return int(np.argmin(np.abs(times - tau)))
+
+
+class _Scenery:
+    """A figure of a run whose spheres, clock and marks `show` moves to another snapshot."""
+
+    def __init__(
+        self,
+        record: Record,
+        particles: Particles,
+        moments: Iterable[Spheres],
+        colour: str | None,
+        magnify: float | None,
+        rows: int | None,
+    ):
+        names = signals_to_draw(record.signals)
+        self.record, self.names = record, names
+        self.figure = Picture(figsize=(8.0, 5.0), layout="constrained")
+        grid = self.figure.add_gridspec(len(names), 2, width_ratios=[1.0, 1.3])
+        panels = [self.figure.add_subplot(grid[place, 1]) for place in range(len(names))]
+        for panel in panels[:-1]:
+            panel.sharex(panels[-1])
+            panel.tick_params(labelbottom=False)
+        draw_signals(panels, record.tau, record.signals, names, record.scene)
+        panels[0].set_title("centre sphere", fontsize="medium")
+        self.marks = [
+            panel.plot([], [], "o", color=_MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels
+        ]
+        self.axes = self.figure.add_subplot(grid[:, 0])
+        self.crystal = _Crystal(self.axes, particles, _colouring(particles, colour), moments, magnify, rows)
+        self.figure.suptitle(title(record.scene), fontsize="medium")
+
+    def show(self, moment: Spheres) -> None:
+        self.crystal.show(moment)
+        self.axes.set_title(rf"$\tau$ = {moment.tau:.4g}", fontsize="medium")
+        for mark, name in zip(self.marks, self.names, strict=True):
+            mark.set_data([moment.tau], [np.interp(moment.tau, self.record.tau, self.record.signals[name])])
+
+
+def _colouring(particles: Particles, colour: str | None) -> Colouring:
+    tracked = particles.scene.effects.tracking is True
+    if colour is None:
+        return COLOURINGS["rotation" if tracked else "energy"]
+    if colour not in COLOURINGS:
+        raise ViewError(f"colour = {colour!r}: must be one of {', '.join(COLOURINGS)}")
+    if colour == "rotation" and not tracked:
+        raise ViewError("colour = 'rotation': the run holds no angles (effects.tracking is off); take 'energy'")
+    return COLOURINGS[colour]
+
+
+class _Crystal:
+    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one number.
+
+    Spheres that are held have a thick edge.
+    """
+
+    def __init__(
+        self,
+        axes: Axes,
+        particles: Particles,
+        colouring: Colouring,
+        moments: Iterable[Spheres],
+        magnify: float | None,
+        rows: int | None,
+    ):
+        scene, shape = particles.scene, particles.scene.shape
+        amplitude = scene.wave.amplitude * scene.sphere.static_overlap / scene.sphere.radius  # D0, radii
+        factor = _magnification(amplitude) if magnify is None else magnify
+        if not 0 < factor < inf:
+            raise ViewError(f"magnify = {factor!r}: must be a number above 0")
+        count = min(rows or ROWS, shape.rows)
+        first = max(0, min(shape.centre_row - count // 2, shape.rows - count))
+        self.drawn = slice(first * shape.columns, (first + count) * shape.columns)
+        self.stretch = amplitude * factor
+        self.colouring, self.vector = colouring, scene.vector
+        self.copies = -(-FEWEST_DRAWN // shape.columns)
+        width = shape.columns * lattice_constant(scene.sphere)
+        beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
+        self.rest = (particles.rest[self.drawn] + beside).reshape(-1, 2)
+        crowded = len(self.rest) > MOST_WITH_EDGES
+        self.turns = scene.effects.tracking is True and not crowded
+
+        held = np.tile(particles.held[self.drawn], self.copies)
+        diameters = np.full(len(self.rest), 2.0)
+        self.discs = EllipseCollection(
+            diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,
+            cmap=colouring.colours, edgecolors=np.where(held, "black", "none" if crowded else "0.3"),
+            linewidths=np.where(held, 1.5, 0.4),
+        )  # fmt: skip
+        largest = reach = 0.0
+        for moment in moments:
+            largest = max(largest, float(np.max(np.abs(self._values(moment)))))
+            reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
+        self.largest = largest or 1.0  # where all are at rest
+        self.discs.set_clim(-self.largest if colouring.symmetric else 0.0, self.largest)
+        axes.add_collection(self.discs, autolim=False)
+        self.hands = LineCollection([], linewidths=0.6)
+        axes.add_collection(self.hands, autolim=False)
+
+        spacing = ROW_SPACING * lattice_constant(scene.sphere)
+        low, high = self.rest.min(axis=0) - 1.2 - reach, self.rest.max(axis=0) + 1.2 + reach
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], ylabel="row")
+        ends = (first - shape.centre_row, first + count - 1 - shape.centre_row)
+        apart = 5 * -(-count // 60)
+        ticks = [row for row in range(-apart * shape.rows, apart * shape.rows, apart) if ends[0] <= row <= ends[1]]
+        axes.set_yticks(np.array(ticks) * spacing, [str(row).replace("-", "\N{MINUS SIGN}") for row in ticks])
+        moved = "displacements and angles" if self.turns else "displacements"
+        again = f"\n{shape.columns} columns, drawn {self.copies} times" if self.copies > 1 else ""
+        axes.set_xlabel(f"{moved} × {factor:g}{again}", fontsize="small")
+        figure = axes.get_figure()
+        assert figure is not None
+        figure.colorbar(self.discs, ax=axes, label=colouring.label, fraction=0.05, pad=0.02)
+
+    def _values(self, moment: Spheres) -> NDArray[np.float64]:
+        return np.tile(self.colouring.value(moment, self.vector)[self.drawn], self.copies)
+
+    def show(self, moment: Spheres) -> None:
+        centres = self.rest + self.stretch * np.tile(moment.displacement[self.drawn], (self.copies, 1))
+        self.discs.set_offsets(centres)
+        values = self._values(moment)
+        self.discs.set_array(values)
+        if self.turns:
+            angles = self.stretch * np.tile(moment.rotation[self.drawn], self.copies)
+            hand = np.column_stack([np.cos(angles), np.sin(angles)])
+            self.hands.set_color(["white" if dark else "0.2" for dark in np.abs(values) > _DARK * self.largest])
+            self.hands.set_segments(list(np.stack([centres - hand, centres + hand], axis=1)))
+
+
+def _magnification(amplitude: float) -> float:
+    """1, 2 or 5 times a power of ten by which an amplitude, in radii, becomes at most `LARGEST_SHIFT`."""
+    wanted = LARGEST_SHIFT / amplitude
+    power = 10.0 ** floor(log10(wanted))
+    return float(max(step for step in (1, 2, 5) if step * power <= wanted) * power)

@@ -1,0 +1,132 @@
+"""Figures of the package, drawn without pyplot."""
+
+from collections.abc import Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+
+import ase
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from granular_lmp.accuracy.rounding import moving
+from granular_lmp.crystal.modes import Physics, bloch_mode, mode_of
+from granular_lmp.crystal.wavevector import WaveVector, zone_edge
+from granular_lmp.errors import RunFolderError
+from granular_lmp.scene.scene import Scene
+
+# Told apart by colour, and without it by the dashes.
+LINES = {
+    "L": {"color": "black", "linestyle": "-"},
+    "TR": {"color": "tab:blue", "linestyle": "--"},
+    "RT": {"color": "tab:red", "linestyle": "-."},
+}
+
+ROTATION = {"phi": r"$\varphi = R\theta/D_0$"}
+ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION
+OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION
+
+
+class Picture(Figure):
+    """A figure that a notebook shows without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        stream = BytesIO()
+        self.savefig(stream, format="png", dpi=100)
+        return stream.getvalue()
+
+
+def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Names of the signals that are worth a panel: those that move; p always."""
+    worth = {"p", *moving(signals)}
+    return [name for name in signals if name in worth]
+
+
+def draw_signals(
+    panels: Sequence[Axes],
+    tau: NDArray[np.float64],
+    signals: Mapping[str, NDArray[np.float64]],
+    names: Sequence[str],
+    scene: Scene,
+) -> None:
+    """A signal over τ in each panel."""
+    labels = ALONG_Y if scene.along == "y" else OBLIQUE
+    for panel, name in zip(panels, names, strict=True):
+        panel.plot(tau, signals[name], color="black", linewidth=0.9)
+        panel.axhline(0, color="0.8", linewidth=0.6, zorder=0)
+        panel.set(ylabel=labels[name])
+        panel.margins(x=0)
+    panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
+
+
+def title(scene: Scene) -> str:
+    """Name, mode and kind of wave, ξ and direction that are used, and amplitude."""
+    wave = scene.wave
+    kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
+    along = "" if scene.along == "y" else f" along {scene.along}"
+    return (
+        rf"{scene.name}: {wave.words}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
+    )
+
+
+def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
+    """p, q, φ of the centre sphere over τ, those that move."""
+    names = signals_to_draw(signals)
+    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
+    panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
+    draw_signals(panels, tau, signals, names, scene)
+    panels[0].set_title(title(scene), fontsize="medium")
+    return figure
+
+
+def dispersion_figure(packing: ase.Atoms, scene: Scene) -> Figure:
+    """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in MHz.
+
+    Along y and x the branches have their names; in between these pass from branch to branch, and they are drawn alike.
+    """
+    vector, physics = scene.vector, Physics.of(scene)
+    edge = zone_edge(vector.direction)
+    wavenumbers = np.linspace(0.01, edge, 200)
+    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    along = [WaveVector.of(xi, vector.direction) for xi in wavenumbers]
+    modes = [[bloch_mode(packing, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
+    for index, name in enumerate(physics.modes):
+        if vector.axis:
+            axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **LINES[name])  # type: ignore[arg-type]
+        else:
+            branch = [sorted(mode.frequency for mode in three)[index] for three in modes]
+            axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")
+    wave = mode_of(scene, physics)
+    axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
+    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
+    axes.set_ylim(bottom=0)
+    per_mhz = 2e6 * np.pi * scene.sphere.time_scale
+    right = axes.secondary_yaxis(
+        "right", functions=(lambda x: np.divide(x, per_mhz), lambda x: np.multiply(x, per_mhz))
+    )
+    right.set_ylabel("frequency (MHz)")
+    where = "" if scene.along == "y" else f", along {scene.along}"
+    axes.legend(title=scene.name + where)
+    return figure
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Write the figure in the format of the file's ending; its folder is made.
+
+    Raises
+    ------
+    RunFolderError
+        When the ending is none that matplotlib writes, or the file cannot be written.
+    """
+    path = Path(path)
+    known = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in known:
+        raise RunFolderError(f"{path}: must end in one of {', '.join(sorted(known))}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,123 @@
+"""Draw what came out: a run as its crystal (`granular_lmp.plot.crystal`) or its trajectory, a sweep as a curve."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.plot.crystal import MOVIES, run_figure, run_movie
+from granular_lmp.plot.signals import Picture, save
+from granular_lmp.runs.record import Record
+from granular_lmp.runs.snapshots import Particles
+from granular_lmp.scene.scene import note
+from granular_lmp.studies.sweep import COLUMNS, REQUEST, Sweep
+
+_LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
+    "wavenumber_used": r"wave number used (rad per row)",
+    "direction_used": "direction used (degrees from x)",
+    "frequency": r"frequency $\Omega$ (rad per $t_0$)",
+    "seconds": "seconds",
+}
+
+
+def view(
+    folder: str | Path,
+    path: str | Path,
+    *,
+    tau: float | None = None,
+    colour: str | None = None,
+    magnify: float | None = None,
+    rows: int | None = None,
+    column: str | None = None,
+) -> list[str]:
+    """Draw a run folder or a sweep folder into a file, by its ending a picture or (of a run) a movie.
+
+    Parameters
+    ----------
+    folder, path : path
+    tau, colour, magnify, rows
+        Of a run: as in `run_figure`.
+    column : str, optional
+        Of a sweep: as in `sweep_figure`.
+
+    Returns
+    -------
+    list of str
+        What the picture lacks, a sentence each.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder holds neither, or the file cannot be written.
+    ViewError
+        When the run does not hold what is asked for, or this machine cannot draw it.
+    """
+    folder, path = Path(folder), Path(path)
+    movie = path.suffix.lower() in MOVIES
+    of_a_run = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
+    if (folder / REQUEST).is_file():
+        _refuse(folder, "a sweep", of_a_run)
+        if movie:
+            raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
+        save(sweep_figure(Sweep.load(folder), column or "largest_p"), path)
+        return []
+    record = Record.load(folder, unfinished=True)
+    _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
+    try:
+        particles = Particles.load(folder)
+    except RunFolderError as missing:
+        if movie or any(value is not None for value in of_a_run.values()):
+            raise ViewError(str(missing)) from missing
+        save(record.plot(), path)
+        return [f"{missing}; drawn are p, q and phi of the centre sphere"]
+    if movie:
+        run_movie(record, particles, path, colour=colour, magnify=magnify, rows=rows)
+    else:
+        save(run_figure(record, particles, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
+    return []
+
+
+def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
+    unfit = [name for name, value in options.items() if value is not None]
+    if unfit:
+        raise ViewError(f"--{unfit[0]}: is not for {what} in such a picture ({folder})")
+
+
+def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
+    """A column of a sweep over the key with most values, a curve for each combination of the others.
+
+    Runs that are not finished leave gaps, and are counted in the title.
+
+    Raises
+    ------
+    ViewError
+        For a column that does not hold numbers, a sweep over pairs of numbers, or one of which nothing is finished.
+    """
+    allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
+    if column not in allowed:
+        raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
+    finished = len(sweep.having("finished"))
+    if not finished:
+        raise ViewError(f"{sweep.folder}: none of its {len(sweep.rows)} runs is finished; there is nothing to draw")
+    key = max(sweep.over, key=lambda each: len(sweep.over[each]))
+    if any(isinstance(value, list | tuple) for value in sweep.over[key]):
+        raise ViewError(
+            f"{sweep.folder}: {key} holds pairs, and is no axis; sweep over wave.direction and wave.wavenumber"
+        )
+    curves: dict[str, list[dict[str, Any]]] = {}
+    for row in sweep.rows:
+        name = ", ".join(f"{other} = {row[other]}" for other in sweep.over if other != key)
+        curves.setdefault(name, []).append(row)
+    figure = Picture(figsize=(6.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    for name, rows in curves.items():
+        heights = [row[column] if row["status"] == "finished" else np.nan for row in rows]
+        axes.plot([row[key] for row in rows], heights, "o-", markersize=3, linewidth=1.0, label=name)
+    unit = note(key)
+    axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=_LABELS.get(column, column))
+    missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"
+    axes.set_title(f"{sweep.scene.name}{missing}", fontsize="medium")
+    if len(curves) > 1:
+        axes.legend(fontsize="small")
+    return figure

@@ -1,0 +1,1 @@
+"""One deck in one run folder: launch, manifest, record, snapshots."""

@@ -1,0 +1,230 @@
+"""The run folder: what a run leaves behind, and how to read it.
+
+``dump.*`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p, q and φ of the centre
+sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along y) and Rθ, in D0;
+``run.json`` says how the run went. This module and `granular_lmp.crystal.sphere` are what post-processing
+scripts may import.
+"""
+
+import csv
+import hashlib
+import io
+import json
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import GranularError as GranularError
+from granular_lmp.errors import PackageMissingError, RunFolderError
+from granular_lmp.lammps.outputs import DUMP, SCENE, read_dump, replace_text
+from granular_lmp.lammps.outputs import STATUS as STATUS
+from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.snapshots import Particles
+from granular_lmp.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from granular_lmp.plot.signals import Picture
+
+TRAJECTORY = "trajectory.csv"
+# The objects of run.json, and what each of their entries holds at least
+_ENTRIES: dict[str, set[str]] = {
+    "effects": {"on", "called_for", "guard"},
+    "guards": {"effect", "quiet", "value", "meaning"},
+    "versions": set(),
+    "wall_seconds": set(),
+}
+_BUDGET = {"name", "of", "p", "q", "phi", "to_halve", "dominates"}
+HEADER = ["tau", "p", "q", "phi"]
+
+
+@dataclass(frozen=True, repr=False)
+class Record:
+    """Trajectory of the centre sphere, and where it comes from.
+
+    Attributes
+    ----------
+    tau, p, q, phi : (T,) arrays
+        Dimensionless time; displacement along the wave and across it (along ẑ × k), v/D0 and −u/D0 for a wave along y;
+        rotation Rθ/D0, which is 0 where spheres do not turn and nan where they turn but are not tracked.
+    scene : Scene
+    info : dict
+        Contents of ``run.json``.
+    folder : Path or None
+    """
+
+    tau: NDArray[np.float64]
+    p: NDArray[np.float64]
+    q: NDArray[np.float64]
+    phi: NDArray[np.float64]
+    scene: Scene
+    info: dict[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    @classmethod
+    def load(cls, folder: str | Path, *, unfinished: bool = False) -> Self:
+        """Read a run folder.
+
+        Raises
+        ------
+        RunFolderError
+            When a file is missing or malformed, or the run did not finish, unless `unfinished` runs are wanted too.
+        """
+        folder = Path(folder)
+        info = read_status(folder)
+        if info.get("status") != "finished" and not unfinished:
+            raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
+        scene = Scene.load(folder / SCENE)
+        refuse_other_scene(folder, info)
+        try:
+            text = (folder / TRAJECTORY).read_text(encoding="utf-8")
+            if not text.endswith("\n"):
+                raise ValueError("its last line is cut off")
+            lines = list(csv.reader(text.splitlines()))
+            if lines[0] != HEADER:
+                raise ValueError(f"header {lines[0]}, expected {HEADER}")
+            tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
+            if not (np.isfinite(tau).all() and (np.diff(tau) > 0).all()):
+                raise ValueError("tau must be finite and ascend")
+            if len(tau) != info.get("samples") and not unfinished:
+                raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
+        except (OSError, ValueError, IndexError, csv.Error) as error:
+            raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
+        return cls(tau, p, q, phi, scene, info, folder)
+
+    @classmethod
+    def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
+        """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
+        table = read_dump(Path(folder) / dump)
+        displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+        metre = units_for(scene.sphere.radius).number(1.0, length=1)
+        untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
+        return cls(
+            tau=table["step"] * scene.time.step,
+            p=scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
+            q=scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
+            phi=table.get("theta", untracked) * scene.sphere.radius / displacement,
+            scene=scene,
+            folder=Path(folder),
+        )
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
+        replace_text(Path(path), stream.getvalue())
+
+    @property
+    def signals(self) -> dict[str, NDArray[np.float64]]:
+        """p, q, φ by name."""
+        return {"p": self.p, "q": self.q, "phi": self.phi}
+
+    def particles(self) -> Particles:
+        """The snapshots of all spheres.
+
+        Raises
+        ------
+        RunFolderError
+            When the run holds none (``output.particles``).
+        """
+        if self.folder is None:
+            raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
+        return Particles.load(self.folder)
+
+    def plot(self) -> "Picture":
+        """p, q, φ over τ, those that move; a notebook shows it."""
+        from granular_lmp.plot.signals import trajectory_figure  # matplotlib takes longer to load than most runs
+
+        return trajectory_figure(self.tau, self.signals, self.scene)
+
+    def to_pandas(self) -> Any:
+        """Table (``pandas.DataFrame``) of p, q, phi over tau.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas.
+        """
+        pandas = optional_package("pandas")
+        return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
+
+    def to_xarray(self) -> Any:
+        """``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
+
+        Raises
+        ------
+        PackageMissingError
+            Without xarray.
+        """
+        variables = {name: ("tau", values) for name, values in self.signals.items()}
+        return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
+
+    def __repr__(self) -> str:
+        end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
+        return f"<Record {self.scene.name}: {self.scene.wave_label}, {end}>"
+
+
+def optional_package(name: str) -> Any:
+    """A package that the user may have installed.
+
+    Raises
+    ------
+    PackageMissingError
+        When it is not.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
+
+
+def read_status(folder: str | Path) -> dict[str, Any]:
+    """Contents of ``run.json``.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder holds none, or it is not of the form that a run writes.
+    """
+    path = Path(folder) / STATUS
+    try:
+        info = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise RunFolderError(f"{folder}: not a run folder (there is no {STATUS})") from error
+    except (OSError, ValueError, RecursionError) as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(info, dict):
+        raise RunFolderError(f"{path}: must hold a JSON object")
+    for key, needed in _ENTRIES.items():
+        table = info.get(key, {})
+        if not isinstance(table, dict):
+            raise RunFolderError(f"{path}: {key} must be a JSON object")
+        for name, entry in table.items():
+            if needed and not (isinstance(entry, dict) and needed <= set(entry)):
+                raise RunFolderError(f"{path}: {key}.{name} must hold {', '.join(sorted(needed))}")
+    budget = info.get("error_budget", [])
+    if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
+        raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
+    return info
+
+
+def scene_digest(text: str) -> str:
+    """What ``run.json`` keeps of the ``scene.toml`` that was run: the SHA-256 of its text."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
+    """RunFolderError if the folder's scene is not the one that was run."""
+    said = info.get("scene_sha256")
+    if said is not None and said != scene_digest((folder / SCENE).read_text(encoding="utf-8")):
+        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
+
+
+def write_status(folder: str | Path, info: dict[str, Any]) -> None:
+    """Write ``run.json``."""
+    replace_text(Path(folder) / STATUS, json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

@@ -1,0 +1,141 @@
+"""Snapshots of all spheres of a run, read when they are asked for: ``dump.particles`` of a scene with
+``output.particles``.
+
+The file is LAMMPS's own text dump, every digit kept, in the units of the deck. Its columns carry the names by which
+OVITO knows them (Particle Identifier ← id, Particle Type ← type: 1 moves, 2 is held; Position, Radius, Displacement,
+Velocity, Angular Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-text`` and keeps
+positions, velocities, types and ``v_theta``. Here it comes back dimensionless, like `granular_lmp.runs.record`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import hexagonal
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import PARTICLES, PER_SAMPLE, Snapshot, snapshots
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Spheres:
+    """All spheres at one moment, row by row as in `granular_lmp.crystal.lattices`; lengths in D0, times in t0.
+
+    Attributes
+    ----------
+    tau : float
+    displacement, velocity : (N, 2) arrays
+        From the lattice at rest.
+    rotation, spin : (N,) arrays
+        Rθ/D0 and its rate Rω t0/D0; 0 where spheres do not turn, and the rotation nan where they turn untracked.
+    """
+
+    tau: float
+    displacement: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    spin: NDArray[np.float64]
+
+    @property
+    def energy(self) -> NDArray[np.float64]:
+        """Kinetic energy of each sphere, ½v² + ½(I/mR²)(Rω)², in m(D0/t0)²; (N,)."""
+        return (np.sum(self.velocity**2, axis=1) + INERTIA_RATIO * self.spin**2) / 2
+
+
+@dataclass(frozen=True, repr=False)
+class Particles:
+    """The snapshots of a run: ``particles[i]`` reads one, ``particles.tau`` says when each was taken.
+
+    Attributes
+    ----------
+    path : Path
+        The dump.
+    scene : Scene
+        Of the run that wrote it.
+    index : list of Snapshot
+        Where each snapshot stands in the file.
+    """
+
+    path: Path
+    scene: Scene
+    index: list[Snapshot]
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Self:
+        """Find the snapshots of a run folder; of a run to a tolerance, those with the finest step.
+
+        Raises
+        ------
+        RunFolderError
+            When the run has none.
+        """
+        folder = Path(folder)
+        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
+        path = next(filter(Path.is_file, [folder / PARTICLES, *reversed(finer)]), None)
+        if path is None:
+            raise RunFolderError(
+                f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
+                "them, for instance --set output.particles=1.0"
+            )
+        scene = Scene.load(path.parent / "scene.toml")
+        whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)
+        return cls(path, scene, list(whole))
+
+    @cached_property
+    def rest(self) -> NDArray[np.float64]:
+        """Positions at rest in radii, (N, 2)."""
+        return hexagonal(self.scene.sphere, self.scene.shape).positions[:, :2]
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Spheres that do not move, (N,)."""
+        return np.asarray(hexagonal(self.scene.sphere, self.scene.shape).arrays["fixed"])
+
+    @property
+    def tau(self) -> NDArray[np.float64]:
+        """When the snapshots were taken, (T,)."""
+        return np.array([each.step for each in self.index], dtype=float) * self.scene.time.step
+
+    def stack(self, name: str) -> NDArray[np.float64]:
+        """One attribute of `Spheres` over all snapshots: ``stack("displacement")`` is (T, N, 2)."""
+        return np.array([getattr(each, name) for each in map(self.__getitem__, range(len(self)))])
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, number: int) -> Spheres:
+        where = self.index[number]
+        try:
+            with self.path.open("rb") as stream:
+                stream.seek(where.begin)
+                lines = stream.read(where.end - where.begin).decode().splitlines()
+            names = lines[-where.particles - 1].split()[2:]
+            values = np.array(" ".join(lines[-where.particles :]).split(), dtype=float)
+            columns = dict(zip(names, values.reshape(where.particles, -1).T, strict=True))
+            return self._dimensionless(where.step, columns)
+        except (OSError, ValueError, KeyError) as error:
+            raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
+
+    def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
+        sphere, still = self.scene.sphere, np.zeros(len(columns["id"]))
+        units = units_for(sphere.radius)
+        displacement = units.number(self.scene.wave.amplitude * sphere.static_overlap, length=1)  # D0
+        velocity = displacement / units.number(sphere.time_scale, time=1)
+        radius = units.number(sphere.radius, length=1)
+        untracked = still + (np.nan if "omegaz" in columns else 0.0)
+        return Spheres(
+            tau=step * self.scene.time.step,
+            displacement=np.column_stack([columns["Displacement.X"], columns["Displacement.Y"]]) / displacement,
+            velocity=np.column_stack([columns["vx"], columns["vy"]]) / velocity,
+            rotation=columns.get("v_theta", untracked) * radius / displacement,
+            spin=columns.get("omegaz", still) * radius / velocity,
+        )
+
+    def __repr__(self) -> str:
+        return f"<Particles {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"

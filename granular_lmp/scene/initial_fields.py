@@ -1,0 +1,173 @@
+"""Initial fields of a wave on a packing, for unit amplitude: lengths in D0, times in t0.
+
+A plane wave is one Bloch mode. A wave with a Gaussian envelope is a sum of Bloch modes of one branch around it,
+
+    Σ_k' w(k') Re[U(k') e^{i(k'·r − Ω(k')τ + phase)}],    w ∝ exp(−½ length² κ∥² − ½ width² κ⊥²),    κ = k' − k,
+
+each with its own shape and frequency, so that all of it runs forward and no other branch is excited: an envelope that
+is just multiplied to the mode would send the rest, of relative order 1/(k length), everywhere.
+
+Breaks where a packet is shorter than 4/ξ (refused: part of it would run backward), and where the branch touches another
+within the envelope: which of the two a wave vector then belongs to is not defined.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.modes import Mode, Physics, bloch_modes
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.sections import Envelope
+from granular_lmp.scene.shape import Shape
+
+Floats = NDArray[np.float64]
+FARTHEST = 7.0  # standard deviations of w that are summed: what is beyond is 2e-11
+NOTHING = 1e-9  # rad per row: rounding of a difference of wave vectors
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Displacement and velocity, one row a sphere: columns (ux, uy, φ), φ = Rθ; in D0 and D0/t0."""
+
+    displacement: Floats
+    velocity: Floats
+
+
+def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
+    """The wave of a scene at τ = 0; zero on the rows that are held.
+
+    Of a standing wave the displacement of the running one, and no velocity. Of a driven one nothing but the first row:
+    its displacement at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, and no rotation.
+
+    Parameters
+    ----------
+    scene : Scene
+    packing : ase.Atoms
+        From `granular_lmp.crystal.lattices`.
+    mode : Mode
+        The mode of the scene's wave.
+    """
+    if scene.wave.form == "driven":
+        return _driven_row(packing, mode, scene.envelope)
+    fields = _enveloped(scene, packing, mode) if scene.envelope.finite else plane_wave(packing, mode, scene.wave.phase)
+    if scene.wave.form == "standing":
+        return Fields(fields.displacement, np.zeros_like(fields.velocity))
+    return fields
+
+
+def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
+    """The wave Re[U e^{i(k·r − Ωτ + phase)}] at τ = 0, r = 0 at the centre sphere; zero on the rows that are held.
+
+    Parameters
+    ----------
+    packing : ase.Atoms
+        From `granular_lmp.crystal.lattices`.
+    mode : Mode
+        Gives U = (ux, uy, i f), k and Ω.
+    phase : float
+        rad.
+
+    Notes
+    -----
+    Held rows cut the wave off: what that does reaches the centre at `Scene.echo_time`.
+    """
+    along_x, along_y = offsets(packing)
+    angle = mode.vector.per_row * along_y + mode.vector.per_column * along_x + phase
+    wave = np.exp(1j * angle)[:, None] * mode.shape()
+    return _fields(packing, wave, -1j * mode.frequency * wave)
+
+
+def _fields(packing: ase.Atoms, wave: NDArray[np.complex128], rate: NDArray[np.complex128]) -> Fields:
+    held = packing.arrays["fixed"]
+    wave[held] = rate[held] = 0
+    return Fields(displacement=wave.real, velocity=rate.real)
+
+
+def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
+    """The sum of the module's equation over the wave vectors that the packing, taken as a periodic cell, holds."""
+    envelope, (x, y) = scene.envelope, mode.vector.unit
+    per_column, per_row = _around(mode.vector, envelope, scene.shape)  # of κ
+    kx, ky = ROW_SPACING * per_column[:, None], per_row[None, :]  # rad per row
+    along, across = x * kx + y * ky, x * ky - y * kx
+    exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
+    inside = exponent <= FARTHEST**2
+    # In the direction in which the wave has no end there is its own wave vector only
+    inside &= (envelope.length > 0) | (np.abs(along) < NOTHING)
+    inside &= (envelope.width > 0) | (np.abs(across) < NOTHING)
+    weight = np.exp(-exponent[inside] / 2)
+    weight = weight / weight.sum() * np.exp(1j * (along[inside] * envelope.offset + scene.wave.phase))
+
+    i, j = np.nonzero(inside)
+    own = np.array([mode.vector.per_column, mode.vector.per_row])
+    frequency, polarisation = _branch(scene, mode, own + np.column_stack([per_column[i], per_row[j]]))
+    wave = np.zeros((*inside.shape, 3), dtype=complex)
+    rate = np.zeros_like(wave)
+    wave[inside] = weight[:, None] * polarisation
+    rate[inside] = -1j * frequency[:, None] * wave[inside]
+    sums = (_sum_of_waves(packing, own[0] + per_column, own[1] + per_row, part) for part in (wave, rate))
+    return _fields(packing, *sums)
+
+
+def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Floats, Floats]:
+    """Phase advances per column and per row, from those of the wave, of the wave vectors that may count."""
+    x, y = (abs(part) for part in vector.unit)
+    narrow = [1 / size if size else 0.0 for size in (envelope.length, envelope.width)]  # rad per row
+    reach = [np.hypot(narrow[0] * x, narrow[1] * y) / ROW_SPACING, np.hypot(narrow[0] * y, narrow[1] * x)]
+    most = [
+        min(int(FARTHEST * far * count / (2 * pi)), (count - 1) // 2)
+        for far, count in zip(reach, (shape.columns, shape.rows), strict=True)
+    ]
+    return (
+        2 * pi * np.arange(-most[0], most[0] + 1) / shape.columns,
+        2 * pi * np.arange(-most[1], most[1] + 1) / shape.rows,
+    )
+
+
+def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
+    """Frequencies (M,) and shapes (M, 3) (ux, uy, i f) of the branch of a mode at phase advances (M, 2) around its own.
+
+    At each wave vector the mode that is most like it is taken: names would change hands where branches come near.
+    """
+    sphere = scene.sphere
+    k = vectors / [1, ROW_SPACING] / lattice_constant(sphere)
+    frequencies, shapes = bloch_modes(unit_lattice(sphere), sphere, k, Physics.of(scene))
+    likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
+    best = np.argmax(np.abs(likeness), axis=-1)[:, None]
+    sign = np.where(np.take_along_axis(likeness, best, axis=-1) < 0, -1, 1)
+    polarisation = np.take_along_axis(shapes, best[..., None], axis=-2)[:, 0] * sign * [1, 1, 1j]
+    return np.take_along_axis(frequencies, best, axis=-1)[:, 0], polarisation
+
+
+def _sum_of_waves(
+    packing: ase.Atoms, per_column: Floats, per_row: Floats, amplitude: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), of a grid of wave vectors: along y, then along x."""
+    along_x, along_y = offsets(packing)
+    rows, columns = packing.arrays["row"], packing.arrays["column"]
+    x = along_x.reshape(rows.max() + 1, columns.max() + 1)
+    y = along_y.reshape(x.shape)[:, 0]
+    by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
+    result = np.empty((*x.shape, 3), dtype=complex)
+    for parity in (0, 1):  # of the row, which is what its shift depends on
+        result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
+    return result.reshape(-1, 3)
+
+
+def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
+    """What the first row moves by, for unit amplitude; a Gaussian along it where the envelope has a width."""
+    along_x, _ = offsets(packing)
+    first = packing.arrays["row"] == 0
+    profile = np.ones(len(packing))
+    if envelope.width:
+        columns = packing.arrays["column"].max() + 1
+        middle = along_x - columns * np.round(along_x / columns)
+        profile = np.exp(-0.5 * (middle / (envelope.width * ROW_SPACING)) ** 2)
+    displacement = np.zeros((len(packing), 3))
+    displacement[first, 1 if mode.name == "L" else 0] = (1 if mode.name == "L" else -1) * profile[first]
+    return Fields(displacement, np.zeros_like(displacement))

@@ -1,0 +1,274 @@
+"""The tables of a scene file: frozen records whose fields carry their own range (`granular_lmp.scene.schema`).
+
+Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. What the values
+mean together is checked by `granular_lmp.scene.scene`.
+"""
+
+from dataclasses import dataclass
+from math import ceil, floor, hypot, pi
+from typing import Any
+
+from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import AUTO, Rule, between, choice, declared, switch
+from granular_lmp.scene.shape import FEWEST_COLUMNS, Auto
+
+MODES = ("L", "TR", "RT")
+ENDS = ("fixed", "periodic", AUTO)
+SHEAR_LAWS = ("secant", "incremental")
+FORMS = ("running", "standing", "driven")
+LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
+NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
+
+
+@dataclass(frozen=True)
+class Packing:
+    """Hexagonal packing: rows along y, columns along x, where it is periodic."""
+
+    rows: int | Auto = declared(
+        int,
+        "along y",
+        "a whole number from 4 to 10000000",
+        between(4, 10_000_000),
+        words=(AUTO,),
+        default=AUTO,
+    )
+    columns: int | Auto = declared(
+        int,
+        "along x, periodic",
+        "a whole number of at least 3 (with 1 or 2 columns a sphere touches two images of the same neighbour, "
+        "which share one shear history in LAMMPS) and at most 1000000",
+        between(FEWEST_COLUMNS, 1_000_000),
+        words=(AUTO,),
+        default=AUTO,
+    )
+    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
+    contact_force: float = declared(
+        float,
+        "N, presses the contacts at rest together from outside",
+        "a number in [0, 1e12], N",
+        between(0, 1e12),
+        default=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class Wave:
+    """Wave cos(k·r − Ωτ + phase) in one Bloch mode, r = 0 at the centre sphere, amplitude D0/Δ0; how it starts.
+
+    A "running" wave is there at τ = 0 and runs along k. A "standing" one is that and its time reversal, half of each:
+    the spheres start from rest, displaced by the same field. Where it is "driven" all is at rest and the first row is
+    moved by D0 cos(Ωτ − phase), Ω that of the mode, along y for L and along x for TR and RT.
+    """
+
+    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
+    wavenumber: float = declared(
+        float,
+        "xi, rad per row",
+        f"a number in [1e-9, {LARGEST_WAVENUMBER:.6g}], rad per row",
+        between(1e-9, LARGEST_WAVENUMBER),
+    )
+    amplitude: float = declared(
+        float, "D0/Delta0", "a number in (0, 100], D0 in units of the static overlap", lambda value: 0 < value <= 100
+    )
+    phase: float = declared(
+        float,
+        "rad, at the centre sphere, or of the driven row",
+        "a number in [-2 pi, 2 pi], rad",
+        between(-2 * pi, 2 * pi),
+        default=0.0,
+    )
+    form: str = choice("running, standing, or driven by the first row", FORMS, default="running")
+    direction: float | str = declared(
+        float,
+        "x, y, or degrees from x towards y",
+        "a number in (-180, 180], degrees from x towards y",
+        lambda value: -180 < value <= 180,
+        words=tuple(DIRECTIONS),
+        default="y",
+    )
+
+    @property
+    def words(self) -> str:
+        """Mode and form: "TR", "TR standing"."""
+        return self.mode if self.form == "running" else f"{self.mode} {self.form}"
+
+    @property
+    def degrees(self) -> float:
+        """The direction in degrees from x towards y."""
+        return DIRECTIONS[self.direction] if isinstance(self.direction, str) else self.direction
+
+    @property
+    def vector(self) -> WaveVector:
+        """The wave vector as declared."""
+        return WaveVector.of(self.wavenumber, self.degrees)
+
+
+def _size(note: str) -> Any:
+    return declared(
+        float,
+        note,
+        f"0 or a number in [{NARROWEST:g}, 1e5], rows",
+        lambda value: value == 0 or NARROWEST <= value <= 1e5,
+        default=0.0,
+    )
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Gaussian envelope exp(−s²/2 length² − t²/2 width²) of the wave, s along k and t across it, in row spacings.
+
+    With a length the wave is a packet, with a width a beam, with both a pulse; 0 means that there is no end to it. A
+    driven row has a width only; it is switched on within the `ramp`, by r(s) = s³(10 − 15s + 6s²), s = τ/ramp.
+    """
+
+    length: float = _size("rows, standard deviation along the wave; 0: none")
+    width: float = _size("rows, standard deviation across the wave; 0: none")
+    offset: float = declared(
+        float,
+        "rows, from the middle of the envelope to the centre sphere, along the wave",
+        "a number in [-1e5, 1e5], rows",
+        between(-1e5, 1e5),
+        default=0.0,
+    )
+    ramp: float = declared(
+        float, "tau, in which a driven row is switched on", "a number in [1, 1e5], tau", between(1, 1e5), default=20.0
+    )
+
+    @property
+    def finite(self) -> bool:
+        """Whether the wave ends anywhere."""
+        return self.length > 0 or self.width > 0
+
+    @property
+    def kind(self) -> str:
+        """What it makes of a wave: "packet", "beam", "pulse", or "wave"."""
+        kinds = {(True, False): "packet", (False, True): "beam", (True, True): "pulse"}
+        return kinds.get((self.length > 0, self.width > 0), "wave")
+
+    def spread(self, vector: WaveVector) -> tuple[float, float]:
+        """Rows and columns of its standard deviation along y and along x, for a wave vector."""
+        x, y = vector.unit
+        rows, columns = hypot(self.length * y, self.width * x), hypot(self.length * x, self.width * y)
+        return rows, columns * ROW_SPACING
+
+
+FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18
+
+
+@dataclass(frozen=True)
+class Time:
+    """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
+
+    With a `tolerance` the step is chosen by `granular_lmp.accuracy.step_law`; until then there is none.
+    """
+
+    duration: float = declared(float, "tau", "a number in [1e-3, 1e7], in tau", between(1e-3, 1e7))
+    timestep: float = declared(
+        float, "tau, at most", f"a number in [{FINEST:g}, 2], in tau", between(FINEST, 2), default=0.05
+    )
+    tolerance: float | None = declared(
+        float,
+        "relative L2 error of p, q and phi each, in place of a timestep",
+        "a number in [1e-9, 0.1], the relative error of p, q and phi each",
+        between(1e-9, 0.1),
+        default=None,
+    )
+    sample: float = declared(
+        float, "tau between records", f"a number in [{FINEST:g}, 1e7], in tau", between(FINEST, 1e7), default=0.5
+    )
+    allow_echo: bool = declared(
+        bool, "run on when the walls are heard at the centre", "true or false", lambda value: True, default=False
+    )
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Whole steps between two records; the step is rounded down so that they fit.
+
+        Raises
+        ------
+        SceneError
+            With a tolerance: `granular_lmp.accuracy.step_law.with_step` gives the scene that has a step.
+        """
+        if self.tolerance is not None:
+            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
+        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
+
+    @property
+    def step(self) -> float:
+        """Step that is used, in τ: ``sample / steps_per_sample``, at most ``timestep``."""
+        return self.sample / self.steps_per_sample
+
+    @property
+    def samples(self) -> int:
+        """Records after the one at τ = 0."""
+        return floor(self.duration / self.sample + 1e-9)
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the whole run."""
+        return self.samples * self.steps_per_sample
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
+
+    What "auto" comes to, and why, is the business of `granular_lmp.effects.table`. Walls and width of the packing are effects
+    too; their switches are ``packing.ends`` and ``packing.columns``.
+    """
+
+    adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")
+    shear: bool | Auto = switch("Mindlin shear force")
+    rotation: bool | Auto = switch("spheres turn")
+    tracking: bool | Auto = switch("the angle is recorded")
+    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
+    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
+    contact_opening: bool | Auto = switch("contacts part and meet again")
+    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
+    friction: float | Auto = declared(
+        float,
+        "coefficient; auto: none slides",
+        "a number in (0, 1e4]",
+        lambda value: 0 < value <= 1e4,
+        words=(AUTO,),
+        default=AUTO,
+    )
+    viscosity: float = declared(
+        float, "N s/m, dashpot of a contact", "a number in [0, 1e12], N s/m", between(0, 1e12), default=0.0
+    )
+    restitution: float = declared(
+        float, "of a Hertz contact; 1: none lost", "a number in (0, 1]", lambda value: 0 < value <= 1, default=1.0
+    )
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a run records beside the centre sphere."""
+
+    particles: float = declared(
+        float,
+        "tau between snapshots of all spheres; 0: none",
+        "a number in [0, 1e7], in tau",
+        between(0, 1e7),
+        default=0.0,
+    )
+
+
+# The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
+# those in which the numbers of the deck stay far from under- and overflow.
+SPHERE_RULES = {
+    name: Rule(float, note, allowed, check)
+    for name, note, allowed, check in (
+        ("radius", "m", "a number in [1e-9, 1], m", between(1e-9, 1.0)),
+        ("youngs_modulus", "Pa", "a number in [1e3, 1e13], Pa", between(1e3, 1e13)),
+        ("poisson_ratio", "", "a number in (-1, 0.5]", lambda value: -1 < value <= 0.5),
+        (
+            "work_of_adhesion",
+            "J/m2",
+            "0 or a number in [1e-6, 100], J/m2",
+            lambda value: value == 0 or 1e-6 <= value <= 100,
+        ),
+        ("density", "kg/m3", "a number in [1, 1e5], kg/m3", between(1.0, 1e5)),
+    )
+}

@@ -1,0 +1,163 @@
+"""What does not go together in a scene: a function a subject; SceneError names key, value and what is allowed."""
+
+import sys
+from math import ceil, pi
+
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import WaveVector, zone_edge
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import AUTO, shown
+from granular_lmp.scene.sections import Effects, Envelope, Output, Packing, Time, Wave
+from granular_lmp.scene.shape import LARGEST_CELL, SNAP, Shape
+
+# Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
+LARGEST_OVERLAP_RATIO = 0.05
+MOST_SPHERES = 10_000_000
+EPSILON = sys.float_info.epsilon
+FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or nothing at all, without a sign of it
+FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing must have room for
+FEWEST_RADIANS = 4.0  # of the wave in a standard deviation of a packet: 3e-5 of it then run backward
+
+
+def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> None:
+    """`material` as declared makes a lattice of `sphere`, whose static overlap is small, and the wave's D0 too."""
+    if sphere.holding_force == 0:
+        raise SceneError(
+            "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
+            f"(sphere.work_of_adhesion = {material.work_of_adhesion!r}, effects.adhesion = {effects.adhesion!r})"
+        )
+    if effects.viscosity > 0 and effects.restitution < 1:
+        raise SceneError(
+            f"effects.viscosity = {effects.viscosity!r} and effects.restitution = {effects.restitution!r}: "
+            "two models of damping; must be one"
+        )
+    if effects.adhesion is True and material.work_of_adhesion == 0:
+        raise SceneError("effects.adhesion = true: needs sphere.work_of_adhesion above 0, J/m2")
+    if sphere.overlap_ratio > LARGEST_OVERLAP_RATIO:
+        raise SceneError(
+            f"sphere: the static overlap is {sphere.overlap_ratio:.3g} of the diameter with this radius, "
+            f"youngs_modulus, work_of_adhesion and contact_force; at most {LARGEST_OVERLAP_RATIO} is allowed"
+        )
+    largest = sphere.radius / sphere.static_overlap / 10
+    if amplitude > largest:
+        raise SceneError(f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
+
+
+def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
+    """The wave vector is in the zone, and direction, form and envelope fit each other and the ends."""
+    edge = zone_edge(wave.degrees)
+    if wave.wavenumber > edge * (1 + 8 * EPSILON):
+        raise SceneError(
+            f"wave.wavenumber = {wave.wavenumber!r}: must be a number in [1e-9, {edge:.6g}], rad per row; the "
+            f"Brillouin zone ends there in wave.direction = {wave.direction!r}"
+        )
+    if wave.form == "driven":
+        _check_drive(wave, envelope, packing, shape)
+    elif envelope.ramp != Envelope.ramp:
+        raise SceneError(f'envelope.ramp = {envelope.ramp!r}: is for wave.form = "driven" only')
+    if wave.vector.axis != "y" and shape.ends == "fixed":
+        raise SceneError(
+            f'wave.direction = {wave.direction!r}: must be "y" between fixed ends; other directions need '
+            'packing.ends = "periodic" or "auto"'
+        )
+    if wave.vector.axis is None and (envelope.length > 0) != (envelope.width > 0):
+        raise SceneError(
+            f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
+            f"both above in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
+        )
+    if envelope.offset and not envelope.length:
+        raise SceneError(f"envelope.offset = {envelope.offset!r}: needs envelope.length above 0, rows")
+    if 0 < envelope.length < FEWEST_RADIANS / wave.wavenumber:
+        raise SceneError(
+            f"envelope.length = {envelope.length!r}: must be 0 or at least {FEWEST_RADIANS:g}/xi = "
+            f"{FEWEST_RADIANS / wave.wavenumber:.4g} rows; a shorter packet runs backward too"
+        )
+
+
+def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
+    """A driven row is the first of a strip."""
+    needed = {
+        "wave.direction": (wave.direction, wave.degrees == 90, '"y"'),
+        "packing.ends": (packing.ends, shape.ends == "fixed", '"fixed" or "auto"'),
+        "envelope.length": (envelope.length, envelope.length == 0, "0"),
+    }
+    for key, (value, right, allowed) in needed.items():
+        if not right:
+            raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"')
+
+
+def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, vector: WaveVector) -> None:
+    """The packing is a lattice, has room for the envelope, and carries the wave as the vector that is used."""
+    rows, columns, declared = shape.rows, shape.columns, wave.vector
+    missed = {
+        "rows": abs(vector.per_row - declared.per_row) if packing.rows == AUTO else 0.0,
+        "columns": abs(vector.per_column - declared.per_column) if packing.columns == AUTO else 0.0,
+    }
+    for name, miss in missed.items():
+        if miss > SNAP:
+            otherwise = ', or packing.ends = "fixed"' if declared.axis == "y" else ""
+            raise SceneError(
+                f'packing.{name} = "auto": no periodic cell of at most {LARGEST_CELL} {name} carries '
+                f"wave.wavenumber = {wave.wavenumber!r} to {SNAP:g}; must be a number{otherwise}"
+            )
+    if shape.ends == "fixed" and rows % 2 == 0:
+        raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
+    if shape.ends == "periodic" and rows % 2:
+        raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
+    if rows * columns > MOST_SPHERES:
+        raise SceneError(
+            f"packing.rows x packing.columns = {rows} x {columns}: must be at most {MOST_SPHERES} "
+            "spheres (LAMMPS takes 690 MB for each million)"
+        )
+    spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]
+    between_walls = shape.ends == "fixed" and envelope.offset
+    needed = (spread[0] + (2 * abs(envelope.offset) if between_walls else 0.0), spread[1])
+    for name, count, least in zip(("rows", "columns"), (rows, columns), needed, strict=True):
+        if count < least:
+            raise SceneError(
+                f"packing.{name} = {count}: must be at least {ceil(least)}, {FEWEST_DEVIATIONS:g} standard deviations "
+                "of the envelope" + (" and twice its offset" if between_walls else "")
+            )
+    if vector.wavenumber == 0:
+        raise SceneError(
+            f"wave.wavenumber = {wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows x {columns} "
+            f"columns; the smallest is 2 pi/{rows} = {2 * pi / rows:.6g}, rad per row, along y"
+        )
+    edge = zone_edge(vector.direction)
+    if vector.wavenumber > edge * (1 + 1e-12):
+        raise SceneError(
+            f"packing.rows x packing.columns = {rows} x {columns}: wave.wavenumber = {wave.wavenumber!r} snaps to "
+            f"{vector.wavenumber:.6g} at {vector.direction:.6g} degrees, but the Brillouin zone ends at {edge:.6g} "
+            "there; must be more rows or columns"
+        )
+
+
+def check_size(sphere: Sphere, shape: Shape, amplitude: float) -> None:
+    """The wave is above what the rounding of positions leaves."""
+    # Half the packing is farther from the origin than a quarter of its length; there the wave has to be seen
+    length = max(shape.rows, shape.columns)
+    smallest = FEWEST_ROUNDINGS * EPSILON * length / 4 * sphere.lattice_constant / sphere.static_overlap
+    if amplitude < smallest:
+        raise SceneError(
+            f"wave.amplitude = {amplitude!r}: must be at least {smallest:.3g} with this sphere in {length} "
+            f"rows or columns, or D0 is less than {FEWEST_ROUNDINGS:g} roundings of a position"
+        )
+
+
+def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:
+    """Records and snapshots fit into the run, and its end comes before the echo."""
+    if time.sample > time.duration:
+        raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
+    if time.duration > echo and not time.allow_echo:
+        raise SceneError(
+            f"time.duration = {time.duration!r}: the walls are heard at the centre of {shape.rows} rows from "
+            f"tau = {echo:.4g} on; must be at most that, or set time.allow_echo = true, "
+            'or packing.rows = "auto"'
+        )
+    snapshot = output.particles / time.sample
+    # The slack is that of the deck, where the spacing of the snapshots is rounded up to whole samples
+    if abs(snapshot - round(snapshot)) > 1e-9 or output.particles > time.duration:
+        raise SceneError(
+            f"output.particles = {output.particles!r}: must be 0 or a whole multiple of time.sample = "
+            f"{time.sample!r}, at most time.duration = {time.duration!r}"
+        )

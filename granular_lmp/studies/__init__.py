@@ -1,0 +1,1 @@
+"""Many runs: sweeps, a kicked sheet, collisions, cost."""

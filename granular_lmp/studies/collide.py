@@ -1,0 +1,219 @@
+"""Run a collision, and what it comes to: how deep, how hard, how long, and what comes back."""
+
+import csv
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
+from granular_lmp.lammps.deck import writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG
+from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.launch import locked, run_input
+from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
+
+COURSE = "collision.csv"
+RESULT = "collision.json"
+FEWEST_RECORDS = 4  # of a contact: the cubic of `Result.contact_time`
+
+
+@dataclass(frozen=True, repr=False)
+class Result:
+    """The course of a collision, in SI units; T records of B bodies, 1 or 2.
+
+    Attributes
+    ----------
+    time : (T,) array
+        s, 0 at first touch.
+    overlap : (T,) array
+        δ, m; negative once the bodies have parted.
+    normal_force, tangential_force : (T,) arrays
+        N, on the first sphere: repulsion is positive, and so is a push along +y.
+    velocity : (T, B, 2) array
+        m/s, normal (x) and tangential (y).
+    spin : (T, B) array
+        rad/s.
+    folder : Path
+        The run folder.
+    """
+
+    collision: Collision
+    time: NDArray[np.float64]
+    overlap: NDArray[np.float64]
+    normal_force: NDArray[np.float64]
+    tangential_force: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    folder: Path
+
+    @cached_property
+    def largest_overlap(self) -> float:
+        """δ_m, m: the top of the parabola through the three highest records."""
+        return _peak(self.overlap)
+
+    @cached_property
+    def largest_force(self) -> float:
+        """Largest repulsion, N."""
+        return _peak(self.normal_force)
+
+    @cached_property
+    def contact_time(self) -> float:
+        """Time from first touch until the overlap is 0 again, s: the root of the cubic through the last four records.
+
+        Those of the contact: where adhesion ends, the acceleration jumps.
+        """
+        parted = int(np.argmax(self.overlap < 0))
+        last = slice(parted - 4, parted)
+        roots = np.polynomial.Polynomial.fit(self.time[last], self.overlap[last], 3).roots()
+        return float(roots[np.argmin(abs(roots - self.time[parted - 1]))].real)
+
+    @property
+    def restitution(self) -> float:
+        """e: velocity of parting over that of meeting, along x."""
+        normal = self.velocity[:, :, 0]
+        closing = normal[:, 0] - (normal[:, 1] if normal.shape[1] > 1 else 0.0)
+        return float(-closing[-1] / closing[0])
+
+    def numbers(self) -> dict[str, float]:
+        """What the collision comes to, by name with the unit; velocities and spins are those after it."""
+        named = {
+            "largest_overlap_m": self.largest_overlap,
+            "largest_force_N": self.largest_force,
+            "contact_time_s": self.contact_time,
+            "restitution": self.restitution,
+        }
+        for body in range(self.spin.shape[1]):
+            x, y = self.velocity[-1, body]
+            named |= {f"vx{body + 1}_m_s": float(x), f"vy{body + 1}_m_s": float(y)}
+            named[f"spin{body + 1}_rad_s"] = float(self.spin[-1, body])
+        return named
+
+    def errors(self) -> dict[str, float]:
+        """The difference of each of `numbers` from a run with twice the step.
+
+        That is three times the error of a number of second order in the step, and the error of one of first order
+        (damping, adhesion, the law "incremental"). Where it breaks: an adhesive contact ends at once, at any moment of
+        a step, so that the parting velocity errs by up to F Δt/m* whatever two runs say.
+        """
+        impact = self.collision.collision
+        coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
+        with tempfile.TemporaryDirectory() as folder:
+            other = run(coarse, Path(folder) / "coarse").numbers()
+        return {name: abs(value - other[name]) for name, value in self.numbers().items()}
+
+
+def _peak(values: NDArray[np.float64]) -> float:
+    top = int(np.argmax(values))
+    before, here, after = values[top - 1 : top + 2]
+    return float(here + (after - before) ** 2 / (8 * (2 * here - before - after)))
+
+
+def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Result:
+    """Run a collision in `folder`, which is made here, and return its course.
+
+    The folder holds ``scene.toml``, ``in.NAME``, ``log.lammps``, ``dump.collision`` and ``collision.csv``.
+
+    Raises
+    ------
+    RunFolderError
+        When the folder is there (without `force`) or cannot be written.
+    SceneError
+        When the bodies have not parted by the end of the run, or touch for too few steps; its folder is kept.
+    LammpsMissingError, LammpsError
+    """
+    folder = Path(folder).absolute()
+    name = f"in.{collision.name}"
+    with locked(folder, make=True, force=force) as lock:
+        with writable(folder):
+            (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
+            (folder / name).write_text(deck_text(collision), encoding="utf-8")
+            for old in (LOG, DUMP, COURSE, RESULT):
+                (folder / old).unlink(missing_ok=True)
+        try:
+            run_input(folder, name, lock)
+        except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
+            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
+    with writable(folder):
+        try:
+            result = _course(collision, folder)
+        except (ValueError, IndexError) as error:
+            raise LammpsError(f"{DUMP} is cut off: {error}", name, "") from error
+        _write_csv(result, folder / COURSE)
+    _refuse_defects(result, name)
+    if result.overlap[-1] >= 0:
+        times = collision.collision.duration
+        raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
+    lasted = int(np.argmax(result.overlap < 0))
+    if lasted < FEWEST_RECORDS or np.argmax(result.overlap) == 0:
+        raise SceneError(
+            f"collision.steps = {collision.collision.steps!r}: the bodies touch in {lasted} records only, and a peak "
+            f"and an end are read off {FEWEST_RECORDS}; take more steps"
+        )
+    return result
+
+
+def _refuse_defects(result: Result, input_name: str) -> None:
+    """LammpsError for a course of which LAMMPS did not complain, but which is none."""
+    signals = (result.overlap, result.normal_force, result.tangential_force, result.velocity, result.spin)
+    if not all(np.isfinite(x).all() for x in signals):
+        raise LammpsError("the course holds numbers that are not finite", input_name, "")
+    end = result.collision.collision.duration * result.collision.elastic_contact_time
+    if result.time[-1] < end * (1 - 1e-9):
+        raise LammpsError(f"the course ends at {result.time[-1]:.3g} s instead of {end:.3g} s", input_name, "")
+
+
+def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
+    """Write `Result.numbers` and their errors into ``collision.json`` of the run folder."""
+    table = {name: {"value": value, "error": errors[name]} for name, value in result.numbers().items()}
+    with writable(result.folder):
+        (result.folder / RESULT).write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
+
+
+def _course(collision: Collision, folder: Path) -> Result:
+    """What the dump says, in SI units."""
+    units = units_for(collision.sphere.radius)
+    metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
+    bodies = 1 if collision.on_plane else 2
+    lines = (folder / DUMP).read_text(encoding="utf-8").split("\n")[:-1]
+    size = 9 + bodies  # lines of a snapshot, nine before the atoms
+    table = np.array([lines[start + 9 : start + size] for start in range(0, len(lines), size)])
+    values = np.array([[row.split() for row in snapshot] for snapshot in table], dtype=float)
+    at = {name: values[:, :, column] for column, name in enumerate(COLUMNS)}
+    position = np.stack([at["x"], at["y"]], axis=-1)
+    if collision.on_plane:
+        normal = np.broadcast_to([1.0, 0.0], position[:, 0].shape)
+        overlap = units.number(collision.sphere.radius, length=1) + at["x"][:, 0]
+    else:
+        apart = position[:, 1] - position[:, 0]
+        distance = np.hypot(*apart.T)
+        normal = apart / distance[:, None]
+        overlap = 2 * units.number(collision.sphere.radius, length=1) - distance
+    push = np.stack([at["fx"][:, 0], at["fy"][:, 0]], axis=-1)
+    velocity = np.stack([at["vx"], at["vy"]], axis=-1)
+    step = collision.elastic_contact_time / collision.collision.steps
+    return Result(
+        collision=collision,
+        time=np.array(lines[1::size], dtype=float) * step,
+        overlap=overlap * metre,
+        normal_force=-np.einsum("ti,ti->t", push, normal) * newton,
+        tangential_force=(normal[:, 0] * push[:, 1] - normal[:, 1] * push[:, 0]) * newton,
+        velocity=velocity * metre / second,
+        spin=at["omegaz"] / second,
+        folder=folder,
+    )
+
+
+def _write_csv(result: Result, path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["time_s", "overlap_m", "normal_force_N", "tangential_force_N"])
+        rows = np.column_stack([result.time, result.overlap, result.normal_force, result.tangential_force])
+        writer.writerows(rows.tolist())

@@ -1,0 +1,283 @@
+"""A collision of two equal spheres, or of a sphere with a rigid plane: what the user declares, and its LAMMPS deck.
+
+For those who want to see one contact at work before they trust ten thousand. The contact is written by the function
+that writes it for the wave decks (`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal of the
+first sphere at the contact is +x, its tangent +y, spins are about z. `granular_lmp.studies.collide` runs it.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil, gamma, pi, sqrt
+from pathlib import Path
+from typing import Any, Self
+
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import SceneError
+from granular_lmp.lammps import contact
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
+from granular_lmp.scene.schema import (
+    NOT_TOML,
+    between,
+    checked_name,
+    choice,
+    declared,
+    file_text,
+    first_file,
+    one_line,
+    plain,
+    record,
+    refuse_unknown,
+    toml_lines,
+)
+from granular_lmp.scene.sections import SPHERE_RULES
+from granular_lmp.scene.shipped import SHIPPED
+
+DUMP = "dump.collision"
+COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump
+RECORDS = 500  # a contact time, at least
+LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
+_SHIPPED = SHIPPED / "collisions"
+# ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
+_HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
+
+
+def _number(note: str, low: float, high: float, **default: Any) -> Any:
+    return declared(float, note, f"a number in [{low:g}, {high:g}]", between(low, high), **default)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The contact law, as `granular_lmp.lammps.contact.model` takes it."""
+
+    normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
+    shear: str = choice("what the shear force follows", contact.SHEAR_LAWS, default="secant")
+    friction: float = _number("mu", 0.0, 1e4, default=0.0)
+    restitution: float = _number("e of an impact along the normal", 0.01, 1.0, default=1.0)
+    shear_damping: float = _number("of shear over that of normal motion", 0.0, 100.0, default=0.0)
+
+
+@dataclass(frozen=True)
+class Impact:
+    """How the bodies meet."""
+
+    partner: str = choice("an equal sphere, or a rigid plane", ("sphere", "plane"))
+    normal_velocity: float = _number("m/s, of each sphere towards the contact", 1e-9, 1e4)
+    tangential_velocity: float = _number("m/s, of the first sphere", -1e4, 1e4, default=0.0)
+    spin: float = _number("rad/s, of the first sphere", -1e12, 1e12, default=0.0)
+    partner_spin: float = _number("rad/s, of the second sphere", -1e12, 1e12, default=0.0)
+    duration: float = _number("elastic contact times", 1.1, 100.0, default=2.0)
+    steps: int = declared(
+        int, "to an elastic contact time", "a whole number from 100 to 10000000", between(100, 1e7), default=10_000
+    )
+
+
+_TABLES: dict[str, type] = {"sphere": Sphere, "contact": Contact, "collision": Impact}
+_RULES = {"sphere": SPHERE_RULES}
+
+
+@dataclass(frozen=True)
+class Collision:
+    """One collision: what meets, by which law, and how.
+
+    Raises
+    ------
+    SceneError
+        When the values do not go together: a restitution below 1 with the law "dmt", a spin of the plane, an impact so
+        hard that the overlap is no longer small.
+    """
+
+    name: str
+    sphere: Sphere
+    contact: Contact
+    collision: Impact
+
+    def __post_init__(self) -> None:
+        if self.contact.normal == "dmt" and self.contact.restitution < 1:
+            raise SceneError(
+                f'contact.restitution = {self.contact.restitution!r}: must be 1 with contact.normal = "dmt"; '
+                'LAMMPS has no law of restitution with adhesion, take "hertz"'
+            )
+        if self.collision.partner == "plane" and self.collision.partner_spin:
+            raise SceneError(
+                f"collision.partner_spin = {self.collision.partner_spin!r}: must be 0, the plane is at rest"
+            )
+
+        ratio = self.elastic_overlap / (2 * self.sphere.radius)
+        if ratio > LARGEST_OVERLAP_RATIO:
+            raise SceneError(
+                f"collision.normal_velocity = {self.collision.normal_velocity!r}: the overlap would be {ratio:.3g} "
+                f"of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+            )
+        speed = abs(self.collision.tangential_velocity) + self.collision.normal_velocity
+        path = speed * self.collision.duration * self.elastic_contact_time / self.sphere.radius
+        if path > LONGEST_PATH:
+            raise SceneError(
+                f"collision.tangential_velocity = {self.collision.tangential_velocity!r}: the sphere would go "
+                f"{path:.3g} radii in collision.duration; at most {LONGEST_PATH:g} are allowed"
+            )
+
+    # --- reading and writing ---
+
+    @classmethod
+    def load(cls, source: str | Path) -> Self:
+        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
+        found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
+        if found is None:
+            shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
+            raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
+        text = file_text(found)
+        try:
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
+            raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
+        try:
+            return cls.from_dict(tables)
+        except SceneError as error:
+            raise SceneError(f"{found}: {error}") from error
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any]) -> Self:
+        """Collision from nested mappings; every key and value is checked."""
+        refuse_unknown(tables, ("name", *_TABLES), "")
+        name = checked_name(tables, "collision", "the deck")
+        given = {"contact": {}, **tables}
+        if isinstance(given.get("sphere"), Mapping):
+            given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
+        return cls(name, **{key: record(kind, given.get(key), key, _RULES.get(key)) for key, kind in _TABLES.items()})
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested plain values, every default filled in."""
+        return {"name": self.name} | {key: plain(getattr(self, key), _RULES.get(key)) for key in _TABLES}
+
+    def to_toml(self) -> str:
+        """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
+        lines = [f'name = "{self.name}"']
+        tables = self.to_dict()
+        for key, kind in _TABLES.items():
+            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
+        return "\n".join(lines) + "\n"
+
+    def with_values(self, changes: Mapping[str, Any]) -> Self:
+        """Copy with some values changed, named by dotted keys: ``{"collision.spin": 1.2}``."""
+        tables = self.to_dict()
+        for key, value in changes.items():
+            table, _, name = key.rpartition(".")
+            refuse_unknown({table: None} if table else {}, _TABLES, "")
+            inner = tables[table] if table else tables
+            if not isinstance(inner, dict):
+                break  # an earlier change put a value in the table's place, which is what is wrong
+            inner[name] = value
+        return self.from_dict(tables)
+
+    # --- what follows from the values ---
+
+    @property
+    def on_plane(self) -> bool:
+        """Whether the partner is the rigid plane."""
+        return self.collision.partner == "plane"
+
+    @property
+    def effective_mass(self) -> float:
+        """m against a plane, m/2 between two spheres, kg."""
+        return self.sphere.mass * (1.0 if self.on_plane else 0.5)
+
+    @property
+    def closing_speed(self) -> float:
+        """Relative normal velocity at first touch, m/s."""
+        return self.collision.normal_velocity * (1 if self.on_plane else 2)
+
+    @property
+    def effective_radius(self) -> float:
+        """Rc: R on a plane, R/2 between two spheres, m."""
+        return self.sphere.radius * (1.0 if self.on_plane else 0.5)
+
+    @property
+    def normal_coefficient(self) -> float:
+        """A = (4/3) E* √Rc, N/m^{3/2}; a rigid plane has twice the E* of two spheres."""
+        return 4 / 3 * self.sphere.effective_modulus * sqrt(self.effective_radius) * (2 if self.on_plane else 1)
+
+    @property
+    def pull_off_force(self) -> float:
+        """F = 2π w Rc, N; 0 by the law "hertz"."""
+        return 2 * pi * self.sphere.work_of_adhesion * self.effective_radius * (self.contact.normal == "dmt")
+
+    @property
+    def elastic_overlap(self) -> float:
+        """Hertz's largest overlap δ_m = (5 m* v²/4A)^{2/5}, m (Timoshenko & Goodier, § 140)."""
+        return (5 * self.effective_mass * self._speed**2 / (4 * self.normal_coefficient)) ** (2 / 5)
+
+    @property
+    def elastic_contact_time(self) -> float:
+        """Hertz's contact time 2.943 δ_m/v, s."""
+        return 2 * _HALF_CONTACT * self.elastic_overlap / self._speed
+
+    @property
+    def _speed(self) -> float:
+        """v, m/s; with what adhesion adds on the way to the overlap of rest: m* (v² − v_closing²)/2 = (3/5) F Δ0."""
+        rest = (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
+        return sqrt(self.closing_speed**2 + 6 / 5 * self.pull_off_force * rest / self.effective_mass)
+
+
+# --- the deck --------------------------------------------------------------------------------------------------------
+
+
+def deck_text(collision: Collision) -> str:
+    """The LAMMPS input of a collision; complete, it runs with plain ``lmp``."""
+    sphere, law, impact = collision.sphere, collision.contact, collision.collision
+    units = units_for(sphere.radius)
+    radius = units.number(sphere.radius, length=1)
+    every = max(impact.steps // RECORDS, 1)
+    step = units.number(collision.elastic_contact_time / impact.steps, time=1)
+    records = ceil(impact.duration * impact.steps / every)
+    speed = units.number(impact.normal_velocity, length=1, time=-1)
+    along = units.number(impact.tangential_velocity, length=1, time=-1)
+    room = 4 * radius + (abs(along) + speed) * step * every * records
+    bodies = [(1, -radius, speed, along, units.number(impact.spin, time=-1))]
+    if not collision.on_plane:
+        bodies.append((2, radius, -speed, 0.0, units.number(impact.partner_spin, time=-1)))
+
+    def commands(touching: Sphere) -> str:
+        return contact.model(
+            touching,
+            units,
+            normal=law.normal,
+            shear=law.shear,
+            friction=law.friction,
+            restitution=law.restitution if law.restitution < 1 else None,
+            shear_damping=law.shear_damping,
+        )
+
+    plane = contact.wall(commands(contact.rigid(sphere)), "xplane NULL 0.0") + "\n" if collision.on_plane else ""
+    placed = "\n".join(f"create_atoms 1 single {x!r} 0.0 0.0" for _, x, *_ in bodies)
+    moving = "\n".join(
+        f"set          atom {tag} vx {vx!r} vy {vy!r} omega 0.0 0.0 {spin!r}" for tag, _, vx, vy, spin in bodies
+    )
+    return f"""\
+# {collision.name}: a sphere meets a{" rigid plane" if collision.on_plane else "n equal sphere"} at x = 0
+# --- units {units.style}: {units.names}
+units        {units.style}
+boundary     f f f
+atom_style   sphere
+atom_modify  map array
+comm_modify  vel yes
+region       box block {-room!r} {room!r} {-room!r} {room!r} {-room!r} {room!r}
+create_box   1 box
+{placed}
+set          group all diameter {2 * radius!r} density {units.number(sphere.density, mass=1, length=-3)!r}
+{moving}
+neighbor     {radius / 10!r} bin
+timestep     {step!r}
+
+# --- contact
+{contact.pair(commands(sphere))}
+{plane}
+# --- motion, and a record of every body with all digits
+fix          move all nve/sphere
+dump         all all custom {every} {DUMP} {" ".join(COLUMNS)}
+dump_modify  all sort id format float %.17g
+thermo_style custom step
+thermo       {every * records}
+run          {every * records}
+"""

@@ -1,0 +1,278 @@
+"""A work–precision study: what each knob of a run costs in seconds, and what it gives in accuracy.
+
+Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine does falls on
+all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against LAMMPS itself,
+extrapolated from fine steps.
+
+A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
+the extrapolated one), and made from those ``cost.json`` and ``cost.csv``. A study that was stopped, or is asked for
+again, does what is missing; a run that was cut off is done again from its start, for half a run has no time.
+"""
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from math import ceil
+from operator import attrgetter
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from time import monotonic
+from typing import Any
+
+from granular_lmp.accuracy import tolerance
+from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.lammps.deck import build, writable
+from granular_lmp.lammps.outputs import replace_text
+from granular_lmp.runs.launch import core_count, locked, run_deck
+from granular_lmp.runs.record import STATUS, read_status, write_status
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
+from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
+from granular_lmp.studies.sweep_points import scene_hash
+from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
+
+RESULT, TABLE = "cost.json", "cost.csv"
+_WARM_UP = 2e5  # particle-steps of the warm-up: 50 ms
+_PROGRAM = 0.5  # s to start mpiexec and lmp
+
+Progress = Callable[[int, int, float], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a study is going to do.
+
+    Attributes
+    ----------
+    folder : Path
+    scene : Scene
+        `granular_lmp.studies.cost_settings.base` of the one that was given.
+    points : list of Point
+        The reference first.
+    left_out : dict
+        Settings that are not run → why.
+    repeats : int
+    budget : float
+        s; infinite without one.
+    started : float
+        Where the budget begins, on the clock `time.monotonic`: the warm-up counts.
+    rate, overhead : float
+        Particle-steps a second and seconds a run, of a short run of the scene just now.
+    took : dict
+        Name of a run → seconds of each of its rounds that were done before.
+    """
+
+    folder: Path
+    scene: Scene
+    points: list[Point]
+    left_out: dict[str, str]
+    repeats: int
+    budget: float
+    started: float
+    rate: float
+    overhead: float
+    took: dict[str, list[float]]
+
+    def todo(self) -> list[tuple[Run, Path]]:
+        """The runs that are not done, round by round."""
+        return _missing(self.folder, self.points, self.repeats)
+
+    def estimate(self, run: Run) -> float:
+        """Seconds that a run takes as the warm-up has it."""
+        return self.overhead + run.work / self.rate + _PROGRAM * (run.ranks > 1)
+
+    def price(self, run: Run, slower: float = 1.0) -> float:
+        """Seconds that a run is expected to take: those of its own rounds, or `slower` times the estimate."""
+        own = self.took.get(run.name)
+        return median(own) if own else slower * self.estimate(run)
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that all of it is expected to take."""
+        return sum(self.price(run) for run, _ in self.todo())
+
+
+def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
+    """Find out what a study takes, from a short run of the scene; nothing is written into the folder.
+
+    Parameters
+    ----------
+    scene : Scene
+    folder : path
+        The study folder, new or that of the same study.
+    repeats : int
+        Rounds. The reference is run once.
+    budget : float
+        s, of this call and its `measure`, whatever earlier ones have spent. Of the settings that do not fit in, those
+        that take longest are left out first. A run that has begun is not cut off.
+
+    Raises
+    ------
+    SceneError
+        For a scene that cannot be run.
+    RunFolderError
+        When the folder is there and is not that of a study of this scene.
+    LaunchError
+        When the budget is not enough for the reference and one setting more.
+    """
+    started = monotonic()
+    folder, scene = Path(folder).absolute(), base(scene)
+    _check_folder(folder, scene)
+    made, left_out = points(scene)
+    whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {})
+    if not whole.todo():
+        return whole
+    rate, overhead = _warm_up(scene)
+    took = {run.name: taken(run, folder, repeats) for point in whole.points for run in point.runs}
+    return _within_budget(replace(whole, rate=rate, overhead=overhead, took=took))
+
+
+def _within_budget(whole: Plan) -> Plan:
+    """The plan without the dearest settings, so many that the rest fits into the budget."""
+    fitting, gone = whole, monotonic() - whole.started
+    while gone + fitting.seconds > whole.budget:
+        alone = {
+            point: sum(whole.price(run) for run, _ in _missing(whole.folder, [point], whole.repeats))
+            for point in fitting.points[1:]
+        }
+        dearest = max(alone, key=lambda point: alone[point], default=None)
+        if dearest is None or len(alone) == 1:
+            raise LaunchError(
+                f"budget = {whole.budget:g}: must be at least {ceil(gone + fitting.seconds)} s, which the reference "
+                "and one setting take"
+            )
+        reason = f"about {alone[dearest]:.2g} s, beyond the budget"
+        fitting = replace(
+            fitting,
+            points=[point for point in fitting.points if point is not dearest],
+            left_out=fitting.left_out | {str(dearest): reason},
+        )
+    return fitting
+
+
+def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
+    """Run what is missing, and return what ``cost.json`` holds.
+
+    Parameters
+    ----------
+    plan : Plan
+    progress : callable, optional
+        Called as ``progress(runs done, runs, seconds left)``.
+
+    Raises
+    ------
+    RunFolderError
+        When another study is at work in the folder.
+    RunInterrupted
+        On Ctrl-C; what was run is kept, and the tables are made of it.
+
+    Notes
+    -----
+    A run that fails has its message in the table and the others go on. When runs take longer than was planned, those
+    that do not fit into the rest of the budget are left out, and ``left_out`` says so. The errors mean what they say
+    where the error of a run is of second order in the step, as the reference is extrapolated so: not with sliding or
+    opening contacts, the incremental law or dashpots.
+    """
+    with locked(plan.folder, make=True, force=True):
+        _save(plan)  # makes the folder that of this study, whatever happens to this process
+        todo, cut = plan.todo(), set[Path]()
+        plan = replace(plan, took={name: list(seconds) for name, seconds in plan.took.items()})
+        spent = estimated = 0.0
+        try:
+            for index, (run, folder) in enumerate(todo):
+                began, slower = monotonic(), spent / estimated if estimated else 1.0
+                if began - plan.started + plan.price(run, slower) <= plan.budget:
+                    _run(run, folder)
+                    seconds = monotonic() - began
+                    plan.took.setdefault(run.name, []).append(seconds)
+                    spent, estimated = spent + seconds, estimated + plan.estimate(run)
+                else:
+                    cut.add(folder)
+                if progress is not None:
+                    left = sum(plan.price(run, slower) for run, _ in todo[index + 1 :])
+                    progress(index + 1, len(todo), min(left, plan.started + plan.budget - monotonic()))
+        except (KeyboardInterrupt, RunInterrupted) as error:
+            raise RunInterrupted(
+                f"{plan.folder}: interrupted; {len(todo) - len(plan.todo())} of {len(todo)} runs were done and are "
+                "kept, the same command again does the rest"
+            ) from error
+        finally:
+            result = _save(replace(plan, left_out=plan.left_out | _cut_off(plan, cut)))
+    return result
+
+
+def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
+    """The settings that lack rounds as their runs were left out on the way → how many rounds."""
+    reasons = {}
+    for point in plan.points:
+        rounds = 1 if point.knob == REFERENCE else plan.repeats
+        turns = range(1, rounds + 1)
+        lacking = sum(any(place(plan.folder, run, turn) in cut for run in point.runs) for turn in turns)
+        if lacking:
+            reasons[str(point)] = f"{lacking} of {rounds} rounds not run, beyond the budget"
+    return reasons
+
+
+def _save(plan: Plan) -> dict[str, Any]:
+    """Make the tables from what is there."""
+    result: dict[str, Any] = {"scene": plan.scene.to_dict(), "cores": core_count(), "left_out": plan.left_out}
+    result |= collect(plan.folder, plan.points, plan.repeats)
+    with writable(plan.folder):
+        replace_text(plan.folder / RESULT, json.dumps(result, indent=1, allow_nan=False) + "\n")
+        replace_text(plan.folder / TABLE, to_csv(result["points"]))
+    return result
+
+
+def _check_folder(folder: Path, scene: Scene) -> None:
+    """Refuse a folder that is there and is not that of a study of this scene."""
+    if not folder.exists():
+        return
+    if not folder.is_dir() or (any(folder.iterdir()) and not (folder / RESULT).is_file()):
+        raise RunFolderError(f"{folder}: is there already; choose another folder")
+    if (folder / RESULT).is_file():
+        try:
+            there = Scene.from_dict(json.loads((folder / RESULT).read_text(encoding="utf-8"))["scene"])
+        except (OSError, ValueError, KeyError) as error:
+            raise RunFolderError(f"{folder / RESULT}: cannot be read: {error}") from error
+        if scene_hash(there) != scene_hash(scene):
+            raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
+
+
+def _warm_up(scene: Scene) -> tuple[float, float]:
+    """Particle-steps a second and the seconds beside the time loop, of a short run in a warm process."""
+    per_sample = scene.shape.spheres * scene.time.steps_per_sample
+    duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
+    short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
+    with TemporaryDirectory(prefix="cost-") as folder:
+        for name in ("cold", "warm"):  # the first run starts LAMMPS
+            info = run_deck(build(short), Path(folder) / name).info
+    return info["particles"] * info["steps"] / info["wall_seconds"]["loop"], info["wall_seconds"]["other"]
+
+
+def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:
+    """Runs that are not done and their folders, round by round; those of about one length stand side by side."""
+    once = {run.name: run for point in points if point.knob == REFERENCE for run in point.runs}
+    often = {run.name: run for point in points if point.knob != REFERENCE for run in point.runs}
+    by_work = attrgetter("work")
+    wanted = [(run, 1) for name, run in once.items() if name not in often]
+    wanted += [(run, turn) for turn in range(1, repeats + 1) for run in sorted(often.values(), key=by_work)]
+    places = [(run, place(folder, run, turn)) for run, turn in wanted]
+    return [(run, there) for run, there in places if not is_done(run, there)]
+
+
+def _run(run: Run, folder: Path) -> None:
+    """Do one run; one that fails leaves a folder that says so."""
+    try:
+        if run.output == "probe":
+            tolerance.run(run.scene, folder, ranks=run.ranks, force=True)
+        else:
+            deck, output = build(run.scene), OUTPUTS[run.output]
+            keep_centre(deck, run_deck(edited(deck, output), folder, ranks=run.ranks, force=True), output)
+    except RunInterrupted:
+        raise
+    except GranularError as error:
+        with writable(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        there = read_status(folder) if (folder / STATUS).is_file() else {}
+        write_status(folder, there | {"status": "failed", "message": str(error)})

@@ -1,0 +1,383 @@
+"""Many runs of one scene: the outer product of lists of values, on any executor, each run once.
+
+A sweep folder holds ``sweep.json`` (what was asked for), ``runs/HASH`` (a run folder for each scene, named by what the
+scene says) and ``sweep.csv`` (a line for each run). The run folders are the only memory: a sweep that was stopped, or
+is asked for again, reads them, runs what is missing, and continues what was cut off.
+"""
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.accuracy.step_law import planned_steps
+from granular_lmp.accuracy.tolerance import resume, run
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
+from granular_lmp.lammps.deck import writable
+from granular_lmp.lammps.outputs import replace_text
+from granular_lmp.runs.launch import locked
+from granular_lmp.runs.record import Record, optional_package, read_status, write_status
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.executors import stop_requested
+from granular_lmp.studies.sweep_points import points, scene_hash
+
+Progress = Callable[[int, int, float], None]
+Point = dict[str, Any]
+
+REQUEST = "sweep.json"
+TABLE = "sweep.csv"
+RUNS = "runs"
+# What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
+COLUMNS = (
+    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
+    *("largest_p", "largest_q", "largest_phi", "guards"),
+)
+_LOOK = 0.02  # s between two looks at what is done
+_SAVE = 5.0  # s between two writes of the table
+_OVERHEAD = 1e5  # particle-steps that take as long as starting a warm run and reading its record, 20 ms
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep:
+    """A sweep, finished or not.
+
+    Attributes
+    ----------
+    folder : Path
+    scene : Scene
+        What was varied.
+    over : dict of str to list
+        Dotted key → the values that it takes.
+    rows : list of dict
+        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
+        is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
+        names those that were not quiet.
+    """
+
+    folder: Path
+    scene: Scene
+    over: dict[str, list[Any]]
+    rows: list[Point]
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Self:
+        """Read a sweep folder, from its run folders.
+
+        Raises
+        ------
+        RunFolderError
+            When the folder holds no sweep.
+        SceneError
+            When its scene is not one of this version.
+        """
+        folder = Path(folder).absolute()
+        request = _read_request(folder)
+        if request is None:
+            raise RunFolderError(f"{folder}: not a sweep folder (there is no {REQUEST})")
+        scene, over = Scene.from_dict(request["scene"]), request["over"]
+        grid = points(scene, over)
+        rows = {name: _row(folder / RUNS / name) for _, name, _ in grid}
+        return cls(folder, scene, over, _table(grid, rows))
+
+    def column(self, name: str) -> NDArray[Any]:
+        """One column of the table, in the order of `rows`; numbers that are not known are nan."""
+        values = [row[name] for row in self.rows]
+        numbers = all(value is None or isinstance(value, (int, float)) for value in values)
+        return np.array(values, dtype=float if numbers else None)
+
+    def record(self, row: Point) -> Record:
+        """The record of the run of a row."""
+        return Record.load(self.folder / row["run"])
+
+    def having(self, status: str) -> list[Point]:
+        """Rows of this status."""
+        return [row for row in self.rows if row["status"] == status]
+
+    def to_csv(self) -> str:
+        """The table, each number in the shortest form that reads back to the same double."""
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        return stream.getvalue()
+
+    def to_pandas(self) -> Any:
+        """The table as a ``pandas.DataFrame``.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas.
+        """
+        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
+
+    def to_xarray(self) -> Any:
+        """The table as an ``xarray.Dataset``, a dimension for each key that is swept.
+
+        Raises
+        ------
+        PackageMissingError
+            Without pandas or xarray.
+        """
+        optional_package("xarray")
+        return self.to_pandas().set_index([*self.over]).to_xarray()
+
+    def __repr__(self) -> str:
+        asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
+        counts = (f"{len(self.having(status))} {status}" for status in ("finished", "failed", "unfinished"))
+        return f"<Sweep {self.folder}: {asked}; {', '.join(counts)}>"
+
+
+# --- the sweep -------------------------------------------------------------------------------------------------------
+
+
+def sweep(
+    scene: Scene,
+    over: Mapping[str, Iterable[Any]],
+    folder: str | Path,
+    *,
+    executor: Executor | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run `scene` with every combination of the values in `over`; runs that are there are not done again.
+
+    A run that fails says so in its row and the others go on; asked for again, failed runs are tried again and those
+    that were cut off continue from their last checkpoint.
+
+    Parameters
+    ----------
+    scene : Scene
+    over : mapping of str to iterable
+        Dotted key → values: ``{"wave.wavenumber": np.linspace(0.05, 3.1, 62), "wave.mode": ["TR", "RT"]}``.
+    folder : path
+        The sweep folder, made here. Processes on other machines must see it under the same absolute path.
+    executor : concurrent.futures.Executor, optional
+        Where the runs are done, one at a time in a process; in this process when not given. Whatever has
+        ``submit(function, *arguments)`` and gives things that have ``done()``, ``result()`` and ``cancel()`` will do.
+    force : bool
+        Make a folder that is there, or holds another sweep, that of this one: ``sweep.json`` and ``sweep.csv`` are
+        replaced, its runs are kept and used.
+    progress : callable, optional
+        Called as ``progress(runs done, runs, seconds left)``.
+
+    Raises
+    ------
+    SceneError
+        For a key or a value that does not fit, before anything is written.
+    RunFolderError
+        When the folder is there and is not that of this sweep (without `force`), or another sweep is at work in it.
+    RunInterrupted
+        On Ctrl-C; what is finished is kept.
+    """
+    folder = Path(folder).absolute()
+    asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
+    grid = points(scene, asked)
+    made = {name: each for _, name, each in grid}
+    with locked(folder, make=True, force=True):
+        _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
+        rows = {name: _row(folder / RUNS / name) for name in made}
+
+        def save() -> Sweep:
+            done = Sweep(folder, scene, asked, _table(grid, rows))
+            with writable(folder):
+                replace_text(folder / TABLE, done.to_csv())
+            return done
+
+        cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}
+        total = left = sum(cost.values())
+        started = saved = time.monotonic()
+        try:
+            for name, row in _results(folder / RUNS, {name: made[name] for name in cost}, executor or _Here()):
+                rows[name] = row
+                left -= cost.pop(name)
+                if progress is not None:
+                    progress(len(made) - len(cost), len(made), (time.monotonic() - started) * left / (total - left))
+                if time.monotonic() > saved + _SAVE:
+                    save()
+                    saved = time.monotonic()
+        except (KeyboardInterrupt, RunInterrupted) as error:
+            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some may have ended since
+            finished = sum(row["status"] == "finished" for row in rows.values())
+            raise RunInterrupted(
+                f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
+                "the same command again does the rest"
+            ) from error
+        finally:
+            done = save()
+    return done
+
+
+def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
+    """Make the folder that of this sweep, or refuse."""
+    there = _read_request(folder)
+    if there is not None and not force and _identity(there) != _identity(request):
+        asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
+        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
+    if there is None and not force and any(folder.iterdir()):
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
+    if there != request:
+        with writable(folder):
+            replace_text(folder / REQUEST, json.dumps(request, indent=2) + "\n")
+
+
+def _identity(request: dict[str, Any]) -> str:
+    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
+
+
+def _read_request(folder: Path) -> dict[str, Any] | None:
+    """Contents of ``sweep.json``; None where there is none."""
+    path = folder / REQUEST
+    try:
+        request = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):
+            raise TypeError("over and scene must be JSON objects")
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+    return {"over": request["over"], "scene": request["scene"]}
+
+
+def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
+    """Name and row of each run, as they are done. The futures are asked: not those of every executor call back."""
+    waiting: dict[Future[Point], str] = {}
+    look_at = 0.0
+
+    def done() -> Iterator[tuple[str, Point]]:
+        nonlocal look_at
+        started = time.monotonic()
+        ready = [future for future in waiting if future.done()]
+        look_at = started + max(_LOOK, 20 * (time.monotonic() - started))  # not more than 5 % of the time is looking
+        for future in ready:
+            name = waiting.pop(future)
+            yield name, _result(folder / name, future)
+
+    try:
+        for name, scene in todo.items():
+            waiting[executor.submit(run_point, scene, folder / name)] = name
+            if time.monotonic() > look_at:
+                yield from done()
+        while waiting:
+            time.sleep(max(0.0, look_at - time.monotonic()))
+            yield from done()
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+class _Here(Executor):
+    """Runs each call at once, in this thread; what stops it stops the caller."""
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
+        future: Future[Any] = Future()
+        try:
+            future.set_result(function(*args, **kwargs))
+        except RunInterrupted:
+            raise
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def run_point(scene: Scene, folder: Path) -> Point:
+    """Do one run of a sweep, or what is left of it, and return its row; this is what an executor is given.
+
+    Raises
+    ------
+    RunInterrupted
+        When it is stopped.
+    """
+
+    def heed(step: int, steps: int) -> None:
+        if step < steps and stop_requested():  # a run that has ended says so once more
+            raise KeyboardInterrupt
+
+    try:
+        record = _continued(scene, folder, heed)
+    except RunInterrupted:
+        raise
+    except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
+        return _row(folder) | {"status": "failed", "message": str(error)}
+    return _summary(record.info, record)
+
+
+def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
+    if _status(folder).get("status") in ("running", "interrupted"):
+        with suppress(RunFolderError):  # it has no checkpoint
+            return resume(folder, progress=heed)
+    return run(scene, folder, force=True, progress=heed)
+
+
+def _result(folder: Path, future: "Future[Point]") -> Point:
+    """The row of a run; whatever ended it otherwise than by itself is written into its folder."""
+    try:
+        return future.result()
+    except RunInterrupted:
+        return _row(folder)
+    except Exception as error:  # of the executor or of the machine: this run failed, the others go on
+        message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
+        message = " ".join(message.split())
+    info = _status(folder)
+    if info.get("status") == "finished":  # only its answer was lost
+        return _row(folder)
+    if info:
+        with suppress(OSError):
+            write_status(folder, info | {"status": "failed", "message": message})
+    return _row(folder) | {"status": "failed", "message": message}
+
+
+# --- what came out ---------------------------------------------------------------------------------------------------
+
+
+def _status(folder: Path) -> dict[str, Any]:
+    try:
+        return read_status(folder)
+    except RunFolderError:
+        return {}
+
+
+def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
+    """A line for each point of the grid; points of the same scene share a run."""
+    return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
+
+
+def _row(folder: Path) -> Point:
+    """What the table says of a run folder, or of one that is not there."""
+    info = _status(folder)
+    if info.get("status") != "finished":
+        return _summary(info, None)
+    try:
+        return _summary(info, Record.load(folder))
+    except GranularError as error:  # its files are damaged
+        return _summary(info | {"status": "failed", "message": str(error)}, None)
+
+
+def _summary(info: dict[str, Any], record: Record | None) -> Point:
+    ended = info.get("status") in ("finished", "failed")
+    return {
+        "status": info["status"] if ended else "unfinished",
+        "message": info.get("message", "") if ended else "",
+        "seconds": info.get("wall_seconds", {}).get("total"),
+        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
+        **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},
+        "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
+    }
+
+
+def _largest(record: Record | None, name: str) -> float | None:
+    return None if record is None else float(np.abs(getattr(record, name)).max())
+
+
+def _cost(scene: Scene) -> float:
+    """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
+    return scene.shape.spheres * planned_steps(scene) + _OVERHEAD

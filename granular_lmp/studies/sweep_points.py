@@ -1,0 +1,104 @@
+"""What a sweep is asked for: lists of values, their outer product, and the scene and the name of each run."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+from itertools import product
+from math import prod
+from typing import Any
+
+from granular_lmp.effects.table import resolve
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.scene import Scene, assignment
+from granular_lmp.scene.schema import cut, shown
+
+_AT_COMMAS = re.compile(r",(?![^\[]*\])")  # but for those of a pair
+MOST_RUNS = 100_000  # each a folder; file systems and the table stay quick up to here
+
+
+def axis(text: str) -> tuple[str, list[Any]]:
+    """``("wave.amplitude", [0.02, 0.2])`` from ``"wave.amplitude=0.02,0.2"``.
+
+    The values are TOML scalars or pairs with commas between them; ``a:b:n`` stands for n values from a to b, both
+    included, each the double nearest to the exact a + k(b − a)/(n − 1), whole numbers where all are whole.
+
+    Raises
+    ------
+    SceneError
+        When the text is something else.
+    """
+    key, equals, values = text.partition("=")
+    if not equals or not key.strip() or not all(value.strip() for value in _AT_COMMAS.split(values)):
+        raise SceneError(
+            f"{shown(text)}: must be KEY=VALUES, for instance wave.wavenumber=0.1:3.1:61 or wave.mode=TR,RT"
+        )
+    return key.strip(), [value for item in _AT_COMMAS.split(values) for value in _item(item, text)]
+
+
+def axes(texts: Iterable[str]) -> dict[str, list[Any]]:
+    """Key → values of several texts, each as for `axis`; a key that comes twice is a SceneError."""
+    over: dict[str, list[Any]] = {}
+    for text in texts:
+        key, values = axis(text)
+        if key in over:
+            raise SceneError(f"{cut(key)}: is swept over twice; put all its values together, with commas")
+        over[key] = values
+    return over
+
+
+def _item(item: str, text: str) -> list[Any]:
+    if ":" not in item:
+        return [assignment(f"key={item}")[1]]
+    try:
+        first, last, count = item.split(":")
+        start, end = (Fraction(repr(float(number))) for number in (first, last))  # 0.05 is 1/20, not its double
+        steps = int(count) - 1
+    except (ValueError, OverflowError) as error:
+        raise SceneError(f"{shown(text)}: {shown(item)} must be FIRST:LAST:COUNT, three numbers") from error
+    if not 1 <= steps < MOST_RUNS:
+        raise SceneError(f"{shown(text)}: {shown(item)} must have a COUNT from 2 to {MOST_RUNS}")
+    values = [start + (end - start) * k / steps for k in range(steps + 1)]
+    whole = all(value.denominator == 1 for value in values)
+    return [int(value) if whole else float(value) for value in values]
+
+
+def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, Any], str, Scene]]:
+    """Every point of the outer product of `over`, the last key running fastest, with the name of its run and its scene.
+
+    Raises
+    ------
+    SceneError
+        For the first key or value that does not fit, and the point where it does not.
+    """
+    empty = [key for key, values in over.items() if not values]
+    if not over or empty:
+        raise SceneError(f"{empty[0] if empty else 'sweep'}: there is no value to sweep over")
+    if "name" in over:
+        raise SceneError(f"name = {shown(over['name'][0])}: cannot be swept over; it does not change the run")
+    count = prod(map(len, over.values()))
+    if count > MOST_RUNS:
+        raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
+    made = []
+    for values in product(*over.values()):
+        point = dict(zip(over, values, strict=True))
+        try:
+            one = scene.with_values(point)
+            name = scene_hash(one)
+        except SceneError as error:
+            said = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
+            raise SceneError(f"{error} (in the sweep at {said})") from error
+        made.append((point, name, one))
+    return made
+
+
+def scene_hash(scene: Scene) -> str:
+    """Name of the run of a scene: 16 hexadecimal digits of the SHA-256 of its sorted JSON, without its name."""
+    values = concrete(scene).to_dict() | {"name": None}
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def concrete(scene: Scene) -> Scene:
+    """The scene with every default and choice made."""
+    return resolve(scene)[0]

@@ -1,0 +1,214 @@
+"""What a work–precision study found: for each setting its seconds, its errors, and how the error falls with the work.
+
+Everything is read from the run folders of the study, `granular_lmp.studies.cost`; there is no other memory.
+"""
+
+import csv
+import io
+from math import log
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.accuracy.richardson import richardson
+from granular_lmp.accuracy.step_law import sizes
+from granular_lmp.effects.table import order
+from granular_lmp.lammps.outputs import SCENE, replace_text
+from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, scene_digest, write_status
+from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
+from granular_lmp.studies.output_variants import OUTPUTS
+
+RUNS = "runs"
+NOT_RUN = "not run yet"
+COMPONENTS = ("p", "q", "phi")
+COLUMNS = (
+    *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
+    *("particles", "steps", "particle_steps", "particle_steps_per_second"),
+    *("error_p", "error_q", "error_phi", "slope", "message"),
+)
+# Nothing is said of how an error falls where less than this many times the error of the reference is left of it
+_ABOVE_REFERENCE = 3.0
+
+Row = dict[str, Any]
+
+
+def place(folder: Path, run: Run, turn: int) -> Path:
+    """Folder of a run in one round of a study."""
+    return folder / RUNS / run.name / str(turn)
+
+
+def taken(run: Run, folder: Path, repeats: int) -> list[float]:
+    """Seconds of the rounds of a run that are done."""
+    places = (place(folder, run, turn) for turn in range(1, repeats + 1))
+    return [read_status(there)["wall_seconds"]["total"] for there in places if is_done(run, there)]
+
+
+def is_done(run: Run, folder: Path) -> bool:
+    """Whether the run in this folder is finished, and what it wrote of all spheres has been read."""
+    there = (folder / STATUS).is_file() and read_status(folder).get("status") == "finished"
+    return there and not (folder / OUTPUTS[run.output].file).exists()
+
+
+def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
+    """The lines of the reference and of all other points, from the run folders of a study.
+
+    The record of the reference is written beside them. Before it is there, there is nothing to compare with.
+
+    Parameters
+    ----------
+    folder : Path
+    points : list of Point
+        The reference first.
+    repeats : int
+        Rounds.
+    """
+    first, *others = points
+    rounds = _rounds(folder, first, 1)
+    if not rounds:
+        return {"reference": None, "points": []}
+    best, left = _record(rounds[0]), _left(rounds[0])
+    _write_reference(folder / REFERENCE, best, left)
+    rows: list[Row] = []
+    for point in others:
+        row = _row(folder, point, _rounds(folder, point, repeats), best)
+        before = next((other for other in reversed(rows) if other["repeats"]), None)
+        if row["repeats"] and point.knob in ORDERED and before is not None and before["knob"] == point.knob:
+            row["slope"] = _slope(before, row, left)
+        rows.append(row)
+    of_best = _row(folder, first, rounds, best) | {f"error_{name}": error for name, error in left.items()}
+    return {"reference": of_best, "points": rows}
+
+
+def _write_reference(folder: Path, record: Record, left: dict[str, float | None]) -> None:
+    folder.mkdir(exist_ok=True)
+    scene = record.scene.to_toml()
+    replace_text(folder / SCENE, scene)
+    record.write_csv(folder / TRAJECTORY)
+    write_status(folder, record.info | {"error_estimate": left, "scene_sha256": scene_digest(scene)})
+
+
+def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
+    """Folders of the runs of a point, for each round in which all of them are done."""
+    rounds = [[place(folder, run, turn) for run in point.runs] for turn in range(1, repeats + 1)]
+    return [places for places in rounds if all(map(is_done, point.runs, places))]
+
+
+def _record(places: list[Path]) -> Record:
+    """The record of the runs of a point, extrapolated from the last two if there are as many."""
+    records = [Record.load(there) for there in places[-2:]]
+    if len(records) == 1:
+        return records[0]
+    coarse, fine = records
+    return richardson(coarse, fine, order(fine.scene))
+
+
+def _left(places: list[Path]) -> dict[str, float | None]:
+    """Estimated error of p, q, φ of the reference: its distance to the extrapolation of the two coarser of its runs.
+
+    That is the error itself where it is of first order in the step, as it is down here, and more than it otherwise.
+    """
+    apart = errors(_record(places[:-1]), _record(places))
+    return {name: apart[f"error_{name}"] for name in COMPONENTS}
+
+
+def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
+    """The line of a point."""
+    row: Row = dict.fromkeys(COLUMNS) | {"knob": point.knob, "setting": point.setting, "message": ""}
+    row["repeats"] = len(rounds)
+    if not rounds:
+        return row | {"message": _why_not(folder, point)}
+    infos = [[read_status(there) for there in places] for places in rounds]
+    seconds = [sum(info["wall_seconds"]["total"] for info in together) for together in infos]
+    loop = median(sum(info["wall_seconds"]["loop"] for info in together) for together in infos)
+    work = sum(info["particles"] * info["steps"] for info in infos[0])
+    return row | {
+        "seconds": median(seconds),
+        "seconds_min": min(seconds),
+        "seconds_max": max(seconds),
+        "loop_seconds": loop,
+        "particles": infos[0][0]["particles"],
+        "steps": sum(info["steps"] for info in infos[0]),
+        "particle_steps": work,
+        "particle_steps_per_second": work / loop,
+        **errors(_record(rounds[0]), best),  # which round does not matter: all give the same
+    }
+
+
+def _why_not(folder: Path, point: Point) -> str:
+    for run in point.runs:
+        there = place(folder, run, 1)
+        if (there / STATUS).is_file() and read_status(there).get("status") == "failed":
+            return str(read_status(there)["message"])
+    return NOT_RUN
+
+
+def errors(record: Record, best: Record) -> dict[str, float | None]:
+    """Relative L2 error of p, q, φ against the reference; None for what symmetry makes zero or was not recorded."""
+    there = sizes(best.scene)
+    found: dict[str, float | None] = {}
+    for name in COMPONENTS:
+        values, exact = getattr(record, name), getattr(best, name)
+        silent = name not in there or np.isnan(values).all()
+        found[f"error_{name}"] = None if silent else float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
+    return found
+
+
+def largest(row: Row) -> tuple[float, str] | None:
+    """The largest error of a line and the component that has it."""
+    known = [(row[f"error_{name}"], name) for name in COMPONENTS if row[f"error_{name}"] is not None]
+    return max(known, default=None)
+
+
+def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None:
+    """d log error/d log particle-steps from the setting before: −2 for one run, −4 for a pair, 0 for what is wasted.
+
+    None where the work is the same, and where the reference is no better than the setting.
+    """
+    more, error, error_before = row["particle_steps"] / before["particle_steps"], largest(row), largest(before)
+    if abs(more - 1) < 0.01 or error is None or error_before is None:
+        return None
+    if error[0] < _ABOVE_REFERENCE * (left[error[1]] or 0.0) or error_before[0] == 0:
+        return None
+    return log(error[0] / error_before[0]) / log(more)
+
+
+def to_csv(rows: list[Row]) -> str:
+    """The table, each number in the shortest form that reads back to the same double."""
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()
+
+
+def text(result: dict[str, Any]) -> str:
+    """The table for a terminal; errors below that of the reference are marked with <."""
+    head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}{'M p-s/s':>9}"
+    lines = [head + "".join(f"{name:>10}" for name in COMPONENTS) + f"{'slope':>7}"]
+    best = result["reference"]
+    for row in [*([best] if best else []), *result["points"]]:
+        start = f"{row['knob']:18.17}{row['setting']:26.25}"
+        if not row["repeats"]:
+            lines.append(f"{start}{_reason(row, result['left_out'])}")
+            continue
+        spread = f"({row['seconds_min']:.3g} - {row['seconds_max']:.3g})"
+        cells = "".join(f"{_cell(row, best, name):>10}" for name in COMPONENTS)
+        slope = "" if row["slope"] is None else f"{row['slope']:z.1f}"
+        rate = row["particle_steps_per_second"] / 1e6
+        lines.append(f"{start}{row['repeats']:6d}{row['seconds']:10.3g}{spread:>21}{rate:9.2f}{cells}{slope:>7}")
+    return "\n".join(lines)
+
+
+def _reason(row: Row, left_out: dict[str, str]) -> str:
+    """Why a setting has no numbers."""
+    message = str(row["message"])
+    return left_out.get(f"{row['knob']}: {row['setting']}", message) if message == NOT_RUN else message
+
+
+def _cell(row: Row, best: Row, name: str) -> str:
+    value, floor = row[f"error_{name}"], best[f"error_{name}"]
+    if value is None:
+        return "-"
+    return f"<{floor:.1e}" if floor is not None and value < floor and row is not best else f"{value:.1e}"
