@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.cli import SCRIPTS
 from granular_lmp.scene.shipped import SHIPPED
 from tests.test_docs import PYTHON, ROOT
 
@@ -105,6 +106,11 @@ def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Pa
     where = "import analysis, granular_lmp; print(analysis.__file__, granular_lmp.__file__)"
     files = started(programs / "python", "-c", where, cwd=tmp_path).split()
     assert all(Path(file).is_relative_to(programs.parent) for file in files)
+
+
+def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
+    modules = {path.stem: path.read_text("utf-8") for path in (ROOT / "analysis").rglob("*.py")}
+    assert set(SCRIPTS) == {name for name, text in modules.items() if "\ndef main(" in text} - {"cli"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:
