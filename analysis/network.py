@@ -20,14 +20,11 @@ stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with 
 about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
-places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it.
+places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it, and
+`analysis.network_ledger` keeps the books of energy and momentum.
 
-The laws have no potential. With E = Σ½m v² + ½Iω² + Σ(2/5)A δ^{5/2} − Fδ + ½S²/(B δ^{1/2}), W is the work that the
-shear law and LAMMPS's lever arm do, the sign being + for the secant law and − for the incremental one,
-
-    dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − S (δ/2)(ω_i + ω_j),      k = B δ^{1/2}
-
-and E − W is constant without friction; with it, E − W falls by the heat of sliding.
+Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
+spheres that are near and do not touch is left out, as in LAMMPS.
 """
 
 from dataclasses import dataclass, replace
@@ -95,12 +92,14 @@ class Network:
     shear_mixing: ShearMixing = "mindlin"
 
     def __post_init__(self) -> None:
+        for name in ("position", "radius", "density"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         count = len(self.position)
-        if np.shape(self.position) != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
-            raise ValueError(f"position must be finite and of shape (N, 2), not {np.shape(self.position)}")
+        if self.position.shape != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
+            raise ValueError(f"position must be finite and of shape (N, 2), not {self.position.shape}")
         for name in ("radius", "density"):
             values = getattr(self, name)
-            if np.shape(values) != (count,) or not np.all(np.isfinite(values) & (np.asarray(values) > 0)):
+            if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
                 raise ValueError(f"{name} must be positive, finite and of shape ({count},)")
         for name in ("kind", "held"):
             if getattr(self, name) is not None and np.shape(getattr(self, name)) != (count,):
@@ -311,6 +310,11 @@ def start(
     return settled(network, State(motion, pairs, sheared))
 
 
+def slip(now: Contacts) -> Floats:
+    """Return S/k, 0 where open: the slip, within the limit of friction."""
+    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
+
+
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
     now = contacts(network, state.motion, state.pairs, state.shear)
@@ -339,52 +343,3 @@ def forces(network: Network, state: State) -> Floats:
     """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
     now = contacts(network, state.motion, state.pairs, state.shear)
     return resultants(state.pairs, now, len(network.position))
-
-
-@dataclass(frozen=True)
-class Energy:
-    """Kinetic energy, ∫f_N of the contacts (0 where they open), and ½S²/k of their shear."""
-
-    kinetic: float
-    normal: float
-    shear: float
-
-    @property
-    def total(self) -> float:
-        """Sum of the three."""
-        return self.kinetic + self.normal + self.shear
-
-
-def energy(network: Network, state: State) -> Energy:
-    """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
-    pairs = state.pairs
-    now = contacts(network, state.motion, pairs, state.shear)
-    free = network.mobility[0] > 0
-    speeds = network.mass * (state.motion[3] ** 2 + state.motion[4] ** 2) + network.inertia * state.motion[5] ** 2
-    normal = 0.4 * pairs.A * now.overlap**2 * np.sqrt(now.overlap) - pairs.F * now.overlap
-    return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.shear * slip(now)).sum()) / 2)
-
-
-def momentum(network: Network, state: State) -> Floats:
-    """Return the momentum in x and y, and the angular momentum about the origin, (3,).
-
-    Both are conserved where no sphere is held, the angular one in networks without periods only.
-    """
-    m, (ux, uy, _, vx, vy, omega) = network.mass, state.motion
-    x, y = network.position[:, 0] + ux, network.position[:, 1] + uy
-    return np.array([m @ vx, m @ vy, m @ (x * vy - y * vx) + network.inertia @ omega])
-
-
-def slip(now: Contacts) -> Floats:
-    """Return S/k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
-
-
-def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> float:
-    """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
-    closing = -(now.normal[0] * now.apart[3] + now.normal[1] * now.apart[4])
-    softening = np.divide(now.stiffness, 2 * now.overlap, out=np.zeros_like(closing), where=now.overlap > 0)
-    law = 0.5 * softening * slip(now) ** 2 * closing
-    turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
-    lever = now.shear * now.overlap / 2 * turning
-    return float(np.sum((-law if network.law == "incremental" else law) - lever))
