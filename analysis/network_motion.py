@@ -53,6 +53,16 @@ class Trajectory:
     evaluations: int
 
     @property
+    def displacement(self) -> Floats:
+        """Displacements from rest (T, n, 2), as `analysis.coherent.project` takes them."""
+        return np.moveaxis(self.motion[:, :2], 1, 2)
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocities (T, n, 2)."""
+        return np.moveaxis(self.motion[:, 3:5], 1, 2)
+
+    @property
     def heat(self) -> Floats:
         """Energy (T,) lost to sliding, E(0) + W − E: 0 without friction but for the error of the integration."""
         return self.initial_energy + self.work - self.energy

@@ -203,6 +203,14 @@ def test_a_sphere_between_held_ones_bounces_for_ever():
     assert not run.motion[0, :, [0, 2]].any()
 
 
+def test_a_held_sphere_keeps_its_velocity_and_throws_a_free_one_at_twice_that():
+    network = hertz([[0, 0], [2000, 0]], held=np.array([True, False]))
+    run = integrate(network, start(network, 0.0, [[1.0, 0], [0, 0]]), [20.0], rtol=1e-10)
+    # A thousand times rtol: the force is not smooth where the contact opens
+    assert run.velocity[0] == pytest.approx(np.array([[1.0, 0], [2.0, 0]]), abs=1e-7)
+    assert run.displacement[0, 0] == pytest.approx([20.0, 0.0], rel=1e-12)
+
+
 def test_a_contact_that_opens_forgets_its_slip():
     radius = 1000.0
     network = hertz([[0, 0], [2 * radius, 0], [2 * radius + 1500, 0]], held=np.array([True, False, False]))
