@@ -41,7 +41,7 @@ Law = Literal["secant", "incremental"]
 ShearMixing = Literal["mindlin", "lammps"]
 
 # Pairs are candidates up to this gap, in radii of the smallest sphere. A wave moves spheres far less, so that the
-# candidates are searched once, and second neighbours of a crystal are farther: no work is done in vain.
+# candidates are searched once; and second neighbours of a crystal are farther, so that none is computed in vain.
 MARGIN = 0.2
 
 
@@ -205,7 +205,17 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What the pairs do at one moment, each (M,), by the terms at the top of this module; without force where open."""
+    """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
+
+    Attributes
+    ----------
+    overlap : (M,) δ, 0 where open.
+    normal : (2, M).
+    stiffness : (M,) k = B δ^{1/2}.
+    repulsion, shear : (M,) P and S.
+    apart : (6, M) motion of the second sphere less that of the first.
+    slip_rate : (M,) ds/dt.
+    """
 
     overlap: Floats
     normal: Floats
@@ -217,7 +227,7 @@ class Contacts:
 
 
 def search(network: Network, displacement: Floats) -> Pairs:
-    """Find all pairs that are nearer than the margin when the spheres are displaced, (2, N)."""
+    """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
     period = np.array(network.cell)
     periodic = np.isfinite(period)
     place = network.position + displacement.T
@@ -242,7 +252,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
 
 
 def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> Contacts:
-    """Overlaps, forces and slip rates of the pairs from the motion (6, N) and their slip or shear force `memory`."""
+    """Return overlaps, forces and slip rates of the pairs, from the motion (6, N) and `memory`: `State.shear`."""
     here, there = motion.take(pairs.first, axis=1), motion.take(pairs.second, axis=1)
     apart = there - here
     turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
@@ -265,7 +275,7 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> 
 
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
-    """Forces in x and y and torques on the spheres, (3, N)."""
+    """Return forces in x and y and torques on the spheres, (3, N)."""
     force_x = -now.normal[0] * now.repulsion - now.normal[1] * now.shear
     force_y = -now.normal[1] * now.repulsion + now.normal[0] * now.shear
     levers = (pairs.radii - now.overlap / 2) * now.shear

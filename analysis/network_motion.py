@@ -71,9 +71,9 @@ class Trajectory:
 def scales(network: Network, state: State) -> tuple[float, float]:
     """Return the length and the speed that errors are relative to.
 
-    They are the largest way (of displacements, Rθ and slips) and speed of the state, or what one makes of the other
-    within the shortest period of a contact, over 2π. Spheres that do not press on each other yet have the depth of a
-    Hertz collision, (mv²/A)^{2/5}.
+    They are the largest displacement (or Rθ) and speed (or Rω) of the state, or what one makes of the other, or the
+    forces of both, at the fastest rate √(k/m) of a contact. Spheres that do not press on each other yet have the depth
+    of a Hertz collision, (mv²/A)^{2/5}.
 
     Raises ValueError for a state at rest without forces, in which nothing will move.
     """
@@ -88,14 +88,11 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     rate = float(np.sqrt(np.max(stiffness * (inverse_mass[pairs.first] + inverse_mass[pairs.second]), initial=0.0)))
     if rate > 0:
         length = max(length, speed / rate, acceleration / rate**2)
-        return _moving(length, max(speed, length * rate))
-    every = np.arange(len(network.position))
-    repulsion = network.coefficients(every, every)[0]
-    depth = float(np.max((network.mass * speed**2 / repulsion) ** 0.4))
-    return _moving(max(length, depth), speed)
-
-
-def _moving(length: float, speed: float) -> tuple[float, float]:
+        speed = max(speed, length * rate)
+    else:
+        every = np.arange(len(network.position))
+        repulsion = network.coefficients(every, every)[0]
+        length = max(length, float(np.max((network.mass * speed**2 / repulsion) ** 0.4)))
     if not (length > 0 and speed > 0):
         raise ValueError("the network is at rest and no force acts: give it a displacement, a velocity or a spin")
     return length, speed
@@ -116,8 +113,9 @@ def integrate(
     ----------
     network, state : state made by `network.start`, or the final one of another run.
     times : (T,) ascending, not negative.
-    rtol : error of a step relative to `scales`, root mean square over the network. Where a few spheres of many move,
-        take it smaller by the root of their share.
+    rtol : error of a step relative to `scales` and to the motion so far, root mean square over the network. Take it
+        smaller where few spheres of many move, by the root of their share, and where all fly or turn together much
+        farther than contacts are deep, by that ratio.
     spheres : indices of those to record; all if None.
     longest_step : bound on the step, for networks with friction.
 

@@ -81,6 +81,13 @@ def test_the_perfect_crystal_is_at_rest():
     assert not residual[2].any()
 
 
+def test_vacancies_leave_an_adhesive_crystal_at_rest():
+    # No contact carries a net force, so none is missed.
+    whole, there = crystal(6, 4), np.arange(24) % 7 != 3
+    network = replace(whole, position=whole.position[there], radius=whole.radius[there], density=whole.density[there])
+    assert np.max(np.abs(forces(network, start(network, 0.0, 0.0))[:2])) < 1e-10 * PAPER.pull_off_force
+
+
 def test_a_rigid_translation_gives_no_force():
     network = crystal(6, 4)
     moved = start(network, [3e-9, -2e-9], [4.0, 5.0])
