@@ -1,4 +1,4 @@
-"""Any packing of spheres in the plane with LAMMPS's contacts, integrated in time: the witness for imperfect crystals.
+"""Any packing of spheres in the plane with LAMMPS's contact laws: the witness for imperfect crystals.
 
 Sphere i has the place r_i, angle θ_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia
 (2/5)m_iR_i². Two spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap
@@ -116,33 +116,33 @@ class Network:
 
     @cached_property
     def kinds(self) -> Integers:
-        """Index of each sphere's material, (N,)."""
+        """Return the index of each sphere's material, (N,)."""
         return np.zeros(len(self.position), dtype=np.intp) if self.kind is None else np.asarray(self.kind, np.intp)
 
     @cached_property
     def mass(self) -> Floats:
-        """Masses (4/3)πR³ρ, (N,)."""
+        """Return the masses (4/3)πR³ρ, (N,)."""
         return 4 / 3 * np.pi * self.radius**3 * self.density
 
     @cached_property
     def inertia(self) -> Floats:
-        """Moments of inertia (2/5)mR², (N,)."""
+        """Return the moments of inertia (2/5)mR², (N,)."""
         return 0.4 * self.mass * self.radius**2
 
     @cached_property
     def mobility(self) -> Floats:
-        """Accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
+        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
         free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
         return np.stack([free / self.mass, free / self.mass, free / self.inertia])
 
     @property
     def margin(self) -> float:
-        """Gap up to which a pair is a candidate for a contact."""
+        """Return the gap up to which a pair is a candidate for a contact."""
         return MARGIN * float(np.min(self.radius))
 
     @property
     def reach(self) -> float:
-        """Largest distance between the centres of a candidate pair."""
+        """Return the largest distance between the centres of a candidate pair."""
         return 2 * float(np.max(self.radius)) + self.margin
 
     def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:

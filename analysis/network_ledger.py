@@ -34,7 +34,7 @@ class Energy:
 
     @property
     def total(self) -> float:
-        """Sum of the three."""
+        """Return the sum of the three."""
         return self.kinetic + self.normal + self.shear
 
 

@@ -54,17 +54,17 @@ class Trajectory:
 
     @property
     def displacement(self) -> Floats:
-        """Displacements from rest (T, n, 2), as `analysis.coherent.project` takes them."""
+        """Return the displacements from rest (T, n, 2), as `analysis.coherent.project` takes them."""
         return np.moveaxis(self.motion[:, :2], 1, 2)
 
     @property
     def velocity(self) -> Floats:
-        """Velocities (T, n, 2)."""
+        """Return the velocities (T, n, 2)."""
         return np.moveaxis(self.motion[:, 3:5], 1, 2)
 
     @property
     def heat(self) -> Floats:
-        """Energy (T,) lost to sliding, E(0) + W − E: 0 without friction but for the error of the integration."""
+        """Return the energy (T,) lost to sliding, E(0) + W − E; without friction it is the error of the integration."""
         return self.initial_energy + self.work - self.energy
 
 
@@ -177,7 +177,7 @@ def _unpacked(pairs: Pairs, y: Floats) -> State:
 
 
 def _sizes(network: Network, state: State, length: float, speed: float) -> Floats:
-    """Size of each entry of the packed state; that of the work is infinite, for it is not to rule the step."""
+    """Return the size of each entry of the packed state; that of the work is infinite, so it does not rule the step."""
     ones = np.ones(len(network.position))
     ways = [length * ones, length * ones, length / network.radius, speed * ones, speed * ones, speed / network.radius]
     shear = np.full(len(state.shear), length)
@@ -188,13 +188,13 @@ def _sizes(network: Network, state: State, length: float, speed: float) -> Float
 
 
 def _farthest(state: State) -> float:
-    """Longest way of a sphere since its pairs were searched."""
+    """Return the longest way of a sphere since its pairs were searched."""
     way = state.motion[:2] - state.pairs.place
     return float(np.sqrt(np.max(way[0] ** 2 + way[1] ** 2)))
 
 
 def _rates(network: Network, pairs: Pairs, y: Floats) -> Floats:
-    """Time derivative of the packed state: the equations of `analysis.network`."""
+    """Return the time derivative of the packed state: the equations of `analysis.network`."""
     spheres = len(network.position)
     motion = y[: 6 * spheres].reshape(6, spheres)
     now = contacts(network, motion, pairs, y[6 * spheres : -1])

@@ -1,4 +1,4 @@
-"""A packing of spheres integrated without LAMMPS: against closed forms, the perfect lattice, and LAMMPS itself."""
+"""A packing of spheres integrated without LAMMPS: against closed forms, conservation laws and the perfect lattice."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -21,21 +21,21 @@ STEEL = Material(200e9, 0.3, 0.1)
 
 
 def hexagonal(rows, columns, spacing):
-    """Places (N, 2), row by row, and the periods; no sphere is on the edge of the cell."""
+    """Return places (N, 2), row by row, and the periods; no sphere is on the edge of the cell."""
     row, column = np.divmod(np.arange(rows * columns), columns)
     x, y = column + 0.25 + row % 2 / 2, (row + 0.25) * sqrt(3) / 2
     return spacing * np.stack([x, y], axis=1), (columns * spacing, rows * spacing * sqrt(3) / 2)
 
 
 def crystal(rows, columns, **changes):
-    """The paper's perfect crystal in a periodic cell."""
+    """Return the paper's perfect crystal in a periodic cell."""
     places, cell = hexagonal(rows, columns, PAPER.lattice_constant)
     alike = np.ones(len(places))
     return replace(Network(places, PAPER.radius * alike, PAPER.density * alike, (SILICA,), cell=cell), **changes)
 
 
 def hertz(places, **changes):
-    """Spheres of A = m = 1 and R = 1000, which the contacts do not change by turning: δ is of order 1."""
+    """Return spheres of A = m = 1 and R = 1000, which the contacts do not change by turning: δ is of order 1."""
     radius, alike = 1000.0, np.ones(len(places))
     material = Material(youngs_modulus=1.5 / sqrt(radius / 2), poisson_ratio=0.0)
     density = 3 / (4 * pi * radius**3)
@@ -43,7 +43,7 @@ def hertz(places, **changes):
 
 
 def cluster(**changes):
-    """Seven free spheres of unequal radius, density and material, pressed together, which fly, turn and part."""
+    """Return seven free spheres of unequal radius, density and material, pressed together, which fly, turn and part."""
     rng = np.random.default_rng(3)
     angles = np.radians(60 * np.arange(6))
     places = np.vstack([[0, 0], 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)])
@@ -60,7 +60,7 @@ def cluster(**changes):
 
 
 def wave(network, rows, mode, amplitude):
-    """The mode of `analysis.second_harmonic` in a crystal, as the start of a network."""
+    """Return the state of a network that starts with a mode of `analysis.second_harmonic`."""
     columns = len(network.position) // rows
     phase = mode.wavenumber * np.repeat(np.arange(rows), columns)
     cos, sin = np.cos(phase), np.sin(phase)
@@ -247,7 +247,7 @@ def test_a_struck_chain_carries_the_solitary_wave():
 
 
 def peak(times, values):
-    """Height and time of the highest point of the parabola through the highest sample and its neighbours."""
+    """Return height and time of the highest point of the parabola through the highest sample and its neighbours."""
     top = int(np.argmax(values))
     a, b, c = values[top - 1 : top + 2]
     shift = (c - a) / 2 / (2 * b - a - c)

@@ -25,7 +25,7 @@ STYLES = {"secant": "mindlin", "incremental": "mindlin/force"}
 
 
 def imperfect(law):
-    """48 sites of a periodic hexagonal lattice: one empty, one of a heavy sphere, radii unequal by up to 1e-4."""
+    """Return a periodic crystal of 48 sites, one empty, one of a heavy sphere, with radii unequal by up to 1e-4."""
     row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
     spacing = 2 * RADIUS - OVERLAP
     places = spacing * np.stack([column + 0.25 + row % 2 / 2, (row + 0.25) * sqrt(3) / 2], axis=1)
@@ -39,7 +39,7 @@ def imperfect(law):
 
 
 def disturbed(network):
-    """Random displacements, velocities, rotations and no spins, of the order of Δ0/10."""
+    """Return random displacements, velocities, rotations and no spins, of the order of Δ0/10."""
     rng, count, size = np.random.default_rng(5), len(network.position), AMPLITUDE * OVERLAP
     way, velocity = size * rng.uniform(-0.5, 0.5, (count, 2)), size / TIME * rng.uniform(-0.5, 0.5, (count, 2))
     return way, velocity, size / RADIUS * rng.uniform(-0.5, 0.5, count), np.zeros(count)
@@ -102,7 +102,7 @@ def lammps(network, model, moving, every, steps):
 
 
 def without_step(network, model, moving, every, steps):
-    """The fields of LAMMPS, extrapolated from three steps to none, free of errors of first and second order.
+    """Return the fields of LAMMPS, extrapolated from three steps to none, free of errors of first and second order.
 
     LAMMPS turns the slip in first order, which is little, and `mindlin/force` adds to the shear force in first order.
     """
@@ -115,7 +115,7 @@ def silica(law, friction):
 
 
 def distance(network, run, fields):
-    """Largest difference of a displacement or of Rθ."""
+    """Return the largest difference of a displacement or of Rθ."""
     scale = np.stack([np.ones_like(network.radius), np.ones_like(network.radius), network.radius])
     return np.max(np.abs(scale * (run.motion[:, :3] - fields)))
 
@@ -182,7 +182,7 @@ def test_a_chain_of_unequal_spheres_of_two_materials_tumbles_as_in_lammps():
 
 
 def pair_force(coefficients):
-    """Force on the first of two spheres of 1 m and 0.5 m, overlapping by 0.01 m and sheared by spins of 1e-4."""
+    """Return the force on the first of two spheres of 1 m and 0.5 m that overlap by 0.01 m and turned by 1e-4."""
     lmp = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
     try:
         lmp.commands_string(f"""
@@ -212,14 +212,14 @@ def pair_force(coefficients):
 
 
 def pair_of(first, second, **changes):
-    """The same two spheres, as a network; force on the first."""
+    """Return the same force by the network."""
     places, radius = np.array([[-1.0, 0], [0.49, 0]]), np.array([1.0, 0.5])
     network = Network(places, radius, np.ones(2), (first, second), kind=np.array([0, 1]), **changes)
     return forces(network, start(network, 0.0, 0.0, rotation=1e-4))[:2, 0]
 
 
 def pair_model(material, stiffness="NULL"):
-    """Coefficients of a pair for `pair_coeff`."""
+    """Return the coefficients of a pair for `pair_coeff`."""
     return (
         f"dmt {material.youngs_modulus!r} 0.0 {material.poisson_ratio!r} {material.work_of_adhesion / 2!r} "
         f"tangential mindlin {stiffness} 0.0 10.0 damping velocity\n"
