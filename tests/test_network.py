@@ -175,12 +175,12 @@ def test_a_head_on_collision_has_the_time_and_depth_of_hertz():
     assert len(state.pairs.first) == 0
     run = integrate(network, state, times, rtol=1e-10)
     deepest, after = run.motion
-    # A thousand times rtol: the force is not smooth where the contact opens
-    assert deepest[0, 0] - deepest[0, 1] - gap == pytest.approx(depth, rel=1e-7)
-    assert after[3] == pytest.approx([-speed, speed], rel=1e-7)
+    # The force is not smooth where a contact closes: the error estimate of order 8 misses up to 1e4 times rtol there.
+    assert deepest[0, 0] - deepest[0, 1] - gap == pytest.approx(depth, rel=2e-6)
+    assert after[3] == pytest.approx([-speed, speed], rel=2e-6)
     # Apart they fly freely, so where they are tells when they parted.
     parted = times[1] - (gap - (after[0, 0] - after[0, 1])) / (2 * speed)
-    assert parted - meeting == pytest.approx(lasting, rel=1e-7)
+    assert parted - meeting == pytest.approx(lasting, rel=2e-6)
 
 
 def test_a_sliding_collision_turns_the_momentum_by_the_friction():
@@ -197,24 +197,26 @@ def test_a_sliding_collision_turns_the_momentum_by_the_friction():
     assert run.heat[-1] == pytest.approx(friction * normal * (along - 3.5 * friction * normal), rel=2e-3)
 
 
-def test_a_sphere_between_held_ones_bounces_for_ever():
+# With the first of these rtol, a step of free flight once led deep into the next contact: steps now have a bound.
+@pytest.mark.parametrize("rtol", [4.4033978025662074e-12, 1e-11])
+def test_a_sphere_between_held_ones_bounces_for_ever(rtol):
     speed, gap, radius = 1.0, 300.0, 1000.0
     network = hertz([[0, 0], [2 * radius, 0], [4 * radius + gap, 0]], held=np.array([True, False, True]))
     state = start(network, 0.0, [[0, 0], [speed, 0], [0, 0]])
     depth = (5 * speed**2 / 4) ** 0.4  # against a held sphere m* = m
     period = 2 * (gap + 0.8 * beta(0.4, 0.5) * depth) / speed
-    run = integrate(network, state, [3 * period], rtol=1e-11)
-    # Six impacts change the speed by a thousand times rtol each, and the sphere flies 600 between two of them.
-    assert run.motion[0, 0, 1] == pytest.approx(0.0, abs=6 * 600 * 1e-8)
-    assert run.motion[0, 3, 1] == pytest.approx(speed, rel=6e-8)
+    run = integrate(network, state, [3 * period], rtol=rtol)
+    # An impact changes the speed by 1e-9 to 4e-7, measured over many rtol, and the sphere flies 1800 in all.
+    assert run.motion[0, 0, 1] == pytest.approx(0.0, abs=1800 * 2e-6)
+    assert run.motion[0, 3, 1] == pytest.approx(speed, rel=2e-6)
     assert not run.motion[0, :, [0, 2]].any()
 
 
 def test_a_held_sphere_keeps_its_velocity_and_throws_a_free_one_at_twice_that():
     network = hertz([[0, 0], [2000, 0]], held=np.array([True, False]))
     run = integrate(network, start(network, 0.0, [[1.0, 0], [0, 0]]), [20.0], rtol=1e-10)
-    # A thousand times rtol: the force is not smooth where the contact opens
-    assert run.velocity[0] == pytest.approx(np.array([[1.0, 0], [2.0, 0]]), abs=1e-7)
+    # As for two free spheres
+    assert run.velocity[0] == pytest.approx(np.array([[1.0, 0], [2.0, 0]]), abs=4e-6)
     assert run.displacement[0, 0] == pytest.approx([20.0, 0.0], rel=1e-12)
 
 
