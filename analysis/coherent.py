@@ -49,12 +49,12 @@ class Coherent:
 
     @property
     def along(self) -> Complexes:
-        """C_1 (T,) along k."""
+        """Return C_1 (T,) along k."""
         return self.amplitudes[0, :, 0]
 
     @property
     def across(self) -> Complexes:
-        """C_1 (T,) across k."""
+        """Return C_1 (T,) across k."""
         return self.amplitudes[0, :, 1]
 
 
@@ -146,7 +146,7 @@ def decay(times: ArrayLike, amplitude: ArrayLike) -> Decay:
 
 
 def _line(x: Floats, y: Floats, weight: Floats) -> tuple[tuple[float, float], float]:
-    """Slope and intercept of a line fitted with residuals times `weight`, and the standard error of the slope."""
+    """Return slope and intercept of a line fitted with residuals times `weight`, and the slope's standard error."""
     share = weight**2 / np.sum(weight**2)
     centre = share @ x
     spread = share @ (x - centre) ** 2

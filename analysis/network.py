@@ -1,4 +1,4 @@
-"""Any packing of spheres in the plane with LAMMPS's contacts, integrated in time: the witness for imperfect crystals.
+"""Any packing of spheres in the plane with LAMMPS's contact laws: the witness for imperfect crystals.
 
 Sphere i has the place r_i, angle θ_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia
 (2/5)m_iR_i². Two spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap
@@ -20,14 +20,11 @@ stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with 
 about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
-places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it.
+places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it, and
+`analysis.network_ledger` keeps the books of energy and momentum.
 
-The laws have no potential. With E = Σ½m v² + ½Iω² + Σ(2/5)A δ^{5/2} − Fδ + ½S²/(B δ^{1/2}), W is the work that the
-shear law and LAMMPS's lever arm do, the sign being + for the secant law and − for the incremental one,
-
-    dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − S (δ/2)(ω_i + ω_j),      k = B δ^{1/2}
-
-and E − W is constant without friction; with it, E − W falls by the heat of sliding.
+Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
+spheres that are near and do not touch is left out, as in LAMMPS.
 """
 
 from dataclasses import dataclass, replace
@@ -44,7 +41,7 @@ Law = Literal["secant", "incremental"]
 ShearMixing = Literal["mindlin", "lammps"]
 
 # Pairs are candidates up to this gap, in radii of the smallest sphere. A wave moves spheres far less, so that the
-# candidates are searched once, and second neighbours of a crystal are farther: no work is done in vain.
+# candidates are searched once; and second neighbours of a crystal are farther, so that none is computed in vain.
 MARGIN = 0.2
 
 
@@ -95,12 +92,14 @@ class Network:
     shear_mixing: ShearMixing = "mindlin"
 
     def __post_init__(self) -> None:
+        for name in ("position", "radius", "density"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
         count = len(self.position)
-        if np.shape(self.position) != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
-            raise ValueError(f"position must be finite and of shape (N, 2), not {np.shape(self.position)}")
+        if self.position.shape != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
+            raise ValueError(f"position must be finite and of shape (N, 2), not {self.position.shape}")
         for name in ("radius", "density"):
             values = getattr(self, name)
-            if np.shape(values) != (count,) or not np.all(np.isfinite(values) & (np.asarray(values) > 0)):
+            if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
                 raise ValueError(f"{name} must be positive, finite and of shape ({count},)")
         for name in ("kind", "held"):
             if getattr(self, name) is not None and np.shape(getattr(self, name)) != (count,):
@@ -117,33 +116,33 @@ class Network:
 
     @cached_property
     def kinds(self) -> Integers:
-        """Index of each sphere's material, (N,)."""
+        """Return the index of each sphere's material, (N,)."""
         return np.zeros(len(self.position), dtype=np.intp) if self.kind is None else np.asarray(self.kind, np.intp)
 
     @cached_property
     def mass(self) -> Floats:
-        """Masses (4/3)πR³ρ, (N,)."""
+        """Return the masses (4/3)πR³ρ, (N,)."""
         return 4 / 3 * np.pi * self.radius**3 * self.density
 
     @cached_property
     def inertia(self) -> Floats:
-        """Moments of inertia (2/5)mR², (N,)."""
+        """Return the moments of inertia (2/5)mR², (N,)."""
         return 0.4 * self.mass * self.radius**2
 
     @cached_property
     def mobility(self) -> Floats:
-        """Accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
+        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
         free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
         return np.stack([free / self.mass, free / self.mass, free / self.inertia])
 
     @property
     def margin(self) -> float:
-        """Gap up to which a pair is a candidate for a contact."""
+        """Return the gap up to which a pair is a candidate for a contact."""
         return MARGIN * float(np.min(self.radius))
 
     @property
     def reach(self) -> float:
-        """Largest distance between the centres of a candidate pair."""
+        """Return the largest distance between the centres of a candidate pair."""
         return 2 * float(np.max(self.radius)) + self.margin
 
     def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:
@@ -206,7 +205,17 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What the pairs do at one moment, each (M,), by the terms at the top of this module; without force where open."""
+    """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
+
+    Attributes
+    ----------
+    overlap : (M,) δ, 0 where open.
+    normal : (2, M).
+    stiffness : (M,) k = B δ^{1/2}.
+    repulsion, shear : (M,) P and S.
+    apart : (6, M) motion of the second sphere less that of the first.
+    slip_rate : (M,) ds/dt.
+    """
 
     overlap: Floats
     normal: Floats
@@ -218,7 +227,7 @@ class Contacts:
 
 
 def search(network: Network, displacement: Floats) -> Pairs:
-    """Find all pairs that are nearer than the margin when the spheres are displaced, (2, N)."""
+    """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
     period = np.array(network.cell)
     periodic = np.isfinite(period)
     place = network.position + displacement.T
@@ -243,7 +252,7 @@ def search(network: Network, displacement: Floats) -> Pairs:
 
 
 def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> Contacts:
-    """Overlaps, forces and slip rates of the pairs from the motion (6, N) and their slip or shear force `memory`."""
+    """Return overlaps, forces and slip rates of the pairs, from the motion (6, N) and `memory`: `State.shear`."""
     here, there = motion.take(pairs.first, axis=1), motion.take(pairs.second, axis=1)
     apart = there - here
     turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
@@ -266,7 +275,7 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> 
 
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
-    """Forces in x and y and torques on the spheres, (3, N)."""
+    """Return forces in x and y and torques on the spheres, (3, N)."""
     force_x = -now.normal[0] * now.repulsion - now.normal[1] * now.shear
     force_y = -now.normal[1] * now.repulsion + now.normal[0] * now.shear
     levers = (pairs.radii - now.overlap / 2) * now.shear
@@ -311,6 +320,11 @@ def start(
     return settled(network, State(motion, pairs, sheared))
 
 
+def slip(now: Contacts) -> Floats:
+    """Return S/k, 0 where open: the slip, within the limit of friction."""
+    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
+
+
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
     now = contacts(network, state.motion, state.pairs, state.shear)
@@ -339,52 +353,3 @@ def forces(network: Network, state: State) -> Floats:
     """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
     now = contacts(network, state.motion, state.pairs, state.shear)
     return resultants(state.pairs, now, len(network.position))
-
-
-@dataclass(frozen=True)
-class Energy:
-    """Kinetic energy, ∫f_N of the contacts (0 where they open), and ½S²/k of their shear."""
-
-    kinetic: float
-    normal: float
-    shear: float
-
-    @property
-    def total(self) -> float:
-        """Sum of the three."""
-        return self.kinetic + self.normal + self.shear
-
-
-def energy(network: Network, state: State) -> Energy:
-    """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
-    pairs = state.pairs
-    now = contacts(network, state.motion, pairs, state.shear)
-    free = network.mobility[0] > 0
-    speeds = network.mass * (state.motion[3] ** 2 + state.motion[4] ** 2) + network.inertia * state.motion[5] ** 2
-    normal = 0.4 * pairs.A * now.overlap**2 * np.sqrt(now.overlap) - pairs.F * now.overlap
-    return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.shear * slip(now)).sum()) / 2)
-
-
-def momentum(network: Network, state: State) -> Floats:
-    """Return the momentum in x and y, and the angular momentum about the origin, (3,).
-
-    Both are conserved where no sphere is held, the angular one in networks without periods only.
-    """
-    m, (ux, uy, _, vx, vy, omega) = network.mass, state.motion
-    x, y = network.position[:, 0] + ux, network.position[:, 1] + uy
-    return np.array([m @ vx, m @ vy, m @ (x * vy - y * vx) + network.inertia @ omega])
-
-
-def slip(now: Contacts) -> Floats:
-    """Return S/k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
-
-
-def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> float:
-    """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
-    closing = -(now.normal[0] * now.apart[3] + now.normal[1] * now.apart[4])
-    softening = np.divide(now.stiffness, 2 * now.overlap, out=np.zeros_like(closing), where=now.overlap > 0)
-    law = 0.5 * softening * slip(now) ** 2 * closing
-    turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
-    lever = now.shear * now.overlap / 2 * turning
-    return float(np.sum((-law if network.law == "incremental" else law) - lever))

@@ -72,7 +72,7 @@ def read_network(
 
 
 def _cell(head: list[list[str]]) -> tuple[float, float]:
-    """Periods in x and y, inf for other edges, from the nine lines before the spheres."""
+    """Return the periods in x and y, inf for other edges, from the nine lines before the spheres."""
     edges = zip(head[4][3:5], head[5:7], strict=True)
     x, y = (float(high) - float(low) if edge == "pp" else np.inf for edge, (low, high) in edges)
     return x, y

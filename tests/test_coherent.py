@@ -12,7 +12,7 @@ TIMES = np.linspace(0, 30, 91)
 
 
 def field(along=0.0, across=0.0, second=0.0, mean=0.0):
-    """(T, N, 2): waves of amplitude (T,) at k, `second` at 2k along k, and a motion along k of all."""
+    """Return a field (T, N, 2): waves of amplitude (T,) at k, `second` at 2k along k, and a motion along k of all."""
     phase = PLACES @ K
     longitudinal = np.real(np.outer(along + 0j * TIMES, np.exp(1j * phase)))
     longitudinal = longitudinal + np.real(np.outer(second + 0j * TIMES, np.exp(2j * phase))) + mean

@@ -1,4 +1,4 @@
-"""A packing of spheres integrated without LAMMPS: against closed forms, the perfect lattice, and LAMMPS itself."""
+"""A packing of spheres integrated without LAMMPS: against closed forms, conservation laws and the perfect lattice."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -9,16 +9,8 @@ from scipy.special import beta
 
 from analysis import lattice
 from analysis import second_harmonic as sh
-from analysis.network import (
-    Material,
-    Network,
-    contacts,
-    energy,
-    forces,
-    momentum,
-    searched_again,
-    start,
-)
+from analysis.network import Material, Network, contacts, forces, searched_again, start
+from analysis.network_ledger import energy, momentum
 from analysis.network_motion import integrate, scales
 from analysis.norms import slope
 from granular_lmp.crystal.sphere import Sphere
@@ -29,21 +21,21 @@ STEEL = Material(200e9, 0.3, 0.1)
 
 
 def hexagonal(rows, columns, spacing):
-    """Places (N, 2), row by row, and the periods; no sphere is on the edge of the cell."""
+    """Return places (N, 2), row by row, and the periods; no sphere is on the edge of the cell."""
     row, column = np.divmod(np.arange(rows * columns), columns)
     x, y = column + 0.25 + row % 2 / 2, (row + 0.25) * sqrt(3) / 2
     return spacing * np.stack([x, y], axis=1), (columns * spacing, rows * spacing * sqrt(3) / 2)
 
 
 def crystal(rows, columns, **changes):
-    """The paper's perfect crystal in a periodic cell."""
+    """Return the paper's perfect crystal in a periodic cell."""
     places, cell = hexagonal(rows, columns, PAPER.lattice_constant)
     alike = np.ones(len(places))
     return replace(Network(places, PAPER.radius * alike, PAPER.density * alike, (SILICA,), cell=cell), **changes)
 
 
 def hertz(places, **changes):
-    """Spheres of A = m = 1 and R = 1000, which the contacts do not change by turning: δ is of order 1."""
+    """Return spheres of A = m = 1 and R = 1000, which the contacts do not change by turning: δ is of order 1."""
     radius, alike = 1000.0, np.ones(len(places))
     material = Material(youngs_modulus=1.5 / sqrt(radius / 2), poisson_ratio=0.0)
     density = 3 / (4 * pi * radius**3)
@@ -51,7 +43,7 @@ def hertz(places, **changes):
 
 
 def cluster(**changes):
-    """Seven free spheres of unequal radius, density and material, pressed together, which fly, turn and part."""
+    """Return seven free spheres of unequal radius, density and material, pressed together, which fly, turn and part."""
     rng = np.random.default_rng(3)
     angles = np.radians(60 * np.arange(6))
     places = np.vstack([[0, 0], 2 * np.stack([np.cos(angles), np.sin(angles)], axis=1)])
@@ -68,7 +60,7 @@ def cluster(**changes):
 
 
 def wave(network, rows, mode, amplitude):
-    """The mode of `analysis.second_harmonic` in a crystal, as the start of a network."""
+    """Return the state of a network that starts with a mode of `analysis.second_harmonic`."""
     columns = len(network.position) // rows
     phase = mode.wavenumber * np.repeat(np.arange(rows), columns)
     cos, sin = np.cos(phase), np.sin(phase)
@@ -87,6 +79,13 @@ def test_the_perfect_crystal_is_at_rest():
     # Overlaps are differences of numbers of 1e4 Δ0: 1e-12 of the pull-off force, by any rounding.
     assert np.max(np.abs(residual[:2])) < 1e-10 * PAPER.pull_off_force
     assert not residual[2].any()
+
+
+def test_vacancies_leave_an_adhesive_crystal_at_rest():
+    # No contact carries a net force, so none is missed.
+    whole, there = crystal(6, 4), np.arange(24) % 7 != 3
+    network = replace(whole, position=whole.position[there], radius=whole.radius[there], density=whole.density[there])
+    assert np.max(np.abs(forces(network, start(network, 0.0, 0.0))[:2])) < 1e-10 * PAPER.pull_off_force
 
 
 def test_a_rigid_translation_gives_no_force():
@@ -176,12 +175,12 @@ def test_a_head_on_collision_has_the_time_and_depth_of_hertz():
     assert len(state.pairs.first) == 0
     run = integrate(network, state, times, rtol=1e-10)
     deepest, after = run.motion
-    # A thousand times rtol: the force is not smooth where the contact opens
-    assert deepest[0, 0] - deepest[0, 1] - gap == pytest.approx(depth, rel=1e-7)
-    assert after[3] == pytest.approx([-speed, speed], rel=1e-7)
+    # The force is not smooth where a contact closes: the error estimate of order 8 misses up to 1e4 times rtol there.
+    assert deepest[0, 0] - deepest[0, 1] - gap == pytest.approx(depth, rel=2e-6)
+    assert after[3] == pytest.approx([-speed, speed], rel=2e-6)
     # Apart they fly freely, so where they are tells when they parted.
     parted = times[1] - (gap - (after[0, 0] - after[0, 1])) / (2 * speed)
-    assert parted - meeting == pytest.approx(lasting, rel=1e-7)
+    assert parted - meeting == pytest.approx(lasting, rel=2e-6)
 
 
 def test_a_sliding_collision_turns_the_momentum_by_the_friction():
@@ -198,17 +197,27 @@ def test_a_sliding_collision_turns_the_momentum_by_the_friction():
     assert run.heat[-1] == pytest.approx(friction * normal * (along - 3.5 * friction * normal), rel=2e-3)
 
 
-def test_a_sphere_between_held_ones_bounces_for_ever():
+# With the first of these rtol, a step of free flight once led deep into the next contact: steps now have a bound.
+@pytest.mark.parametrize("rtol", [4.4033978025662074e-12, 1e-11])
+def test_a_sphere_between_held_ones_bounces_for_ever(rtol):
     speed, gap, radius = 1.0, 300.0, 1000.0
     network = hertz([[0, 0], [2 * radius, 0], [4 * radius + gap, 0]], held=np.array([True, False, True]))
     state = start(network, 0.0, [[0, 0], [speed, 0], [0, 0]])
     depth = (5 * speed**2 / 4) ** 0.4  # against a held sphere m* = m
     period = 2 * (gap + 0.8 * beta(0.4, 0.5) * depth) / speed
-    run = integrate(network, state, [3 * period], rtol=1e-11)
-    # Six impacts change the speed by a thousand times rtol each, and the sphere flies 600 between two of them.
-    assert run.motion[0, 0, 1] == pytest.approx(0.0, abs=6 * 600 * 1e-8)
-    assert run.motion[0, 3, 1] == pytest.approx(speed, rel=6e-8)
+    run = integrate(network, state, [3 * period], rtol=rtol)
+    # An impact changes the speed by 1e-9 to 4e-7, measured over many rtol, and the sphere flies 1800 in all.
+    assert run.motion[0, 0, 1] == pytest.approx(0.0, abs=1800 * 2e-6)
+    assert run.motion[0, 3, 1] == pytest.approx(speed, rel=2e-6)
     assert not run.motion[0, :, [0, 2]].any()
+
+
+def test_a_held_sphere_keeps_its_velocity_and_throws_a_free_one_at_twice_that():
+    network = hertz([[0, 0], [2000, 0]], held=np.array([True, False]))
+    run = integrate(network, start(network, 0.0, [[1.0, 0], [0, 0]]), [20.0], rtol=1e-10)
+    # As for two free spheres
+    assert run.velocity[0] == pytest.approx(np.array([[1.0, 0], [2.0, 0]]), abs=4e-6)
+    assert run.displacement[0, 0] == pytest.approx([20.0, 0.0], rel=1e-12)
 
 
 def test_a_contact_that_opens_forgets_its_slip():
@@ -240,7 +249,7 @@ def test_a_struck_chain_carries_the_solitary_wave():
 
 
 def peak(times, values):
-    """Height and time of the highest point of the parabola through the highest sample and its neighbours."""
+    """Return height and time of the highest point of the parabola through the highest sample and its neighbours."""
     top = int(np.argmax(values))
     a, b, c = values[top - 1 : top + 2]
     shift = (c - a) / 2 / (2 * b - a - c)
@@ -326,3 +335,57 @@ def test_the_perfect_crystal_is_the_lattice_in_lammps_geometry(name, waves, law)
     assert np.allclose(mine, theirs, rtol=0, atol=2e-9)
     flat = lattice.torus(mode, amplitude, tau, PAPER.poisson_ratio, row=10, law=law, rtol=1e-11)
     assert not np.allclose(mine, flat, rtol=0, atol=2e-8)  # with fixed normals, a difference of order η
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"position": np.zeros((24, 3))}, "position must be finite"),
+        ({"radius": np.zeros(24)}, "radius must be positive"),
+        ({"density": np.ones(23)}, "density must be positive, finite and of shape .24,."),
+        ({"kind": np.ones(24, int)}, "kind must be from 0 to 0"),
+        ({"held": np.zeros(3, bool)}, "held must be of shape"),
+        ({"law": "potential"}, "law = 'potential' is none of"),
+        ({"shear_mixing": "mean"}, "shear_mixing = 'mean' is none of"),
+        ({"friction": -1.0}, "friction = -1.0 must not be negative"),
+        ({"friction": np.nan}, "friction = nan must not be negative"),
+        ({"cell": (2e-6, np.inf)}, "must be two periods of more than"),
+    ],
+)
+def test_a_network_that_cannot_be_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        crystal(6, 4, **changes)
+
+
+@pytest.mark.parametrize(
+    ("constants", "message"),
+    [((0.0, 0.2), "youngs_modulus"), ((1.0, 0.6), "poisson_ratio"), ((1.0, 0.2, -1.0), "work_of_adhesion")],
+)
+def test_a_material_that_cannot_be_is_refused(constants, message):
+    with pytest.raises(ValueError, match=message):
+        Material(*constants)
+
+
+@pytest.mark.parametrize("times", [[], [2.0, 1.0], [-1.0, 1.0], [[1.0]]])
+def test_times_out_of_order_are_refused(times):
+    network, state = cluster()
+    with pytest.raises(ValueError, match="times must be one-dimensional"):
+        integrate(network, state, times)
+
+
+def test_a_network_where_nothing_moves_is_refused():
+    apart = hertz([[0, 0], [2000, 0]])
+    with pytest.raises(ValueError, match="at rest and no force acts"):
+        integrate(apart, start(apart, 0.0, 0.0), [1.0])
+    with pytest.raises(ValueError, match="must be finite"):
+        start(apart, np.nan, 0.0)
+
+
+def test_a_unit_of_time_takes_few_evaluations():
+    mode = sh.mode("TR", 2 * pi / 8, sh.ratios(PAPER.poisson_ratio))
+    network = crystal(8, 3)
+    run = integrate(network, wave(network, 8, mode, 0.2), [60 * PAPER.time_scale], rtol=1e-6)
+    assert run.evaluations < 60 * 10  # 7 in a unit of time, on any processor

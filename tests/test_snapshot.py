@@ -31,7 +31,7 @@ def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
 
 @pytest.fixture
 def dump(tmp_path):
-    """A dump of two spheres that press on each other across the edge of a periodic cell."""
+    """Return a dump of two spheres that press on each other across the edge of a periodic cell."""
     path = tmp_path / "dump"
     path.write_text(
         "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS pp ff pp\n0 5000\n-600 600\n-500 500\n"
