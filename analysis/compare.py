@@ -6,9 +6,9 @@ Two references stand side by side. Against a *theory* (a formula) the error says
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs
 between their scenes. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a
-key of the scene that stands in no line of `analysis.catalogue`. A run whose contacts slide or open, which LAMMPS alone
-holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that has
-a theory of it.
+key of the scene that stands in no line of `analysis.theory.catalogue`. A run whose contacts slide or open, which LAMMPS
+alone holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that
+has a theory of it.
 """
 
 import argparse
@@ -22,12 +22,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.budget import Source, budget_lines, error_budget
-from analysis.catalogue import script_for
-from analysis.norms import relative_error
-from analysis.plotting import load, save, start, write
+from analysis.figures.plotting import load, save, start, write
+from analysis.measure.budget import Source, budget_lines, error_budget
+from analysis.measure.norms import relative_error
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theories import (
+from analysis.theory.catalogue import script_for
+from analysis.theory.choice import (
     ALONG_Y,
     THEORIES,
     TheoryError,
@@ -71,7 +71,7 @@ class Comparison:
     notes : list of str
         Why the comparison does not mean what it seems to.
     budget : list of Source
-        What separates the run and the paper's theory from the exact lattice (`analysis.budget`).
+        What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
     """
 
     folder: str | None
@@ -98,8 +98,8 @@ class Comparison:
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best for its wave.
 
-    Raises TheoryError for a theory that is not in `analysis.theories.THEORIES`, or leaves out what the run has, and for
-    a run with anything that no theory knows.
+    Raises TheoryError for a theory that is not in `analysis.theory.choice.THEORIES`, or leaves out what the run has,
+    and for a run with anything that no theory knows.
     """
     wave = Wave.of(record)
     covered = bool(holding(wave.physics))

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import compare, figure2, figure3
+from analysis import compare
+from analysis.figures import figure2, figure3
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
-from analysis.theories import THEORIES, Wave, best, cancellation, trajectory
+from analysis.theory.choice import THEORIES, Wave, best, cancellation, trajectory
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status

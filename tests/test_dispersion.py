@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import dispersion
-from analysis.directions import modes
+from analysis.figures import dispersion
+from analysis.theory.directions import modes
 from granular_lmp import Scene, build
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.studies.kick import DUMP, kicked, read_sheet, run_kicked

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis import driven, lattice
 from analysis import second_harmonic as sh
-from analysis.laws import shear_law_ratios
-from analysis.norms import relative_error
-from analysis.rows import rows_of
+from analysis.figures import driven
+from analysis.figures.laws import shear_law_ratios
+from analysis.measure.norms import relative_error
+from analysis.measure.rows import rows_of
+from analysis.theory import lattice
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -333,7 +334,7 @@ def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: run)
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: run)
     with pytest.raises(SystemExit, match=message) as refusal:
         driven.main(["run"])
     assert "\n" not in str(refusal.value)
@@ -343,7 +344,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 def test_the_script_prints_deviations_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: record(mode=mode))
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: record(mode=mode))
     assert driven.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "p at 2Ω" in capsys.readouterr().out

@@ -63,7 +63,7 @@ def test_closed_form_needs_numpy_and_the_standard_library_only():
 
 def test_lattice_is_built_on_no_part_of_the_package():
     allowed = {"numpy", "scipy", "analysis"} | set(sys.stdlib_module_names)
-    assert roots((ROOT / "analysis/lattice.py").read_text()) <= allowed
+    assert roots((ROOT / "analysis/theory/lattice.py").read_text()) <= allowed
 
 
 @pytest.mark.parametrize("path", sources("analysis"), ids=lambda path: path.name)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import lattice, laws
 from analysis import second_harmonic as sh
-from analysis.norms import relative_error, slope
+from analysis.figures import laws
+from analysis.measure.norms import relative_error, slope
+from analysis.theory import lattice
 from granular_lmp.lammps.installation import lmp_command
 
 NU = 0.17
@@ -125,7 +126,7 @@ def test_the_scan_of_signs_finds_an_antiresonance():
 
 
 def test_the_form_of_the_potential_law_is_definite():
-    # The proof of analysis.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
+    # The proof of analysis.figures.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
     kappa = np.array([sh.ratios(nu).kappa for nu in NUS])
     discriminant = (8 * kappa / np.sqrt(3)) ** 2 - 16 * kappa * (kappa + 1)
     assert discriminant == pytest.approx(16 * kappa * (kappa / 3 - 1), rel=1e-13)

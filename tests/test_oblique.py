@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import directions, effects, oblique, quasilinear, spectrum
+from analysis.figures import effects, oblique, spectrum
+from analysis.theory import directions, quasilinear
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 
@@ -53,7 +54,7 @@ def test_the_components_are_those_along_and_across_the_wave() -> None:
 
 def test_along_y_theory_is_the_closed_form() -> None:
     from analysis.second_harmonic import mode, ratios, second_harmonic
-    from analysis.theories import Physics
+    from analysis.theory.choice import Physics
 
     tau = np.linspace(0, 60, 40)
     constants = ratios(0.17, overlap_ratio=2.5e-4)
@@ -126,4 +127,4 @@ def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
     for script in (effects, spectrum):
         with pytest.raises(SystemExit):
             script.main([str(runs[0].folder.parents[1])])
-        assert "analysis.oblique takes it" in capsys.readouterr().err.splitlines()[-1]
+        assert "analysis.figures.oblique takes it" in capsys.readouterr().err.splitlines()[-1]

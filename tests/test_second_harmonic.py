@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.damping import decay_rate
-from analysis.frequency_shift import shifted_second_order
-from analysis.resonance import three_mode
+from analysis.theory.damping import decay_rate
+from analysis.theory.frequency_shift import shifted_second_order
+from analysis.theory.resonance import three_mode
 
 SILICA = sh.ratios(0.17)
 SILICA_ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres

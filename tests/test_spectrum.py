@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as closed
-from analysis import spectrum
-from analysis.theories import Wave
+from analysis.figures import spectrum
+from analysis.theory.choice import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.richardson import halved_step
 from tests.stand_in import leave_folder

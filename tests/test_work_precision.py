@@ -10,9 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import accuracy, compare
-from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
-from analysis.theories import Wave, trajectory
+from analysis import compare
+from analysis.figures import accuracy
+from analysis.figures.accuracy import (
+    FORMULA,
+    LAMMPS,
+    LATTICE,
+    TOLERANCE,
+    Setting,
+    Study,
+    cheapest,
+    front,
+    models,
+    recommended,
+)
+from analysis.theory.choice import Wave, trajectory
 from granular_lmp import Record
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.lammps.outputs import PER_SAMPLE

@@ -4,7 +4,7 @@ A row says when a scene calls for the effect (a rule of `granular_lmp.effects.ru
 sentence), what it writes into the deck when it is on and when it is off, which guard proves its absence harmless, what
 it costs, and what would be lost without it. To add an effect, add a row and its test; the deck
 (`granular_lmp.lammps.deck`) has a slot for each line and asks nobody. No theory holds it until its line in
-`analysis.catalogue` says so.
+`analysis.theory.catalogue` says so.
 """
 
 from collections.abc import Callable, Mapping

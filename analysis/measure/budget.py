@@ -1,8 +1,8 @@
 """The error budget: what separates a run from the infinite lattice, the paper's theory from both, and by how much.
 
 All are relative L2 errors over the run. What the run knows of itself, the time step, the walls and rounding, stands in
-its ``run.json``. The rest is measured here, with the exact lattice (`analysis.lattice`), which holds the contacts of
-LAMMPS and is no formula:
+its ``run.json``. The rest is measured here, with the exact lattice (`analysis.theory.lattice`), which holds the
+contacts of LAMMPS and is no formula:
 
 - all of it: the run against the exact lattice. It holds the three above, and what a single run cannot know;
 - geometry: the exact lattice with spheres as points of contact, as the paper takes them (Δ0/R → 0), against that of
@@ -15,8 +15,8 @@ The last two are no errors of the run but of a theory that is compared with it.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from analysis.norms import relative_error
-from analysis.theories import Trajectory, Wave, holding, linear_mode, trajectory
+from analysis.measure.norms import relative_error
+from analysis.theory.choice import Trajectory, Wave, holding, linear_mode, trajectory
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")

@@ -1,6 +1,6 @@
 """Map the second harmonic over the Brillouin zone: which wave, sent in which direction, doubles its frequency best.
 
-    python -m analysis.map [-o FILE] [--poisson-ratio NU]
+    python -m analysis.figures.map [-o FILE] [--poisson-ratio NU]
 
 One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
 of `directions.second_harmonic_amplitude`, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a
@@ -27,8 +27,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from analysis.directions import Floats, branch_index, modes, second_harmonic_amplitude
-from analysis.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, start
+from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points

@@ -1,6 +1,6 @@
 """The paper's figure 2 (b, c) by simulation: the generated wave over the wave number, measured in LAMMPS runs.
 
-    python -m analysis.spectrum SWEEP... [-o FILE]
+    python -m analysis.figures.spectrum SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
 well if Richardson's extrapolation is wanted; ``make spectrum`` makes them. p(τ) of each run is fitted with the time
@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from analysis import second_harmonic as closed
-from analysis.catalogue import OBLIQUE, missing
-from analysis.effects import sweep
-from analysis.plotting import COLOURS, parser, save, start
-from analysis.theories import Wave, physics_of
+from analysis.figures.effects import sweep
+from analysis.figures.plotting import COLOURS, parser, save, start
+from analysis.theory.catalogue import OBLIQUE, missing
+from analysis.theory.choice import Wave, physics_of
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -246,9 +246,9 @@ def refusal(record: Record) -> str | None:
     """Why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
-    left_out = missing("analysis.spectrum", physics_of(record).traits)
+    left_out = missing("analysis.figures.spectrum", physics_of(record).traits)
     if OBLIQUE in left_out:
-        return "its wave is not along y, as those of the closed form are; analysis.oblique takes it"
+        return "its wave is not along y, as those of the closed form are; analysis.figures.oblique takes it"
     return f"the closed form leaves out {', '.join(left_out)}" if left_out else None
 
 

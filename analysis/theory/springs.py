@@ -55,7 +55,7 @@ TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
 
 
 class Contacts(TypedDict, total=False):
-    """Arguments of `springs` beyond ν and Ĩ, which every function of `analysis.directions` takes and hands on."""
+    """Arguments of `springs` beyond ν and Ĩ, which every function of `theory.directions` takes and hands on."""
 
     law: SpringLaw
     overlap_ratio: float

@@ -7,7 +7,7 @@ at a shear δ_S changes the stored energy ½ k_S δ_S² by work that no force of
 
 E − W is constant, with + for the secant law and − for the incremental one; a shear force derived from a potential does
 no such work. Here, per row (one sphere and three contacts), averaged over the phase torus, in units of k1Δ0², with the
-stretch x = 1 − δ/Δ0 and slip s of `analysis.lattice`:
+stretch x = 1 − δ/Δ0 and slip s of `analysis.theory.lattice`:
 
     kinetic (κ+3)(p'² + q'² + Ĩφ'²),   normal Σ (2/3)[x + (2/5)((1−x)^{5/2} − 1)],   shear Σ ½κ(1−x)^{1/2} s²
     dW/dτ = ∓Σ ¼κ(1−x)^{−1/2} s² x'        (sums over the three contacts ahead)
@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.lattice import (
+from analysis.second_harmonic import SOLID_SPHERE, Mode
+from analysis.theory.lattice import (
     Contact,
     Law,
     Neighbours,
@@ -40,7 +41,6 @@ from analysis.lattice import (
     torus_neighbours,
     torus_phases,
 )
-from analysis.second_harmonic import SOLID_SPHERE, Mode
 
 Floats = NDArray[np.float64]
 

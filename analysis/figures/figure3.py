@@ -1,6 +1,6 @@
 """The paper's figure 3: p, q and φ of the centre sphere at three wave numbers, LAMMPS over theory.
 
-    python -m analysis.figure3 runs/tr_nonresonant runs/tr_resonant runs/tr_antiresonant [-o figures/figure3.png]
+    python -m analysis.figures.figure3 RUN... [-o figures/figure3.png]
 
 First row: transverse displacement q and rotation φ. Second row: what the paper's order leaves of them, which at the
 resonance holds a third harmonic and what the fundamental gives away. Third row: the longitudinal displacement p that
@@ -17,8 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.compare import errors
-from analysis.plotting import load, parser, save, start
-from analysis.theories import TheoryError, Wave, best, trajectory
+from analysis.figures.plotting import load, parser, save, start
+from analysis.theory.choice import TheoryError, Wave, best, trajectory
 from granular_lmp.runs.record import Record
 
 ROWS = 4

@@ -1,4 +1,4 @@
-"""Motion of a packing of spheres: the laws of `analysis.network`, integrated by an error-controlled Runge–Kutta method.
+"""Motion of a packing of spheres: the laws of `analysis.theory.network`, by an error-controlled Runge–Kutta method.
 
 LAMMPS takes velocity Verlet with a fixed step. Here it is DOP853, of order 8, whose steps follow from its own error
 estimate; the slip of every contact is a part of the state, and so is the work W of the ledger E − W. After every step a
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
-from analysis.network import (
+from analysis.theory.network import (
     Network,
     Pairs,
     State,
@@ -195,7 +195,7 @@ def _farthest(state: State) -> float:
 
 
 def _rates(network: Network, pairs: Pairs, y: Floats) -> Floats:
-    """Time derivative of the packed state: the equations of `analysis.network`."""
+    """Time derivative of the packed state: the equations of `analysis.theory.network`."""
     spheres = len(network.position)
     motion = y[: 6 * spheres].reshape(6, spheres)
     now = contacts(network, motion, pairs, y[6 * spheres : -1])

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.network import Law, Material, Network, State, start
+from analysis.theory.network import Law, Material, Network, State, start
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def read_network(
     path : the dump.
     density : of the spheres, (N,) in the order of their numbers, or one for all.
     material : of all spheres; `dataclasses.replace` gives the network other kinds.
-    law, friction : of the contacts, as of `analysis.network.Network`.
+    law, friction : of the contacts, as of `analysis.theory.network.Network`.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off.
     """

@@ -1,7 +1,7 @@
 """The linear lattice at a wave vector: its modes as a real eigenproblem, D W = Ω² M W in the gauge W = (u, v, f).
 
-D is the sum over the springs of the three bonds of a cell, M = diag(1, 1, Ĩ/(1−η)); see `analysis.springs` for both,
-the gauge φ = i f and the units. Where spheres do not turn f is no coordinate, and there are two modes, not three.
+D is the sum over the springs of the three bonds of a cell, M = diag(1, 1, Ĩ/(1−η)); see `analysis.theory.springs` for
+both, the gauge φ = i f and the units. Where spheres do not turn f is no coordinate, and there are two modes, not three.
 
 When it breaks: where two branches touch, the eigenvectors of the pair are arbitrary.
 """
@@ -9,7 +9,7 @@ When it breaks: where two branches touch, the eigenvectors of the pair are arbit
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.springs import Springs, elongations, stiffness
+from analysis.theory.springs import Springs, elongations, stiffness
 
 Floats = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Three laws for the shear force of a contact, and the second harmonic each gives: it is the law that decides p.
 
-    python -m analysis.laws [-o FILE] [--poisson-ratio NU]
+    python -m analysis.figures.laws [-o FILE] [--poisson-ratio NU]
 
 All three have k_S = g1(δ/Δ0)^{1/2} and the same linear waves; with stretch x = 1 − δ/Δ0, slip t (in Δ0), κ = g1/k1
 and forces in k1Δ0, to second order
@@ -38,9 +38,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import second_harmonic as sh
-from analysis.lattice import Law, torus
-from analysis.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, start
 from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios
+from analysis.theory.lattice import Law, torus
 
 Floats = NDArray[np.float64]
 
@@ -149,9 +149,9 @@ def second_harmonic(
 ) -> Floats:
     """Second-harmonic displacement p_SH(τ) in units of D0 under a shear law, arguments as of `sh.second_harmonic`.
 
-    Under the incremental law it depends on how the start was reached. Here, as in `analysis.lattice` and in LAMMPS
-    after one force-free step, the wave starts with the force of the secant law. What the two laws disagree on at τ=0
-    then stays in the contacts as a static force of wave number 2ξ: a drive of frequency 0, which is
+    Under the incremental law it depends on how the start was reached. Here, as in `analysis.theory.lattice` and in
+    LAMMPS after one force-free step, the wave starts with the force of the secant law. What the two laws disagree on at
+    τ=0 then stays in the contacts as a static force of wave number 2ξ: a drive of frequency 0, which is
 
         p_memory = (ε/2)(g_incremental − g_secant) sin 2(ξn + phase) (1 − cos w̃τ)/w̃,    w̃ = sin ξ
 

@@ -11,9 +11,9 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 | exact-lattice | everything: the lattice itself, integrated, not a formula | when contacts open |
 
 A scene may call for other physics than the paper's (`Physics`). What each theory holds of it stands in
-`analysis.catalogue`, and nothing else is held. With compression, frequency shift and three waves lack corrections of
-relative order η, as they do without. Contacts that slide or open are in none, and what is no running plane wave is
-compared by other scripts (`catalogue.script_for`).
+`analysis.theory.catalogue`, and nothing else is held. With compression, frequency shift and three waves lack
+corrections of relative order η, as they do without. Contacts that slide or open are in none, and what is no running
+plane wave is compared by other scripts (`catalogue.script_for`).
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -28,13 +28,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import catalogue, directions
-from analysis.frequency_shift import shifted_second_order
-from analysis.hierarchy import hierarchy, hierarchy_orders
-from analysis.lattice import Effects, Law, torus
-from analysis.laws import shear_law_ratios
-from analysis.resonance import three_mode
+from analysis.figures.laws import shear_law_ratios
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, second_order
+from analysis.theory import catalogue, directions
+from analysis.theory.frequency_shift import shifted_second_order
+from analysis.theory.hierarchy import hierarchy, hierarchy_orders
+from analysis.theory.lattice import Effects, Law, torus
+from analysis.theory.resonance import three_mode
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -112,7 +112,7 @@ class Physics:
 
     @property
     def traits(self) -> frozenset[str]:
-        """All that a theory must hold, in the words of `analysis.catalogue`."""
+        """All that a theory must hold, in the words of `analysis.theory.catalogue`."""
         present = {
             "effects.shear" if self.shear else catalogue.NO_SHEAR: True,
             "effects.rotation" if self.rotation else catalogue.NO_ROTATION: True,

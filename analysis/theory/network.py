@@ -20,7 +20,7 @@ stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with 
 about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
 Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
-places at rest, so that no digits are lost in large crystals. `analysis.network_motion` integrates it.
+places at rest, so that no digits are lost in large crystals. `analysis.theory.network_motion` integrates it.
 
 The laws have no potential. With E = Σ½m v² + ½Iω² + Σ(2/5)A δ^{5/2} − Fδ + ½S²/(B δ^{1/2}), W is the work that the
 shear law and LAMMPS's lever arm do, the sign being + for the secant law and − for the incremental one,

@@ -38,8 +38,8 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis import lattice
 from analysis.second_harmonic import Mode
+from analysis.theory import lattice
 
 Floats = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ def hierarchy_orders(
     ValueError
         For an order below 2, a time or a contact that is none.
 
-    Source: the equations of `analysis.lattice` (equ, eqv, eqphi of the paper).
+    Source: the equations of `analysis.theory.lattice` (equ, eqv, eqphi of the paper).
     """
     if order < 2:
         raise ValueError(f"order = {order} must be at least 2")

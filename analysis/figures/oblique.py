@@ -1,6 +1,6 @@
 """The second harmonic of plane waves over their direction, in LAMMPS and by the general formula.
 
-    python -m analysis.oblique SWEEP... [-o FILE]
+    python -m analysis.figures.oblique SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep over mode and direction (``granular-lmp sweep``) whose runs hold snapshots of all
 spheres, over two time steps h and h/2 as well if Richardson's extrapolation is wanted; ``make waves`` makes one. The
@@ -21,14 +21,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis import directions
-from analysis.catalogue import missing
-from analysis.effects import sweep
-from analysis.norms import relative_error
-from analysis.plotting import parser, save, start
-from analysis.quasilinear import component, in_frame
-from analysis.sheets import fields_of, rest_of
-from analysis.theories import Physics, physics_of
+from analysis.figures.effects import sweep
+from analysis.figures.plotting import parser, save, start
+from analysis.figures.sheets import fields_of, rest_of
+from analysis.measure.norms import relative_error
+from analysis.theory import directions
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import Physics, physics_of
+from analysis.theory.quasilinear import component, in_frame
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
@@ -102,7 +102,7 @@ def predicted(
 
 def refusal(record: Record) -> str | None:
     """Why a run is not one of these, or None."""
-    left_out = missing("analysis.oblique", physics_of(record).traits)
+    left_out = missing("analysis.figures.oblique", physics_of(record).traits)
     return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 
 

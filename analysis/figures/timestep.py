@@ -1,6 +1,6 @@
 """What the time step does: the exact lattice stepped with velocity Verlet, as LAMMPS steps it, without LAMMPS.
 
-    python -m analysis.timestep [-o FILE]
+    python -m analysis.figures.timestep [-o FILE]
 
 draws the error of p and q over the cost, of single runs and of Richardson pairs.
 
@@ -26,7 +26,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.lattice import (
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.norms import relative_error
+from analysis.second_harmonic import ModeName, mode, ratios
+from analysis.theory.lattice import (
     Floats,
     Neighbours,
     contact,
@@ -36,9 +39,6 @@ from analysis.lattice import (
     torus_neighbours,
     torus_phases,
 )
-from analysis.norms import relative_error
-from analysis.plotting import parser, save, start
-from analysis.second_harmonic import ModeName, mode, ratios
 
 Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
 
@@ -74,7 +74,7 @@ def stepped(
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     overlap_ratio : η > 0.
-    points : K of the torus, odd; see `analysis.lattice.torus_trajectory`.
+    points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
 
     Not finite beyond the stability limit of the step.
     """

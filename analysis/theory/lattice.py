@@ -41,9 +41,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.damping import restitution_viscosity
-from analysis.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.second_harmonic import SOLID_SPHERE, Mode
+from analysis.theory.damping import restitution_viscosity
+from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 
 Floats = NDArray[np.float64]
 Law = Literal["secant", "incremental", "potential"]
@@ -320,7 +320,7 @@ def torus_trajectory(
     Parameters
     ----------
     mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects, or of
-        `analysis.directions.mode` in any direction.
+        `analysis.theory.directions.mode` in any direction.
     amplitude : a = D0/Δ0.
     tau : (T,) ascending times.
     poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.

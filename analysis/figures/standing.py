@@ -1,6 +1,6 @@
 """The second harmonic of a standing wave, such as a laser-induced transient grating leaves: closed form and runs.
 
-    python -m analysis.standing RUN [-o FILE]
+    python -m analysis.figures.standing RUN [-o FILE]
 
 Two waves of half the amplitude run against each other along y; the lattice is let go at rest at τ = 0. In units of D0,
 
@@ -34,11 +34,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.norms import relative_error
-from analysis.plotting import parser, save, start
-from analysis.rows import Rows, echo, load_form
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.norms import relative_error
+from analysis.measure.rows import Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, second_harmonic
-from analysis.theories import physics_of
+from analysis.theory.choice import physics_of
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

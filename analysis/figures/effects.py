@@ -1,6 +1,6 @@
 """What each effect does to the second harmonic: its amplitude over wave number, from LAMMPS and from theory.
 
-    python -m analysis.effects SWEEP... [-o FILE]
+    python -m analysis.figures.effects SWEEP... [-o FILE]
 
 Each SWEEP is the folder of a sweep of one scene over the wave number (``granular-lmp sweep``); its runs may lack
 rotation, follow the incremental law, be held by compression or damped, and are named by that. Marks are LAMMPS. Above,
@@ -18,11 +18,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.catalogue import OBLIQUE, missing
 from analysis.compare import measured_amplitude
-from analysis.plotting import load, parser, save, start
+from analysis.figures.plotting import load, parser, save, start
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
-from analysis.theories import Physics, Wave, holding, physics_of, trajectory
+from analysis.theory.catalogue import OBLIQUE, missing
+from analysis.theory.choice import Physics, Wave, holding, physics_of, trajectory
 from granular_lmp.runs.record import STATUS, Record
 
 # Told apart by marker and dashes without colour.
@@ -125,7 +125,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if left_out := missing("exact-lattice", physics.traits):
             options.error(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
         if OBLIQUE in physics.traits:
-            options.error(f"{record.folder}: its wave is not along y, as those drawn are; analysis.oblique takes it")
+            options.error(
+                f"{record.folder}: its wave is not along y, as those drawn are; analysis.figures.oblique takes it"
+            )
     save(draw(sweeps), chosen.output)
     return 0
 

@@ -1,6 +1,6 @@
 """How good second order is: the error of `second_harmonic.second_order` against the exact lattice as the wave shrinks.
 
-    python -m analysis.convergence [-o FILE]
+    python -m analysis.figures.convergence [-o FILE]
 
 prints a table of the relative L2 errors of p, q, φ over τ ≤ 120 at several rows, and draws them over the amplitude
 a = D0/Δ0. Second order leaves a² out of q and φ, and of p where p is the wave (L). Out of the p of TR and RT it leaves
@@ -22,10 +22,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis import lattice
-from analysis.norms import relative_error, slope
-from analysis.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
+from analysis.theory import lattice
 
 POISSON_RATIO = 0.17  # silica, the paper's spheres
 TAU = np.linspace(0.0, 120.0, 241)

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.catalogue import missing
-from analysis.plotting import load
-from analysis.theories import physics_of
+from analysis.figures.plotting import load
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import physics_of
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     found = record.scene.wave.form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
-    left_out = missing(f"analysis.{form}", physics_of(record).traits)
+    left_out = missing(f"analysis.figures.{form}", physics_of(record).traits)
     if left_out:
         raise SystemExit(f"{folder}: the theory leaves out {', '.join(left_out)}, which this run has")
     try:

@@ -1,7 +1,7 @@
 """Modes and second harmonic of a plane wave of any direction and any branch, from the contact springs themselves.
 
-The springs, and the gauge W = (u, v, f), φ = i f, in which everything is real, are those of `analysis.springs`: a mode
-has no phase to choose, only a sign, and the Bloch matrix is a real sum over the three bonds of a cell.
+The springs, and the gauge W = (u, v, f), φ = i f, in which everything is real, are those of `analysis.theory.springs`:
+a mode has no phase to choose, only a sign, and the Bloch matrix is a real sum over the three bonds of a cell.
 
 Units: displacements and φ in D0 (the amplitude of the fundamental), time in √(m/(2(g1+3k1))), wave vectors in
 1/lattice constant. Then all depends on κ = g1/k1 = 2(1−ν)/(2−ν) and on Ĩ = I/(mR²) alone, in the paper's geometry;
@@ -23,9 +23,9 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.bloch import real_modes, select, unit
 from analysis.second_harmonic import Mode, ModeName
-from analysis.springs import (
+from analysis.theory.bloch import real_modes, select, unit
+from analysis.theory.springs import (
     BONDS,
     SOLID_SPHERE,
     Contacts,
@@ -276,8 +276,8 @@ def doubled_wave(
         Z_j(ω) = ∫₀^τ sin(w_j(τ−s))/w_j e^{−iωs} ds,    w_j the frequencies at 2k
 
     Each of the modes at 2k answers with a forced and a free part; Z_j is regular on resonance, where it grows as τ. N₀
-    is what the start leaves in the contacts (`analysis.springs`), 0 in the paper's geometry and law. In a simulated
-    sheet of N spheres X is (2/N) Σ u(r) exp(−2ik·r), unless 2k and −2k are one wave vector.
+    is what the start leaves in the contacts (`analysis.theory.springs`), 0 in the paper's geometry and law. In a
+    simulated sheet of N spheres X is (2/N) Σ u(r) exp(−2ik·r), unless 2k and −2k are one wave vector.
 
     Parameters
     ----------

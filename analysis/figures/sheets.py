@@ -1,11 +1,11 @@
 """Any wave on a periodic sheet to second order, against the snapshots of a run: beams, packets, standing waves.
 
-    python -m analysis.sheets RUN [-o FILE] [--tau TAU]
+    python -m analysis.figures.sheets RUN [-o FILE] [--tau TAU]
 
 RUN holds snapshots of all spheres (``output.particles``). The first is taken as the initial field, all of it first
-order, and `analysis.quasilinear` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with the time
-step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of velocity
-Verlet is not small.
+order, and `analysis.theory.quasilinear` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with
+the time step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of
+velocity Verlet is not small.
 
 run − y1 holds the third order too, whose part at the fundamental is a drift of its phase, a²τ; hence the split by wave
 number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
@@ -19,11 +19,11 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from analysis.catalogue import missing
-from analysis.directions import Floats
-from analysis.plotting import load, parser, save, start
-from analysis.quasilinear import ROW, Sheet, evolve, in_frame
-from analysis.theories import physics_of
+from analysis.figures.plotting import load, parser, save, start
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import physics_of
+from analysis.theory.directions import Floats
+from analysis.theory.quasilinear import ROW, Sheet, evolve, in_frame
 from granular_lmp.runs.record import GranularError, Record
 
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
@@ -106,7 +106,7 @@ def compare(record: Record) -> Comparison:
 
 def refuse(record: Record) -> None:
     """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
-    left_out = missing("analysis.sheets", physics_of(record).traits)
+    left_out = missing("analysis.figures.sheets", physics_of(record).traits)
     if left_out:
         raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
 

@@ -1,6 +1,6 @@
 """The paper's figure 2: dispersion along y, and the second harmonic that RT and TR waves generate.
 
-    python -m analysis.figure2 [-o figures/figure2.png] [--poisson-ratio 0.17]
+    python -m analysis.figures.figure2 [-o figures/figure2.png] [--poisson-ratio 0.17]
 
 (a) L, TR and RT; the TR branch doubled in wave number and frequency meets L at the resonance; the curve on which the
 source of the second harmonic vanishes meets TR at the antiresonance. (b, c) Amplitude |P̃1|/2 per ε of the longitudinal
@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plotting import COLOURS, parser, save, start
+from analysis.figures.plotting import COLOURS, parser, save, start
 from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, ratios, resonance
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)

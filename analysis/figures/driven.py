@@ -1,6 +1,6 @@
 """A driven row: the waves that it sends into a crystal at rest, with their second harmonic over the distance.
 
-    python -m analysis.driven RUN [-o FILE]
+    python -m analysis.figures.driven RUN [-o FILE]
 
 Row 0 of a strip along y is moved by force, all its spheres alike and none of them turning (lengths in D0):
 
@@ -48,10 +48,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.plotting import parser, save, start
-from analysis.rows import AIRY, Rows, echo, load_form
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.rows import AIRY, Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode, nonlinearity
-from analysis.theories import physics_of
+from analysis.theory.choice import physics_of
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """What accuracy costs: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
 
-    python -m analysis.accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
+    python -m analysis.figures.accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
 
 prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each knob.
 
@@ -32,11 +32,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from analysis.catalogue import missing
 from analysis.compare import errors
-from analysis.lattice import torus
-from analysis.plotting import load, parser, save, start, write
-from analysis.theories import THEORIES, Trajectory, Wave, holding, physics_of
+from analysis.figures.plotting import load, parser, save, start, write
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import THEORIES, Trajectory, Wave, holding, physics_of
+from analysis.theory.lattice import torus
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")

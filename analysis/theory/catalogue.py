@@ -1,8 +1,8 @@
 """The catalogue of theories: what each holds, by name. What a theory does not name here it does not hold.
 
 A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
-scene that is not known here and is not at its default (`analysis.theories.Physics.traits`). A theory holds a run if it
-names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every script.
+scene that is not known here and is not at its default (`analysis.theory.choice.Physics.traits`). A theory holds a run
+if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every script.
 
 To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
 """
@@ -40,12 +40,12 @@ HOLDS: dict[str, frozenset[str]] = {
     "three-mode": _ALONG_Y,
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
-    "analysis.spectrum": _ALONG_Y | {INCREMENTAL},
-    "analysis.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
-    "analysis.standing": _LATTICE | {STANDING, INCREMENTAL},
-    "analysis.driven": _LATTICE | {DRIVEN, INCREMENTAL},
-    "analysis.dispersion": _CONTACTS,
-    "analysis.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
+    "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL},
+    "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
+    "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
+    "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL},
+    "analysis.figures.dispersion": _CONTACTS,
+    "analysis.figures.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
 }
 
 # A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.

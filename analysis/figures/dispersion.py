@@ -1,11 +1,11 @@
 """Dispersion by simulation: the spectral density of a sheet kicked at random, over Γ–M–K–Γ, with the theory over it.
 
-    python -m analysis.dispersion SHEET [-o FILE]
+    python -m analysis.figures.dispersion SHEET [-o FILE]
 
 SHEET is ``sheet.npz`` of a kicked sheet (``granular-lmp kick``), or its folder: the velocities of all spheres over
 time. Their transform in space and time has power only where the lattice has waves; theory is
-`analysis.directions.modes`, with the inertia of LAMMPS's contact geometry. The table says how far the peaks are from
-the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
+`analysis.theory.directions.modes`, with the inertia of LAMMPS's contact geometry. The table says how far the peaks are
+from the three branches, in units of the resolution 2π/T. ``make dispersion`` does it all.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.catalogue import COMPRESSED, missing
-from analysis.directions import modes
-from analysis.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, start
 from analysis.second_harmonic import SOLID_SPHERE
+from analysis.theory.catalogue import COMPRESSED, missing
+from analysis.theory.directions import modes
 
 Floats = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Sheet:
         if len(sheet.tau) < FEWEST:
             raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
         traits = {f"effects.{name}" for name in sheet.effects} | ({COMPRESSED} if sheet.contact_force else set())
-        left_out = missing("analysis.dispersion", traits)
+        left_out = missing("analysis.figures.dispersion", traits)
         if left_out:
             raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
         return sheet
