@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from analysis import second_harmonic
-from analysis.figures import laws
 from analysis.figures import map as zone_map
-from analysis.theory import bloch, directions, lattice, springs
+from analysis.theory import bloch, directions, lattice, laws, springs
 from analysis.theory.directions import (
     BONDS,
     SOLID_SPHERE,

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.figures import laws
 from analysis.measure.norms import relative_error
-from analysis.theory import lattice
+from analysis.theory import lattice, laws
 from analysis.theory.frequency_shift import frequency_shift, shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.resonance import three_mode

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis import second_harmonic
-from analysis.figures.sheets import Comparison, carrier, compare, draw, fields_of, main, relative
+from analysis.figures.sheets import draw, main
 from analysis.measure.norms import slope
+from analysis.measure.sheets import Comparison, carrier, compare, fields_of, relative
 from analysis.theory import directions
 from analysis.theory.quasilinear import Sheet, component, evolve
 from granular_lmp import Record, Scene, run

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import compare
 from analysis.figures import figure3
+from analysis.measure import signals
 from analysis.theory import choice, directions
 from analysis.theory.choice import (
     THEORIES,
@@ -54,7 +55,7 @@ def record_of(theory: str, wave: Wave) -> Record:
 
 
 def worst(record: Record, theory: str, wave: Wave) -> float:
-    return max(error or 0.0 for error in compare.errors(record, trajectory(theory, wave, TAU)).values())
+    return max(error or 0.0 for error in signals.errors(record, trajectory(theory, wave, TAU)).values())
 
 
 # What a scene may call for: who holds it, who is best

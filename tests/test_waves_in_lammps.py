@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from analysis import compare
-from analysis.figures import driven, sheets, standing
+from analysis.figures import driven, standing
+from analysis.measure import sheets
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue

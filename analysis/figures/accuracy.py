@@ -32,8 +32,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from analysis.compare import errors
-from analysis.figures.plotting import load, parser, save, start, write
+from analysis.figures.plotting import parser, save, start, write
+from analysis.measure.runs import load
+from analysis.measure.signals import errors
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import THEORIES, Trajectory, Wave, holding, physics_of
 from analysis.theory.lattice import torus

@@ -11,19 +11,19 @@ error of the time step, of second order but for the incremental law and dashpots
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.compare import measured_amplitude
-from analysis.figures.plotting import load, parser, save, start
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.runs import sweep
+from analysis.measure.signals import measured_amplitude
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
 from analysis.theory.catalogue import OBLIQUE, missing
 from analysis.theory.choice import Physics, Wave, holding, physics_of, trajectory
-from granular_lmp.runs.record import STATUS, Record
+from granular_lmp.runs.record import Record
 
 # Told apart by marker and dashes without colour.
 STYLES: tuple[dict[str, Any], ...] = (
@@ -33,12 +33,6 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "tab:green", "marker": "x", "linestyle": ":"},
     {"color": "tab:orange", "marker": "v", "linestyle": (0, (5, 1, 1, 1))},
 )
-
-
-def sweep(folder: str) -> list[Record]:
-    """The finished runs of a sweep, by wave number."""
-    runs = (load(path.parent) for path in Path(folder).glob(f"runs/*/{STATUS}"))
-    return sorted(runs, key=lambda record: record.scene.wavenumber)
 
 
 def name(physics: Physics) -> str:

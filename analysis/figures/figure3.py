@@ -16,8 +16,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.compare import errors
-from analysis.figures.plotting import load, parser, save, start
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.runs import load
+from analysis.measure.signals import errors
 from analysis.theory.choice import TheoryError, Wave, best, trajectory
 from granular_lmp.runs.record import Record
 

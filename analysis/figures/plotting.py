@@ -9,10 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
 
-import numpy as np
 from matplotlib.figure import Figure
-
-from granular_lmp.runs.record import GranularError, Record
 
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
@@ -48,20 +45,6 @@ def start(main: Callable[[], int | None]) -> NoReturn:
         except OSError:  # the interpreter would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)
-
-
-def load(folder: str | Path, *, unfinished: bool = False) -> Record:
-    """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
-    try:
-        record = Record.load(folder, unfinished=unfinished)
-    except GranularError as error:
-        raise SystemExit(str(error)) from error
-    if len(record.tau) < 2:
-        raise SystemExit(f"{folder}: {len(record.tau)} records; there is nothing to compare")
-    tracked = [x for x in (record.p, record.q, record.phi) if not (x is record.phi and np.isnan(x).all())]
-    if not all(np.isfinite(x).all() for x in tracked):
-        raise SystemExit(f"{folder}: the record holds numbers that are not finite; there is nothing to compare")
-    return record
 
 
 def save(figure: Figure, path: str | Path) -> None:

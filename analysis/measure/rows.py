@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.figures.plotting import load
+from analysis.measure.runs import load
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import physics_of
 from granular_lmp.runs.record import GranularError, Record

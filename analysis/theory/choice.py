@@ -28,12 +28,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.figures.laws import shear_law_ratios
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, second_order
 from analysis.theory import catalogue, directions
 from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import Effects, Law, torus
+from analysis.theory.laws import shear_law_ratios
 from analysis.theory.resonance import three_mode
 from granular_lmp.runs.record import Record
 
