@@ -41,10 +41,10 @@ runs/paper/compare.txt: $(RUNS)
 	$(BIN)/python -m analysis.compare $(RUNS) --json runs/paper/compare.json > $@
 
 runs/paper/figure2.png: .venv/ready
-	$(BIN)/python -m analysis.figure2 -o $@
+	$(BIN)/python -m analysis.figures.figure2 -o $@
 
 runs/paper/figure3.png: $(RUNS)
-	$(BIN)/python -m analysis.figure3 $(RUNS) -o $@
+	$(BIN)/python -m analysis.figures.figure3 $(RUNS) -o $@
 
 # The second harmonic over wave number, by what the scene leaves out or adds
 EFFECTS = paper no_rotation incremental compressed damped
@@ -62,11 +62,11 @@ $(EFFECTS:%=runs/effects/%): runs/effects/%: .venv/ready
 figures: paper $(EFFECTS:%=runs/effects/%)
 	cp runs/paper/figure2.png figures/figure2.png
 	cp runs/paper/figure3.png figures/figure3.png
-	$(BIN)/python -m analysis.effects $(EFFECTS:%=runs/effects/%) -o figures/effects.png
-	$(BIN)/python -m analysis.convergence -o figures/convergence.png
-	$(BIN)/python -m analysis.laws -o figures/laws.png
-	$(BIN)/python -m analysis.map -o figures/map.png
-	$(BIN)/python -m analysis.timestep -o figures/timestep.png
+	$(BIN)/python -m analysis.figures.effects $(EFFECTS:%=runs/effects/%) -o figures/effects.png
+	$(BIN)/python -m analysis.figures.convergence -o figures/convergence.png
+	$(BIN)/python -m analysis.figures.laws -o figures/laws.png
+	$(BIN)/python -m analysis.figures.map -o figures/map.png
+	$(BIN)/python -m analysis.figures.timestep -o figures/timestep.png
 
 # The paper's figure 2 (b, c) by simulation, from pairs of runs. The cell of 128 rows carries 2π·4/128 to 2π·63/128; that
 # of 400 the wave numbers around resonance, 2π·91/400 to 2π·97/400, and antiresonance, 2π·133/400 to 2π·138/400.
@@ -77,7 +77,7 @@ spectrum: .venv/ready
 	    --over wave.mode=TR,RT,L --over wave.wavenumber=0.1963495408:3.0925052684:60
 	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
 	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
-	$(BIN)/python -m analysis.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+	$(BIN)/python -m analysis.figures.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
 
 gallery: .venv/ready
 	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
@@ -86,7 +86,7 @@ gallery: .venv/ready
 dispersion: .venv/ready
 	$(BIN)/granular-lmp kick tr_periodic --set packing.rows=48 --set packing.columns=48 --set wave.amplitude=0.01 \
 	    --set time.duration=512 --set time.sample=1.5 -o runs/dispersion --force
-	$(BIN)/python -m analysis.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
+	$(BIN)/python -m analysis.figures.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
 
 # Waves of other directions, over pairs of steps for Richardson's extrapolation; and finite ones, beside their theories
 waves: .venv/ready
@@ -94,11 +94,11 @@ waves: .venv/ready
 	    --set packing.rows=48 --set packing.columns=48 --set wave.wavenumber=1.0472 --set wave.amplitude=0.02 \
 	    --set output.particles=4.0 --over wave.mode=TR,RT,L --over time.timestep=0.05,0.025 \
 	    --over wave.direction=0,14.4,22,30,39.5,49.1,63.7,77.8,83.8,90
-	$(BIN)/python -m analysis.oblique runs/waves/oblique -o figures/oblique.png
+	$(BIN)/python -m analysis.figures.oblique runs/waves/oblique -o figures/oblique.png
 	for scene in tr_grating tr_driven tr_pulse; do $(BIN)/granular-lmp run $$scene -o runs/waves/$$scene --force || exit 1; done
-	$(BIN)/python -m analysis.standing runs/waves/tr_grating -o figures/grating.png
-	$(BIN)/python -m analysis.driven runs/waves/tr_driven -o figures/driven.png
-	$(BIN)/python -m analysis.sheets runs/waves/tr_pulse -o figures/pulse.png
+	$(BIN)/python -m analysis.figures.standing runs/waves/tr_grating -o figures/grating.png
+	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
+	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
 
 test: .venv/ready
 	$(BIN)/ruff check .
@@ -119,7 +119,7 @@ guards: .venv/ready
 
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost
-	$(BIN)/python -m analysis.accuracy runs/cost -o figures/accuracy.png
+	$(BIN)/python -m analysis.figures.accuracy runs/cost -o figures/accuracy.png
 
 bench: .venv/ready
 	$(BIN)/python -m benchmarks

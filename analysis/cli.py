@@ -41,4 +41,5 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
     chosen = parser.parse_args(argv)
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    return import_module(f"analysis.{chosen.script}").main(chosen.arguments) or 0
+    module = "analysis.compare" if chosen.script == "compare" else f"analysis.figures.{chosen.script}"
+    return import_module(module).main(chosen.arguments) or 0

@@ -6,9 +6,9 @@ Two references stand side by side. Against a *theory* (a formula) the error says
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs
 between their scenes. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a
-key of the scene that stands in no line of `analysis.catalogue`. A run whose contacts slide or open, which LAMMPS alone
-holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that has
-a theory of it.
+key of the scene that stands in no line of `analysis.theory.catalogue`. A run whose contacts slide or open, which LAMMPS
+alone holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that
+has a theory of it.
 """
 
 import argparse
@@ -18,33 +18,27 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from analysis.budget import Source, budget_lines, error_budget
-from analysis.catalogue import script_for
-from analysis.norms import relative_error
-from analysis.plotting import load, save, start, write
-from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theories import (
+from analysis.figures.plotting import save, start, write
+from analysis.measure.budget import Source, budget_lines, error_budget
+from analysis.measure.runs import load
+from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
+from analysis.theory.catalogue import script_for
+from analysis.theory.choice import (
     ALONG_Y,
     THEORIES,
     TheoryError,
     Wave,
     best,
     beyond,
-    drive_cancels,
     holding,
     trajectory,
 )
 from granular_lmp.runs.record import Record
 
-COMPONENTS = ("p", "q", "phi")
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
 OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
-# A component that theory says is zero is compared with nothing: rounding over rounding.
-SILENT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -71,7 +65,7 @@ class Comparison:
     notes : list of str
         Why the comparison does not mean what it seems to.
     budget : list of Source
-        What separates the run and the paper's theory from the exact lattice (`analysis.budget`).
+        What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
     """
 
     folder: str | None
@@ -98,8 +92,8 @@ class Comparison:
 def compare(record: Record, theory: str | None = None) -> Comparison:
     """Compare one run with the theory named, or with the best for its wave.
 
-    Raises TheoryError for a theory that is not in `analysis.theories.THEORIES`, or leaves out what the run has, and for
-    a run with anything that no theory knows.
+    Raises TheoryError for a theory that is not in `analysis.theory.choice.THEORIES`, or leaves out what the run has,
+    and for a run with anything that no theory knows.
     """
     wave = Wave.of(record)
     covered = bool(holding(wave.physics))
@@ -142,58 +136,6 @@ def notes(record: Record) -> list[str]:
     if record.tau[-1] > echo:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
     return loud
-
-
-def predicted_amplitude(wave: Wave) -> float | None:
-    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form.
-
-    None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
-    harmonic is three waves, in p, q and φ, not one amplitude.
-    """
-    if "second-order" not in holding(wave.physics) or wave.physics.direction != ALONG_Y:
-        return None
-    return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
-
-
-def errors(
-    record: Record, reference: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-) -> dict[str, float | None]:
-    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent.
-
-    An angle that was not tracked has no error.
-    """
-    return {
-        name: relative_error(getattr(record, name), values) if np.max(np.abs(values)) > SILENT else None
-        for name, values in zip(COMPONENTS, reference, strict=True)
-        if not np.isnan(getattr(record, name)).all()
-    }
-
-
-def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
-    """Amplitude of the generated second harmonic in a run, in D0, and the standard error of the fit.
-
-    Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
-    second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
-    proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
-    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; and where there is
-    no closed form for it.
-    """
-    predicted = predicted_amplitude(wave)
-    if predicted is None:
-        return None, None
-    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
-    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
-        return None, None
-    columns = [shape]
-    if wave.mode.p:
-        angle = wave.mode.frequency * record.tau
-        columns += [np.cos(angle), np.sin(angle)]
-    matrix = np.column_stack(columns)
-    solution, *_ = np.linalg.lstsq(matrix, record.p)
-    residual = record.p - matrix @ solution
-    variance = residual @ residual / max(len(record.tau) - len(columns), 1)
-    spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
-    return float(solution[0] * predicted), float(spread * predicted)
 
 
 # --- output ----------------------------------------------------------------------------------------------------------

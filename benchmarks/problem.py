@@ -1,7 +1,7 @@
 """The problem that every contestant solves: p and q of the centre sphere for the paper's base case, ξ = 0.802.
 
 201 rows between held ends, TR wave, D0 = 0.2 Δ0, τ = 0, 0.5, …, 120. The reference is the exact infinite lattice in
-true contact geometry (`analysis.lattice.torus`), which 201 rows meet to 1e-7 until the walls are heard.
+true contact geometry (`analysis.theory.lattice.torus`), which 201 rows meet to 1e-7 until the walls are heard.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import lattice
-from analysis.norms import relative_error
+from analysis.measure.norms import relative_error
 from analysis.second_harmonic import mode, ratios
+from analysis.theory import lattice
 from granular_lmp import Scene, build
 from granular_lmp.scene.initial_fields import plane_wave
 

@@ -3,8 +3,8 @@
 import time
 from pathlib import Path
 
-from analysis.lattice import rows
 from analysis.second_harmonic import mode, ratios
+from analysis.theory.lattice import rows
 from benchmarks.problem import Contestant, Solution, base_scene, times
 
 TOLERANCE = 1e-3  # the loosest with which p is within 1 %

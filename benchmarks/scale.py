@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.norms import slope
+from analysis.measure.norms import slope
 from benchmarks.problem import base_scene, centre_signals, errors, exact
 from benchmarks.timing import interleave, machine, rates, ratio, spread, table
 from granular_lmp import Scene, build

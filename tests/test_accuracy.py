@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.lattice import torus
-from analysis.norms import relative_error, slope
+from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import mode, ratios, second_order
+from analysis.theory.lattice import torus
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import halved_step, richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import timestep
-from analysis.budget import Source, error_budget
-from analysis.compare import compare, errors, main
-from analysis.norms import relative_error
+from analysis.compare import compare, main
+from analysis.measure.budget import Source, error_budget
+from analysis.measure.norms import relative_error
+from analysis.measure.signals import errors
 from analysis.second_harmonic import second_order
-from analysis.theories import Wave, trajectory
-from analysis.timestep import limit, stepped
+from analysis.theory import timestep
+from analysis.theory.choice import Wave, trajectory
+from analysis.theory.timestep import limit, stepped
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import phase_error, with_step

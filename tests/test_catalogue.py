@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import catalogue, compare, effects, figure3, oblique, sheets, spectrum
-from analysis.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
-from analysis.rows import load_form
-from analysis.theories import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
+from analysis import compare
+from analysis.figures import effects, figure3
+from analysis.measure import oblique, sheets, spectrum
+from analysis.measure.rows import load_form
+from analysis.theory import catalogue
+from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
+from analysis.theory.choice import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
 from granular_lmp import Record, Scene, run
 from granular_lmp.effects import selection as package_effects
 from granular_lmp.effects.effect import Case, Effect, Finding
@@ -101,7 +104,7 @@ def test_an_invented_effect_or_form_is_no_standing_and_no_driven_wave(
 ) -> None:
     rolling, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
     for record, said in ((rolling, "leaves out effects.rolling, which"), (spiral, "has the form 'spiral'")):
-        monkeypatch.setattr("analysis.rows.load", lambda folder, record=record: record)
+        monkeypatch.setattr("analysis.measure.rows.load", lambda folder, record=record: record)
         with pytest.raises(SystemExit, match=said):
             load_form("run", form)
 

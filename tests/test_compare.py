@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import compare, figure2, figure3
+from analysis import compare
+from analysis.figures import figure2, figure3
+from analysis.measure import signals
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
-from analysis.theories import THEORIES, Wave, best, cancellation, trajectory
+from analysis.theory.choice import THEORIES, Wave, best, cancellation, trajectory
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status
@@ -35,7 +37,7 @@ def test_a_record_made_by_a_theory_has_no_error_against_it(theory: str) -> None:
     assert all(error is not None and error < 1e-12 for error in result.error.values())
 
 
-@pytest.mark.parametrize("component", compare.COMPONENTS)
+@pytest.mark.parametrize("component", signals.COMPONENTS)
 def test_one_percent_in_one_component_is_seen_there_and_only_there(component: str) -> None:
     record = from_theory(PAPER, "second-order", TAU)
     wrong = replace(record, **{component: getattr(record, component) * 1.01})
@@ -63,11 +65,11 @@ def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
 def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     record, random = from_theory(PAPER, "second-order", TAU), np.random.default_rng(5)
     wave = Wave.of(record)
-    truth, _ = compare.measured_amplitude(record, wave)
+    truth, _ = signals.measured_amplitude(record, wave)
     off = []
     for _ in range(2000):
         noisy = replace(record, p=record.p + random.normal(0, 1e-4, len(TAU)))
-        measured, fit_error = compare.measured_amplitude(noisy, wave)
+        measured, fit_error = signals.measured_amplitude(noisy, wave)
         assert measured is not None
         off.append((measured - truth) / fit_error)
     # 2000 draws of a unit normal: mean 0 ± 0.022, spread 1 ± 0.016; three of those, and 0.01 for Student's t
@@ -98,7 +100,7 @@ def test_the_best_theory_is_at_most_twice_as_far_off_as_any_other(
     assert best(wave, tau) == expected
     formulas = ["second-order", "frequency-shift", "three-mode"] + ["hierarchy"] * (until <= 120)
     off = {
-        theory: [error or 0.0 for error in compare.errors(record, THEORIES[theory](wave, tau)).values()]
+        theory: [error or 0.0 for error in signals.errors(record, THEORIES[theory](wave, tau)).values()]
         for theory in formulas
     }
     least = np.min(list(off.values()), axis=0)
@@ -127,7 +129,7 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
 ) -> None:
     record = paper_run({"wave.wavenumber": xi, "time.timestep": 0.025})
     ours, paper = compare.compare(record).error, compare.compare(record, "second-order").error
-    for name in compare.COMPONENTS:
+    for name in signals.COMPONENTS:
         assert ours[name] is not None
         assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
 
@@ -146,7 +148,7 @@ def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
         # Of the time step: (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
         assert error is None or error < 5e-5
     turned = replace(Wave.of(record), mode=replace(Wave.of(record).mode, direction=record.scene.direction + 5))
-    off = compare.errors(record, THEORIES["exact-lattice"](turned, record.tau))
+    off = signals.errors(record, THEORIES["exact-lattice"](turned, record.tau))
     assert max(error or 0.0 for error in off.values()) > 2e-3  # five degrees are seen
 
 

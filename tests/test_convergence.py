@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis import convergence as cv
 from analysis import second_harmonic as sh
+from analysis.figures import convergence as cv
 
 SILICA = sh.ratios(cv.POISSON_RATIO)
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.norms import relative_error
-from analysis.theories import Wave, trajectory
+from analysis.measure.norms import relative_error
+from analysis.theory.choice import Wave, trajectory
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.runs.record import read_status, write_status

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis import lattice
 from analysis import second_harmonic as sh
-from analysis.damping import decay_rate, restitution_viscosity
-from analysis.hierarchy import hierarchy_orders
+from analysis.theory import lattice
+from analysis.theory.damping import decay_rate, restitution_viscosity
+from analysis.theory.hierarchy import hierarchy_orders
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -8,9 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from analysis import bloch, directions, lattice, laws, second_harmonic, springs
-from analysis import map as zone_map
-from analysis.directions import (
+from analysis import second_harmonic
+from analysis.figures import map as zone_map
+from analysis.theory import bloch, directions, lattice, laws, springs
+from analysis.theory.directions import (
     BONDS,
     SOLID_SPHERE,
     bloch_matrix,
@@ -25,7 +26,7 @@ from analysis.directions import (
     trajectory,
     wavevector_of,
 )
-from analysis.hierarchy import hierarchy_orders
+from analysis.theory.hierarchy import hierarchy_orders
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
 OBLIQUE = {"19 degrees": (1.10, 0.38), "66 degrees": (0.55, 1.25)}  # off both mirror lines (multiples of 30 degrees)
@@ -193,7 +194,7 @@ def test_neither_derivation_imports_the_other():
     assert imported_from(directions, "second_harmonic") == {"Mode", "ModeName"}
     for module in (springs, bloch):
         assert not imported_from(module, "second_harmonic")
-    for other in ("directions", "springs", "bloch"):
+    for other in ("theory.directions", "theory.springs", "theory.bloch"):
         assert not imported_from(second_harmonic, other)
         assert not imported_from(lattice, other)
 

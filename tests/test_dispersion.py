@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import dispersion
-from analysis.directions import modes
+from analysis.figures import dispersion as dispersion_figure
+from analysis.measure import dispersion
+from analysis.theory.directions import modes
 from granular_lmp import Scene, build
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.studies.kick import DUMP, kicked, read_sheet, run_kicked
@@ -75,11 +76,11 @@ def test_a_sheet_without_the_corners_is_refused(box: tuple[float, float]) -> Non
 def test_the_script_draws(sheet: dispersion.Sheet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fields = {name: getattr(sheet, name) for name in dispersion.Sheet.__dataclass_fields__}
     np.savez(tmp_path / "sheet.npz", **fields)
-    assert dispersion.main([str(tmp_path / "sheet.npz"), "-o", str(tmp_path / "figure.png")]) == 0
+    assert dispersion_figure.main([str(tmp_path / "sheet.npz"), "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 0
     assert "upper branch" in capsys.readouterr().out
     with pytest.raises(SystemExit):
-        dispersion.main([str(tmp_path / "none.npz")])
+        dispersion_figure.main([str(tmp_path / "none.npz")])
 
 
 @pytest.mark.parametrize(
@@ -96,7 +97,7 @@ def test_a_sheet_that_the_linear_theory_does_not_hold_is_refused(
     fields = {name: getattr(sheet, name) for name in dispersion.Sheet.__dataclass_fields__} | changes
     np.savez(tmp_path / "sheet.npz", **{name: value for name, value in fields.items() if value is not None})
     with pytest.raises(SystemExit):
-        dispersion.main([str(tmp_path / "sheet.npz")])
+        dispersion_figure.main([str(tmp_path / "sheet.npz")])
     assert said in capsys.readouterr().err
 
 
@@ -162,7 +163,7 @@ def test_a_sheet_that_cannot_be_analysed_is_not_run(changes: dict[str, float], s
 def test_the_smallest_sheets_that_are_run_are_analysed(rows: int, columns: int, tmp_path: Path) -> None:
     smallest = {"packing.rows": rows, "packing.columns": columns, "wave.wavenumber": np.pi / 2, "time.duration": 12.0}
     run_kicked(SMALL.with_values(smallest), tmp_path / "run")
-    assert dispersion.main([str(tmp_path / "run"), "-o", str(tmp_path / "d.png")]) == 0
+    assert dispersion_figure.main([str(tmp_path / "run"), "-o", str(tmp_path / "d.png")]) == 0
 
 
 def test_other_files_than_sheets_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -171,5 +172,5 @@ def test_other_files_than_sheets_are_refused(tmp_path: Path, capsys: pytest.Capt
     np.save(tmp_path / "array.npy", np.ones(3))
     for name in ("text.npz", "other.npz", "array.npy", "nowhere", ""):
         with pytest.raises(SystemExit):
-            dispersion.main([str(tmp_path / name)])
+            dispersion_figure.main([str(tmp_path / name)])
         assert "not the sheet of granular-lmp kick" in capsys.readouterr().err

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import frequency_shift, hierarchy, lattice, resonance
 from analysis import second_harmonic as sh
-from analysis.norms import relative_error
+from analysis.measure.norms import relative_error
+from analysis.theory import frequency_shift, hierarchy, lattice, resonance
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -104,8 +104,10 @@ def test_a_link_to_nowhere_is_found() -> None:
 
 def test_a_name_of_nothing_is_found() -> None:
     assert missing_tests("`test_a_name_of_nothing_is_found`, `test_of_nothing[x]`") == {"test_of_nothing"}
-    page = "`analysis.lattice`, `analysis.lattice.torus(mode)`, `analysis.latice`, `analysis.lattice.tori`"
-    assert missing_names(page) == {"analysis.latice", "analysis.lattice.tori"}
+    page = (
+        "`analysis.compare`, `analysis.theory.lattice.torus(mode)`, `analysis.latice`, `analysis.theory.lattice.tori`"
+    )
+    assert missing_names(page) == {"analysis.latice", "analysis.theory.lattice.tori"}
 
 
 # ---------------------------------------------------------------- code

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis import driven, lattice
 from analysis import second_harmonic as sh
-from analysis.laws import shear_law_ratios
-from analysis.norms import relative_error
-from analysis.rows import rows_of
+from analysis.figures import driven as driven_figure
+from analysis.measure.norms import relative_error
+from analysis.measure.rows import rows_of
+from analysis.theory import driven, lattice
+from analysis.theory.laws import shear_law_ratios
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -161,7 +162,7 @@ def fitted(
     tau = begin + period * np.arange(count * SAMPLES) / SAMPLES
     rows = int(tau[-1] / 4 + REACH / 2) + 20  # no echo: half a row per τ, there and back
     signals = strip(mode, amplitude, tau, rows, contact, ramp)[:, :, 1 : REACH + 1]
-    fits = [driven.fit(tau, signals[:, i], mode.frequency) for i in range(3)]
+    fits = [driven_figure.fit(tau, signals[:, i], mode.frequency) for i in range(3)]
     return np.array([fit[1][0] for fit in fits]), fits[0][1][1], fits[0][0]
 
 
@@ -252,7 +253,7 @@ def test_the_amplitudes_put_in_are_found() -> None:
     tau, frequency = np.arange(0, 60, 0.5), 0.7
     put = np.array([0.3 - 0.1j, 0.02j, 0.001])
     signal = (put * np.exp(-1j * frequency * np.multiply.outer(tau, [1, 2, 3]))).sum(axis=1).real + 0.05 + 0.01 * tau
-    mean, found = driven.fit(tau, signal[:, None], frequency)
+    mean, found = driven_figure.fit(tau, signal[:, None], frequency)
     assert found[:, 0] == pytest.approx(put, rel=0, abs=1e-14)  # rounding
     assert mean[0] == pytest.approx(0.05 + 0.01 * np.mean(tau), rel=1e-12)
 
@@ -299,14 +300,14 @@ def record(
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
 def test_a_run_of_the_theory_has_no_deviation(mode: str) -> None:
     run = record(mode=mode, every=0.3)
-    found = driven.compare(run, rows_of(run))
+    found = driven_figure.compare(run, rows_of(run))
     assert set(found.theory) == {"p at 2Ω", "mean p"} | ({"p"} if mode == "L" else {"q", "phi"})
     assert max(max(pair) for pair in found.deviations().values()) < 1e-9  # rounding of p over its small parts, for RT
 
 
 def test_one_percent_more_second_order_is_one_percent() -> None:
     run = record(more=1.01)
-    found = driven.compare(run, rows_of(run)).deviations()
+    found = driven_figure.compare(run, rows_of(run)).deviations()
     assert found["p at 2Ω"] == pytest.approx((0.01, 0.01), rel=1e-6)
     assert found["mean p"] == pytest.approx((0.01, 0.01), rel=1e-6)
     assert max(found["q"]) < 1e-12
@@ -315,7 +316,7 @@ def test_one_percent_more_second_order_is_one_percent() -> None:
 def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
     ratios = sh.ratios(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
     linear = sh.mode("TR", 0.802, ratios)
-    long, short = (driven.compare(run, rows_of(run)).n for run in (record(), record(rows=76)))
+    long, short = (driven_figure.compare(run, rows_of(run)).n for run in (record(), record(rows=76)))
     assert long[0] == short[0] == 1
     assert long[-1] < (250 * 2 / 3 - 40) * driven.slowest(linear, ratios)
     assert short[-1] < long[-1]
@@ -333,9 +334,9 @@ def test_rows_before_the_front_or_with_an_echo_are_left_out() -> None:
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: run)
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: run)
     with pytest.raises(SystemExit, match=message) as refusal:
-        driven.main(["run"])
+        driven_figure.main(["run"])
     assert "\n" not in str(refusal.value)
 
 
@@ -343,8 +344,8 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 def test_the_script_prints_deviations_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: record(mode=mode))
-    assert driven.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: record(mode=mode))
+    assert driven_figure.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "p at 2Ω" in capsys.readouterr().out
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.norms import relative_error, slope
-from analysis.theories import Wave, trajectory
+from analysis.measure.norms import relative_error, slope
+from analysis.theory.choice import Wave, trajectory
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import decay_rate

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import lattice
 from analysis import second_harmonic as sh
-from analysis.norms import relative_error
+from analysis.measure.norms import relative_error
+from analysis.theory import lattice
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.installation import lmp_command
 

@@ -6,12 +6,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from analysis import lattice, laws
 from analysis import second_harmonic as sh
-from analysis.frequency_shift import frequency_shift, shifted_second_order
-from analysis.hierarchy import hierarchy, hierarchy_orders
-from analysis.norms import relative_error
-from analysis.resonance import three_mode
+from analysis.measure.norms import relative_error
+from analysis.theory import lattice, laws
+from analysis.theory.frequency_shift import frequency_shift, shifted_second_order
+from analysis.theory.hierarchy import hierarchy, hierarchy_orders
+from analysis.theory.resonance import three_mode
 
 NU = 0.17
 ETA = 0.02  # Δ0/2R: large enough for every term in it to be seen

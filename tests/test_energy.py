@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from analysis import directions, energy, lattice
 from analysis import second_harmonic as sh
+from analysis.theory import directions, energy, lattice
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis import frequency_shift as fs
-from analysis import lattice, resonance
 from analysis import second_harmonic as sh
+from analysis.theory import frequency_shift as fs
+from analysis.theory import lattice, resonance
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis import hierarchy, lattice
 from analysis import second_harmonic as sh
-from analysis.norms import relative_error, slope
+from analysis.measure.norms import relative_error, slope
+from analysis.theory import hierarchy, lattice
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.integrator import dop853
+from analysis.theory.integrator import dop853
 
 TAU = np.linspace(0, 60, 121)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, solve_ivp
 
-from analysis import directions, lattice
 from analysis import second_harmonic as sh
+from analysis.theory import directions, lattice
 
 NU = 0.17
 SILICA = sh.ratios(NU)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import lattice, laws
 from analysis import second_harmonic as sh
-from analysis.norms import relative_error, slope
+from analysis.figures import laws as laws_figure
+from analysis.measure.norms import relative_error, slope
+from analysis.theory import lattice, laws
 from granular_lmp.lammps.installation import lmp_command
 
 NU = 0.17
@@ -125,7 +126,7 @@ def test_the_scan_of_signs_finds_an_antiresonance():
 
 
 def test_the_form_of_the_potential_law_is_definite():
-    # The proof of analysis.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
+    # The proof of analysis.figures.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
     kappa = np.array([sh.ratios(nu).kappa for nu in NUS])
     discriminant = (8 * kappa / np.sqrt(3)) ** 2 - 16 * kappa * (kappa + 1)
     assert discriminant == pytest.approx(16 * kappa * (kappa / 3 - 1), rel=1e-13)
@@ -146,7 +147,7 @@ RATIOS = [
 
 @pytest.mark.parametrize(("law", "xi", "ratio"), RATIOS)
 def test_the_law_decides_p_and_hardly_changes_q(law, xi, ratio):
-    p, q, phi = laws.ratio_to_secant(xi, law)
+    p, q, phi = laws_figure.ratio_to_secant(xi, law)
     assert p == pytest.approx(ratio, rel=3e-4)  # four digits
     assert (q, phi) == pytest.approx((1, 1), abs=0.02)
 
@@ -162,7 +163,7 @@ def test_the_ratio_at_small_amplitude_is_the_closed_form(law, ratio):
 def test_lattice_amplitude_measures_the_generated_amplitude(law):
     mode = sh.mode("TR", 0.802, SILICA)
     expected = abs(laws.generated_amplitude(mode, NU, law))
-    assert laws.lattice_amplitude(mode, NU, law) == pytest.approx(expected, rel=10 * laws.SMALL**2)
+    assert laws_figure.lattice_amplitude(mode, NU, law) == pytest.approx(expected, rel=10 * laws_figure.SMALL**2)
 
 
 @cache
@@ -176,7 +177,7 @@ def lammps(style, folder, xi, timestep=0.05, phase=0.0):
         command += ["-var", name, str(value)]
     subprocess.run(command, cwd=folder, check=True, timeout=60)
     tau, *displacements = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1).T
-    assert tau == pytest.approx(laws.TAU, abs=1e-9)
+    assert tau == pytest.approx(laws_figure.TAU, abs=1e-9)
     return np.stack(displacements)
 
 
@@ -191,7 +192,7 @@ LAMMPS_LAWS = [("mindlin", "secant"), ("mindlin/force", "incremental")]
 def with_geometry(law, xi):
     return np.stack(
         lattice.torus(
-            sh.mode("TR", xi, sh.ratios(NU, overlap_ratio=ETA)), 0.2, laws.TAU, NU, law=law, overlap_ratio=ETA
+            sh.mode("TR", xi, sh.ratios(NU, overlap_ratio=ETA)), 0.2, laws_figure.TAU, NU, law=law, overlap_ratio=ETA
         )
     )
 
@@ -219,7 +220,7 @@ def test_lammps_mindlin_force_is_of_first_order_in_the_time_step(folder, style, 
 
 
 def test_one_lammps_style_is_not_the_other_law(folder):
-    exact = lattice.torus(sh.mode("TR", 0.802, SILICA), 0.2, laws.TAU, NU, law="secant")
+    exact = lattice.torus(sh.mode("TR", 0.802, SILICA), 0.2, laws_figure.TAU, NU, law="secant")
     assert relative_error(lammps("mindlin/force", folder, 0.802)[0], exact[0]) > 0.5
 
 
@@ -227,8 +228,8 @@ def test_lammps_mindlin_force_remembers_its_start(folder):
     p = lammps("mindlin/force", folder, 0.802, phase=0.6)[0]
     mode, own = sh.mode("TR", 0.802, SILICA), replace(laws.shear_law_ratios(NU, "incremental"), memory=0.0)
     # The time step of 0.05 leaves 0.5 %, and a=0.2 beyond second order less.
-    assert relative_error(p, laws.second_harmonic(mode, NU, "incremental", 0.2, laws.TAU, phase=0.6)) < 0.02
-    assert relative_error(p, sh.second_harmonic(mode, own, 0.2, laws.TAU, phase=0.6)) > 0.1
+    assert relative_error(p, laws.second_harmonic(mode, NU, "incremental", 0.2, laws_figure.TAU, phase=0.6)) < 0.02
+    assert relative_error(p, sh.second_harmonic(mode, own, 0.2, laws_figure.TAU, phase=0.6)) > 0.1
 
 
 def test_geometry_of_lammps_makes_the_ratio_next_to_the_antiresonance_215():
@@ -258,7 +259,7 @@ def test_rescaling_styles_are_other_laws(folder, style, xi, p_ratio, q_ratio):
 @pytest.mark.parametrize(("style", "least", "left"), [("mindlin_rescale", 0.8, 0.86), ("mindlin/force", 0.99, 1.0)])
 def test_mindlin_rescale_damps_the_wave_and_mindlin_force_does_not(folder, style, least, left):
     ours, secant = (lammps(kind, folder, 2.127)[1] for kind in (style, "mindlin"))
-    late = laws.TAU >= 100
+    late = laws_figure.TAU >= 100
     last = np.linalg.norm(ours[late]) / np.linalg.norm(secant[late])
     assert least < last < 1 + 1e-2
     assert last == pytest.approx(left, abs=5e-3)
@@ -280,12 +281,12 @@ def test_slip_with_a_history_has_no_potential():
 
 
 def test_the_figure_is_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(laws, "CIRCLES", (0.802,))
-    laws.main(["-o", str(tmp_path / "laws.svg")])
+    monkeypatch.setattr(laws_figure, "CIRCLES", (0.802,))
+    laws_figure.main(["-o", str(tmp_path / "laws.svg")])
     assert "antiresonance" in (tmp_path / "laws.svg").read_text()
 
 
 def test_a_poisson_ratio_out_of_range_ends_with_status_2():
     with pytest.raises(SystemExit) as error:
-        laws.main(["--poisson-ratio", "0.6"])
+        laws_figure.main(["--poisson-ratio", "0.6"])
     assert error.value.code == 2

@@ -6,7 +6,8 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from analysis import directions, second_harmonic
+from analysis import second_harmonic
+from analysis.theory import directions
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import lattice_constant, square_cell, unit_lattice
 from granular_lmp.crystal.modes import (

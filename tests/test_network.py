@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.special import beta
 
-from analysis import lattice
 from analysis import second_harmonic as sh
-from analysis.network import Material, Network, contacts, forces, searched_again, start
-from analysis.network_ledger import energy, momentum
-from analysis.network_motion import integrate, scales
-from analysis.norms import slope
+from analysis.measure.norms import slope
+from analysis.theory import lattice
+from analysis.theory.network import Material, Network, contacts, forces, searched_again, start
+from analysis.theory.network_ledger import energy, momentum
+from analysis.theory.network_motion import integrate, scales
 from granular_lmp.crystal.sphere import Sphere
 
 PAPER = Sphere(radius=500e-9, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)

@@ -10,8 +10,8 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from analysis.network import Material, Network, forces, start
-from analysis.network_motion import integrate
+from analysis.theory.network import Material, Network, forces, start
+from analysis.theory.network_motion import integrate
 from granular_lmp.lammps.installation import lammps_module
 
 SILICA = Material(73e3, 0.17, 63.0)

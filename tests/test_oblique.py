@@ -6,7 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis import directions, effects, oblique, quasilinear, spectrum
+from analysis.figures import effects, spectrum
+from analysis.figures import oblique as oblique_figure
+from analysis.measure import oblique
+from analysis.theory import directions, quasilinear
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 
@@ -58,7 +61,7 @@ def test_the_components_are_those_along_and_across_the_wave() -> None:
 
 def test_along_y_theory_is_the_closed_form() -> None:
     from analysis.second_harmonic import mode, ratios, second_harmonic
-    from analysis.theories import Physics
+    from analysis.theory.choice import Physics
 
     tau = np.linspace(0, 60, 40)
     constants = ratios(0.17, overlap_ratio=2.5e-4)
@@ -102,18 +105,18 @@ def test_the_script_prints_a_table_and_draws_a_figure(
 ) -> None:
     assert runs[0].folder is not None
     folder = runs[0].folder.parents[1]
-    assert oblique.main([str(folder), "-o", str(tmp_path / "oblique.png")]) == 0
+    assert oblique_figure.main([str(folder), "-o", str(tmp_path / "oblique.png")]) == 0
     assert "relative error: median" in capsys.readouterr().out
     assert (tmp_path / "oblique.png").stat().st_size > 10_000
     with pytest.raises(SystemExit):
-        oblique.main([str(tmp_path), "-o", str(tmp_path / "none.png")])
+        oblique_figure.main([str(tmp_path), "-o", str(tmp_path / "none.png")])
 
 
 @pytest.mark.parametrize("modes", [("TR",), ("TR", "RT", "L")])
 def test_nothing_in_the_figure_is_clipped(modes: tuple[str, ...], runs: list[Record]) -> None:
     some = [record for record in runs if record.scene.wave.mode in modes]
     made = [replace(each, theory=each.theory * 1.1) for each in oblique.points(some)]  # an error above the usual ones
-    figure = oblique.draw(made, some)
+    figure = oblique_figure.draw(made, some)
     figure.draw_without_rendering()
     for part in (*figure.legends, figure._suptitle):  # type: ignore[attr-defined]
         box = part.get_window_extent()
@@ -131,4 +134,4 @@ def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
     for script in (effects, spectrum):
         with pytest.raises(SystemExit):
             script.main([str(runs[0].folder.parents[1])])
-        assert "analysis.oblique takes it" in capsys.readouterr().err.splitlines()[-1]
+        assert "analysis.figures.oblique takes it" in capsys.readouterr().err.splitlines()[-1]

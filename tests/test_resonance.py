@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis import lattice, resonance
 from analysis import second_harmonic as sh
+from analysis.theory import lattice, resonance
 
 NU = 0.17
 SILICA = sh.ratios(NU)

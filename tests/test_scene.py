@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from analysis.lattice import rows, torus
 from analysis.second_harmonic import mode, ratios
+from analysis.theory.lattice import rows, torus
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.sphere import Sphere

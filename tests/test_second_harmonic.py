@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.damping import decay_rate
-from analysis.frequency_shift import shifted_second_order
-from analysis.resonance import three_mode
+from analysis.theory.damping import decay_rate
+from analysis.theory.frequency_shift import shifted_second_order
+from analysis.theory.resonance import three_mode
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
 

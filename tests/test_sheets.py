@@ -11,10 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from analysis import directions, second_harmonic
-from analysis.norms import slope
-from analysis.quasilinear import Sheet, component, evolve
-from analysis.sheets import Comparison, carrier, compare, draw, fields_of, main, relative
+from analysis import second_harmonic
+from analysis.figures.sheets import draw, main
+from analysis.measure.norms import slope
+from analysis.measure.sheets import Comparison, carrier, compare, fields_of, relative
+from analysis.theory import directions
+from analysis.theory.quasilinear import Sheet, component, evolve
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, hexagonal, lattice_constant
 from granular_lmp.crystal.sphere import Sphere

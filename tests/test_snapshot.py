@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.network import Material, forces
-from analysis.network_motion import integrate
-from analysis.snapshot import read_network
+from analysis.measure.snapshot import read_network
+from analysis.theory.network import Material, forces
+from analysis.theory.network_motion import integrate
 from granular_lmp import Scene, run
 
 SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # of the shipped scenes, in their decks' units nano

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as closed
-from analysis import spectrum
-from analysis.theories import Wave
+from analysis.figures import spectrum as spectrum_figure
+from analysis.measure import spectrum
+from analysis.theory.choice import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.richardson import halved_step
 from tests.stand_in import leave_folder
@@ -196,7 +197,7 @@ def test_the_script_prints_medians_and_locations(
 ) -> None:
     records = [of_theory("TR", k) for k in (*ROWS["resonance"], *ROWS["antiresonance"])] + [of_theory("L", 17)]
     drawn = tmp_path / "figure.png"
-    assert spectrum.main([str(folder(records)), "-o", str(drawn)]) == 0
+    assert spectrum_figure.main([str(folder(records)), "-o", str(drawn)]) == 0
     assert drawn.stat().st_size > 0
     lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line.strip()}
     assert lines["TR"][1] == "18"
@@ -219,13 +220,13 @@ def test_runs_that_have_no_such_amplitude_are_refused(
 ) -> None:
     record = of_theory("TR", 17)
     with pytest.raises(SystemExit):
-        spectrum.main([str(folder([replace(record, scene=record.scene.with_values(changes))]))])
+        spectrum_figure.main([str(folder([replace(record, scene=record.scene.with_values(changes))]))])
     assert said in capsys.readouterr().err
 
 
 def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SystemExit):
-        spectrum.main([str(tmp_path)])
+        spectrum_figure.main([str(tmp_path)])
 
 
 # ---------------------------------------------------------------- LAMMPS

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import lattice, standing
 from analysis import second_harmonic as sh
-from analysis.laws import shear_law_ratios
-from analysis.norms import relative_error
-from analysis.rows import rows_of
+from analysis.figures import standing as standing_figure
+from analysis.measure.norms import relative_error
+from analysis.measure.rows import rows_of
+from analysis.theory import lattice, standing
+from analysis.theory.laws import shear_law_ratios
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -142,7 +143,7 @@ def record(
 @pytest.mark.parametrize("ends", ["fixed", "periodic"])
 def test_a_run_of_the_theory_has_no_error(mode: str, ends: str) -> None:
     run = record(mode=mode, ends=ends)
-    found = standing.compare(run, rows_of(run)).errors()
+    found = standing_figure.compare(run, rows_of(run)).errors()
     assert set(found) == {"p" if mode == "L" else "q", "second harmonic"} | (set() if mode == "L" else {"phi"})
     assert max(found.values()) < 1e-12  # rounding, of a linear wave 1e3 times the second harmonic for L
 
@@ -150,7 +151,7 @@ def test_a_run_of_the_theory_has_no_error(mode: str, ends: str) -> None:
 def test_one_percent_more_second_harmonic_is_one_percent() -> None:
     run = record(lambda p: 1.01 * p)
     # Relative to the run: 0.01/1.01.
-    errors = standing.compare(run, rows_of(run)).errors()
+    errors = standing_figure.compare(run, rows_of(run)).errors()
     assert errors["second harmonic"] == pytest.approx(0.01 / 1.01, rel=1e-6)
 
 
@@ -159,9 +160,9 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
         return np.where(np.abs(np.arange(101) - 50) > 43, 0.0, p)  # less than Airy's front, 7 rows
 
     held = record(silenced, ends="fixed")
-    assert standing.compare(held, rows_of(held)).errors()["second harmonic"] < 1e-12
+    assert standing_figure.compare(held, rows_of(held)).errors()["second harmonic"] < 1e-12
     free = record(silenced)
-    assert standing.compare(free, rows_of(free)).errors()["second harmonic"] > 0.1
+    assert standing_figure.compare(free, rows_of(free)).errors()["second harmonic"] > 0.1
 
 
 @pytest.mark.parametrize(
@@ -176,9 +177,9 @@ def test_rows_that_the_walls_have_reached_are_left_out() -> None:
     ],
 )
 def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: run)
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: run)
     with pytest.raises(SystemExit, match=message) as refusal:
-        standing.main(["run"])
+        standing_figure.main(["run"])
     assert "\n" not in str(refusal.value)
 
 
@@ -186,7 +187,7 @@ def test_the_script_refuses_in_one_line(run: Any, message: str, monkeypatch: pyt
 def test_the_script_prints_errors_and_writes_a_figure(
     mode: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("analysis.rows.load", lambda _: record(mode=mode, ends="fixed"))
-    assert standing.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
+    monkeypatch.setattr("analysis.measure.rows.load", lambda _: record(mode=mode, ends="fixed"))
+    assert standing_figure.main(["run", "-o", str(tmp_path / "figure.png")]) == 0
     assert (tmp_path / "figure.png").stat().st_size > 10_000
     assert "second harmonic" in capsys.readouterr().out

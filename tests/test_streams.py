@@ -11,20 +11,20 @@ from pathlib import Path
 
 import pytest
 
-from analysis.plotting import start
+from analysis.figures.plotting import start
 from granular_lmp.runs.launch import FEWEST_FILES
 
 SCRIPTS = (
-    "accuracy",
+    "figures.accuracy",
     "compare",
-    "dispersion",
-    "driven",
-    "effects",
-    "figure3",
-    "oblique",
-    "sheets",
-    "spectrum",
-    "standing",
+    "figures.dispersion",
+    "figures.driven",
+    "figures.effects",
+    "figures.figure3",
+    "figures.oblique",
+    "figures.sheets",
+    "figures.spectrum",
+    "figures.standing",
 )
 GRANULAR = f"{sys.executable} -m granular_lmp"
 

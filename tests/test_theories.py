@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis import compare, directions, figure3, theories
-from analysis.hierarchy import hierarchy_orders
-from analysis.theories import (
+from analysis import compare
+from analysis.figures import figure3
+from analysis.measure import signals
+from analysis.theory import choice, directions
+from analysis.theory.choice import (
     THEORIES,
     Physics,
     TheoryError,
@@ -24,6 +26,7 @@ from analysis.theories import (
     physics_of,
     trajectory,
 )
+from analysis.theory.hierarchy import hierarchy_orders
 from granular_lmp import Record
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
@@ -40,7 +43,7 @@ def with_physics(monkeypatch: pytest.MonkeyPatch) -> With:
     """The paper's wave, run with some of its physics changed, here and in `compare`."""
 
     def make(**changes: object) -> Wave:
-        monkeypatch.setattr(theories, "physics_of", lambda record: replace(USUAL, **changes))
+        monkeypatch.setattr(choice, "physics_of", lambda record: replace(USUAL, **changes))
         return Wave.of(PLAIN)
 
     return make
@@ -52,7 +55,7 @@ def record_of(theory: str, wave: Wave) -> Record:
 
 
 def worst(record: Record, theory: str, wave: Wave) -> float:
-    return max(error or 0.0 for error in compare.errors(record, trajectory(theory, wave, TAU)).values())
+    return max(error or 0.0 for error in signals.errors(record, trajectory(theory, wave, TAU)).values())
 
 
 # What a scene may call for: who holds it, who is best
@@ -177,14 +180,14 @@ def test_rounding_of_silent_components_does_not_choose_the_theory(
     physics = with_physics().physics
     wave = Wave(linear_mode("L", PAPER.wavenumber, physics), physics.ratios, 0.2, 0.0, physics)
     clean = last_orders(wave, TAU)
-    monkeypatch.setattr(theories, "hierarchy_orders", with_noise(size))
+    monkeypatch.setattr(choice, "hierarchy_orders", with_noise(size))
     assert last_orders(wave, TAU) == pytest.approx(clean, rel=1e-9)
     assert best(wave, TAU) == "hierarchy"
 
 
 def test_a_component_that_is_small_but_not_silent_counts(with_physics: With, monkeypatch: pytest.MonkeyPatch) -> None:
     wave = with_physics()
-    monkeypatch.setattr(theories, "hierarchy_orders", with_noise(1e-6))
+    monkeypatch.setattr(choice, "hierarchy_orders", with_noise(1e-6))
     clean = last_orders(wave, TAU)
     still = Wave(linear_mode("L", PAPER.wavenumber, wave.physics), wave.ratios, 0.2, 0.0, wave.physics)
     assert clean < 0.02 < last_orders(still, TAU)  # orders that are all alike have not converged
@@ -259,12 +262,12 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
 
 
 NO_PLANE_RUNNING_WAVE = [
-    ({"form": "standing"}, "analysis.standing"),
-    ({"form": "standing", "direction": 17.0}, "analysis.sheets"),
-    ({"form": "standing", "finite": True}, "analysis.sheets"),
-    ({"form": "driven"}, "analysis.driven"),
+    ({"form": "standing"}, "analysis.figures.standing"),
+    ({"form": "standing", "direction": 17.0}, "analysis.figures.sheets"),
+    ({"form": "standing", "finite": True}, "analysis.figures.sheets"),
+    ({"form": "driven"}, "analysis.figures.driven"),
     ({"form": "driven", "finite": True}, None),
-    ({"finite": True}, "analysis.sheets"),
+    ({"finite": True}, "analysis.figures.sheets"),
     ({"finite": True, "ends": "fixed"}, None),
     ({"finite": True, "viscosity": 1e-3}, None),
 ]

@@ -1,6 +1,6 @@
 """A tolerance is met, the estimate is honest, and what nothing can meet is refused.
 
-The grid runs on `analysis.timestep.stepped`, which is LAMMPS without LAMMPS, as a test here checks; the
+The grid runs on `analysis.theory.timestep.stepped`, which is LAMMPS without LAMMPS, as a test here checks; the
 runs of LAMMPS after it go the whole way.
 """
 
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import timestep
-from analysis.norms import relative_error
-from analysis.timestep import Wave, extrapolated, limit, stepped
+from analysis.measure.norms import relative_error
+from analysis.theory import timestep
+from analysis.theory.timestep import Wave, extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy.ladder import (
     COARSEST,

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import catalogue, compare, driven, sheets, standing
-from analysis.norms import relative_error
-from analysis.rows import load_form
-from analysis.theories import physics_of
+from analysis import compare
+from analysis.figures import driven, standing
+from analysis.measure import sheets
+from analysis.measure.norms import relative_error
+from analysis.measure.rows import load_form
+from analysis.theory import catalogue
+from analysis.theory.choice import physics_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.errors import RunInterrupted
@@ -246,10 +249,10 @@ def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path)
     (note,) = (note for note in compare.notes(record) if "compared" in note)
     script = catalogue.script_for(physics_of(record).traits)
     assert script is None or script in note
-    if script == "analysis.sheets":
+    if script == "analysis.figures.sheets":
         sheets.refuse(record)
     elif script:
-        load_form(tmp_path / "run", script.removeprefix("analysis."))
+        load_form(tmp_path / "run", script.removeprefix("analysis.figures."))
     else:
         assert record.scene.wave.form == "driven"
         assert record.scene.envelope.finite

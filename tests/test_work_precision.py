@@ -10,9 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis import accuracy, compare
-from analysis.accuracy import FORMULA, LAMMPS, LATTICE, TOLERANCE, Setting, Study, cheapest, front, models, recommended
-from analysis.theories import Wave, trajectory
+from analysis.figures import accuracy
+from analysis.figures.accuracy import (
+    FORMULA,
+    LAMMPS,
+    LATTICE,
+    TOLERANCE,
+    Setting,
+    Study,
+    cheapest,
+    front,
+    models,
+    recommended,
+)
+from analysis.measure import signals
+from analysis.theory.choice import Wave, trajectory
 from granular_lmp import Record
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.lammps.outputs import PER_SAMPLE
@@ -192,7 +204,7 @@ def test_the_costs_in_the_readme_are_of_these_runs(wanted: float, tmp_path: Path
         assert {round(scene.time.sample / Fraction(step)) for step in steps.split(" + ")} == taken
     assert work == f"{scene.shape.spheres} × {record.info['steps']}"
     assert all(float(error) <= wanted for error in shown.split(", "))
-    found = compare.errors(record, trajectory("exact-lattice", Wave.of(record), record.tau))
+    found = signals.errors(record, trajectory("exact-lattice", Wave.of(record), record.tau))
     # Two digits are printed, half a unit of the second is at most 5 %
     assert [float(error) for error in shown.split(", ")] == pytest.approx([found["p"], found["q"]], rel=0.05)
 
@@ -207,5 +219,5 @@ def test_the_formulas_in_the_readme_are_as_good_as_it_says() -> None:
     for module, theory in (("second_harmonic", "second-order"), ("resonance", "three-mode")):
         (line,) = [line for line in README.splitlines() if f"`analysis.{module}` |" in line]
         shown = [float(word) for word in re.findall(r"\d\.\de-\d\d", line)]
-        found = compare.errors(record, trajectory(theory, wave, record.tau))
+        found = signals.errors(record, trajectory(theory, wave, record.tau))
         assert shown == pytest.approx(list(found.values()), rel=0.05), module  # two digits

@@ -3,7 +3,7 @@
 All are relative L2 errors over the run, against the infinite lattice with the same contacts. Of the time step one run
 knows the error of phase that velocity Verlet makes of the linear wave, (ΩΔτ)²Ωτ/(24√3), which is the error of the
 signals that a running plane wave along y has by linear theory; of all else it takes more runs to see the error, as a
-tolerance makes them. How far a theory is from the run is no business of the run: `analysis.budget`.
+tolerance makes them. How far a theory is from the run is no business of the run: `analysis.measure.budget`.
 """
 
 from collections.abc import Mapping

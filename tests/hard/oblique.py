@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from analysis import directions, lattice
 from analysis.second_harmonic import ModeName
+from analysis.theory import directions, lattice
 from granular_lmp import Record, Scene, build, run
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited

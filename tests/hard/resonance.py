@@ -7,9 +7,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis import lattice
-from analysis.norms import relative_error
+from analysis.measure.norms import relative_error
 from analysis.second_harmonic import mode
+from analysis.theory import lattice
 from granular_lmp import Scene, run
 from granular_lmp.accuracy.richardson import halved_step, richardson
 from tests.hard.case import Case, Cases, Edits

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis import lattice
+from analysis.theory import lattice
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from granular_lmp.lammps.units import units_for

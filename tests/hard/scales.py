@@ -5,9 +5,9 @@ from math import inf
 
 import numpy as np
 
-from analysis import lattice
 from analysis.second_harmonic import mode as linear_mode
 from analysis.second_harmonic import ratios
+from analysis.theory import lattice
 from granular_lmp import Scene
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from analysis import lattice
 from analysis.second_harmonic import mode
+from analysis.theory import lattice
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.waves import ETA, NU, RATIOS, amplitude, scene

@@ -15,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from analysis import compare, figure3
+from analysis import compare
+from analysis.figures import figure3
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main

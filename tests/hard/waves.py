@@ -5,9 +5,9 @@ from math import pi
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis import lattice
 from analysis.second_harmonic import Mode, ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
+from analysis.theory import lattice
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.cell import Floats

@@ -7,9 +7,9 @@ RT would meet for ν = 2/3.
 
 import numpy as np
 
-from analysis import lattice
 from analysis.second_harmonic import ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
+from analysis.theory import lattice
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running

@@ -1,0 +1,1 @@
+"""Scripts, each `python -m analysis.figures.NAME`: read runs, draw, print a table."""

@@ -1,0 +1,75 @@
+"""What the scripts share: colours that stay apart in grey, how runs are read, and how a figure is written."""
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NoReturn
+
+from matplotlib.figure import Figure
+
+COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
+
+
+def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
+    """A parser with the first line of the script's docstring and the option -o with its default."""
+    result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
+    result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
+    return result
+
+
+def start(main: Callable[[], int | None]) -> NoReturn:
+    """Run a script as a program: bad input is one line and exit status 2, an answer that cannot be written status 1."""
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (a closed stream, for good)
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    status, said = 0, ""
+    try:
+        status = main() or 0
+        sys.stdout.flush()
+    except SystemExit as refusal:
+        status, said = (2, refusal.code) if isinstance(refusal.code, str) else (int(refusal.code or 0), "")
+    except KeyboardInterrupt:
+        status, said = 128 + signal.SIGINT, "interrupted"
+    except BrokenPipeError:  # the reader of the answer, `head` say, has gone
+        pass
+    except OSError as error:  # a full disk behind the standard output, a working directory that was deleted
+        status, said = 1, str(error)
+    with suppress(OSError):
+        print(said, end="\n" * bool(said), file=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # the interpreter would try again at its end, and complain
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(status)
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Write the figure in the format of the file's ending; its folder is made.
+
+    Raises SystemExit with one line for an ending that matplotlib does not write, or a file that cannot be written.
+    """
+    path = Path(path)
+    known = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in known:
+        raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
+    with _writable(path):
+        figure.savefig(path, dpi=150)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file; its folder is made. Raises SystemExit with one line when it cannot be written."""
+    with _writable(path):
+        path.write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def _writable(path: Path) -> Iterator[None]:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise SystemExit(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,128 @@
+"""The error budget: what separates a run from the infinite lattice, the paper's theory from both, and by how much.
+
+All are relative L2 errors over the run. What the run knows of itself, the time step, the walls and rounding, stands in
+its ``run.json``. The rest is measured here, with the exact lattice (`analysis.theory.lattice`), which holds the
+contacts of LAMMPS and is no formula:
+
+- all of it: the run against the exact lattice. It holds the three above, and what a single run cannot know;
+- geometry: the exact lattice with spheres as points of contact, as the paper takes them (Δ0/R → 0), against that of
+  LAMMPS;
+- perturbation order: second order, in LAMMPS's geometry, against the exact lattice.
+
+The last two are no errors of the run but of a theory that is compared with it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from analysis.measure.norms import relative_error
+from analysis.theory.choice import Trajectory, Wave, holding, linear_mode, trajectory
+from granular_lmp.runs.record import Record
+
+COMPONENTS = ("p", "q", "phi")
+Errors = Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source of error.
+
+    Attributes
+    ----------
+    name : str
+    of : "run" or "theory"
+        Of the run against the infinite lattice, or of the paper's theory against the exact lattice.
+    p, q, phi : float or None
+        Relative L2 errors; None where the signal vanishes by symmetry, and where it is not known.
+    to_halve : str
+        How to halve it.
+    dominates : tuple of str
+        The signals of which it is the largest error.
+    """
+
+    name: str
+    of: str
+    p: float | None
+    q: float | None
+    phi: float | None
+    to_halve: str
+    dominates: tuple[str, ...] = ()
+
+
+def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory) -> list[Source]:
+    """Return the sources of error of a run that the exact lattice holds, and of the paper's theory of it.
+
+    Parameters
+    ----------
+    record : Record
+    wave : Wave
+    measured : mapping
+        Relative errors of p, q, φ of the run against the exact lattice; None where the signal vanishes by symmetry.
+    exact : p, q, φ of the exact lattice at the times of the record
+
+    Returns
+    -------
+    list of Source
+        Without the lines of the run itself where ``run.json`` has none, and of second order where that leaves out what
+        the contacts do.
+    """
+    known = [
+        Source(line["name"], "run", line["p"], line["q"], line["phi"], line["to_halve"])
+        for line in record.info.get("error_budget", [])
+    ]
+    found = {("run", "all of it, measured"): (dict(measured), "what is largest above")}
+    if wave.physics.overlap_ratio:
+        found["theory", "geometry"] = (
+            _distance(trajectory("exact-lattice", points_of_contact(wave), record.tau), exact, measured),
+            "sphere.radius x 2.83, or a theory with overlap_ratio",
+        )
+    if "second-order" in holding(wave.physics):
+        found["theory", "perturbation order"] = (
+            _distance(trajectory("second-order", wave, record.tau), exact, measured),
+            "wave.amplitude x 0.71, or a theory of higher order",
+        )
+    table = known + [
+        Source(name, of, values.get("p"), values.get("q"), values.get("phi"), to_halve)
+        for (of, name), (values, to_halve) in found.items()
+    ]
+    largest = {name: max((getattr(line, name) or 0.0 for line in table), default=0.0) for name in COMPONENTS}
+    return [
+        replace(
+            line,
+            dominates=tuple(
+                name for name in COMPONENTS if getattr(line, name) and getattr(line, name) == largest[name]
+            ),
+        )
+        for line in table
+    ]
+
+
+def points_of_contact(wave: Wave) -> Wave:
+    """Return the wave of the same name in the paper's geometry, Δ0/R → 0."""
+    physics = replace(wave.physics, overlap_ratio=0.0)
+    mode = linear_mode(wave.mode.name, wave.mode.wavenumber, physics)
+    return replace(wave, mode=mode, ratios=physics.ratios, physics=physics)
+
+
+def _distance(theory: Trajectory, exact: Trajectory, measured: Errors) -> dict[str, float | None]:
+    """Return the relative errors of a theory in the signals that the lattice has."""
+    return {
+        name: relative_error(values, reference)
+        for name, values, reference in zip(COMPONENTS, theory, exact, strict=True)
+        if measured.get(name) is not None
+    }
+
+
+def budget_lines(name: str, budget: list[Source]) -> list[str]:
+    """Return the budget of a run as text, * at the largest of p, q and phi; nothing for an empty one."""
+    if not budget:
+        return []
+    text = ["", f"error budget of {name:27}{'p':>10}{'q':>10}{'phi':>10}   to halve it"]
+    for source in budget:
+        values = {name: getattr(source, name) for name in COMPONENTS}
+        cells = "".join(
+            f"{'-' if value is None else format(value, '.1e'):>9}" + ("*" if name in source.dominates else " ")
+            for name, value in values.items()
+        )
+        text.append(f"  of the {source.of:8}{source.name:27}{cells}   {source.to_halve}")
+    return text

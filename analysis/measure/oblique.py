@@ -1,0 +1,129 @@
+"""The second harmonic of plane waves of any direction, read off snapshots, beside the general formula.
+
+The displacements of all spheres are projected on twice the wave vector of the run, which leaves nothing of the
+fundamental:
+
+    X(τ) = (2/N) Σ u(r, τ) e^{−2ik·r}        of the field Re[X e^{2ik·r}]
+
+Theory is `directions.doubled_wave`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y and x) only
+the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import isclose
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.measure.norms import relative_error
+from analysis.measure.sheets import fields_of, rest_of
+from analysis.theory import directions
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import Physics, physics_of
+from analysis.theory.quasilinear import component, in_frame
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+
+
+Complexes = NDArray[np.complex128]
+
+
+SILENT = 1e-3  # of the largest component: less is zero by symmetry
+
+
+@dataclass(frozen=True)
+class Point:
+    """One wave: X(τ) of the run and of theory, (T, 3) complex, components p, q, φ, in D0."""
+
+    mode: str
+    wavenumber: float
+    direction: float
+    tau: Floats
+    run: Complexes
+    theory: Complexes
+
+    @property
+    def error(self) -> float:
+        """Relative L2 error of all components together."""
+        return relative_error(_reals(self.run), _reals(self.theory))
+
+    @property
+    def strength(self) -> Floats:
+        """Root mean square over the run of |X| of p, q, φ in the run, (3,)."""
+        return strength(self.run)
+
+
+def _reals(wave: Complexes) -> Floats:
+    """Real and imaginary parts of (T, 3), (T, 3, 2)."""
+    return np.stack([wave.real, wave.imag], axis=-1)
+
+
+def strength(wave: Complexes) -> Floats:
+    """Root mean square over time of the magnitudes of (T, 3)."""
+    return np.sqrt(np.mean(np.abs(wave) ** 2, axis=0))
+
+
+def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
+    """Times (T,) and X(τ) (T, 3) of p, q, φ of a run, from its snapshots.
+
+    Raises ValueError where 2k and −2k are one wave vector of the lattice: X is then not told from its conjugate.
+    """
+    particles, scene = record.particles(), record.scene
+    k = directions.wavevector_of(scene.wavenumber, scene.direction)
+    rest = rest_of(particles)
+    rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]
+    if np.allclose(np.exp(4j * rest @ k), 1, atol=1e-6):
+        raise ValueError("2k is half a wave vector of the reciprocal lattice: its wave has no direction")
+    return particles.tau, in_frame(component(fields_of(particles), rest, 2 * k), k)
+
+
+def predicted(
+    mode: str, wavenumber: float, direction: float, amplitude: float, tau: Floats, physics: Physics, phase: float = 0.0
+) -> Complexes:
+    """X(τ) (T, 3) of p, q, φ by theory."""
+    k, contacts = directions.wavevector_of(wavenumber, direction), physics.springs
+    branch = int(directions.branch_index(mode, k, physics.poisson_ratio, **contacts))
+    wave = directions.doubled_wave(
+        k, branch, amplitude, tau, poisson_ratio=physics.poisson_ratio, phase=phase, **contacts
+    )
+    return in_frame(wave, k)
+
+
+def refusal(record: Record) -> str | None:
+    """Why a run is not one of these, or None."""
+    left_out = missing("analysis.figures.oblique", physics_of(record).traits)
+    return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
+
+
+def points(records: Iterable[Record]) -> list[Point]:
+    """One point a wave, of two runs with steps h and h/2 the extrapolation (4·fine − coarse)/3.
+
+    Raises ValueError for a run that is none of these (`refusal`), and for other runs of one wave.
+    """
+    waves: dict[tuple[str, float, float, float, float], list[Record]] = {}
+    for record in records:
+        if reason := refusal(record):
+            raise ValueError(f"{record.folder}: {reason}")
+        scene = record.scene
+        wave = scene.wave
+        key = (wave.mode, scene.wavenumber, scene.direction, wave.amplitude, wave.phase)
+        waves.setdefault(key, []).append(record)
+    return sorted((_point(runs) for runs in waves.values()), key=lambda each: (each.mode, each.direction))
+
+
+def _point(runs: list[Record]) -> Point:
+    scene = runs[0].scene
+    mode, wavenumber, direction = scene.wave.mode, scene.wavenumber, scene.direction
+    runs = sorted(runs, key=lambda record: record.scene.time.step)
+    (tau, wave), *coarse = (second_harmonic(record) for record in runs)
+    steps = [record.scene.time.step for record in runs]
+    if len(runs) > 2 or (coarse and not (isclose(steps[1], 2 * steps[0]) and len(coarse[0][0]) == len(tau))):
+        raise ValueError(f"{mode} at {direction:.5g} degrees: {len(runs)} runs that are no pair of steps h and h/2")
+    for _, rougher in coarse:
+        wave = (4 * wave - rougher) / 3
+    theory = predicted(
+        mode, wavenumber, direction, scene.wave.amplitude, tau, physics_of(runs[0]), phase=scene.wave.phase
+    )
+    return Point(mode, wavenumber, direction, tau, wave, theory)

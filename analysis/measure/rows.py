@@ -1,0 +1,64 @@
+"""Runs along y whose rows move as one, read row by row from their snapshots: standing waves and driven rows."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.measure.runs import load
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import physics_of
+from granular_lmp.runs.record import GranularError, Record
+
+Floats = NDArray[np.float64]
+
+AIRY = 3.5  # widths d^{1/3}, after d rows, ahead of a front at which the lattice moves by 1e-6 of the wave
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Displacements of whole rows of a run, (T, rows) each, in D0: every row's mean over its spheres."""
+
+    tau: Floats
+    p: Floats
+    q: Floats
+    phi: Floats
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return self.p.shape[1]
+
+
+def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
+    """A run whose wave, along y, has the form, and the motion of its rows.
+
+    Raises SystemExit with one line for another form, a run without snapshots, and physics that the theory of the form
+    does not hold.
+    """
+    record = load(folder)
+    found = record.scene.wave.form
+    if found != form:
+        raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
+    left_out = missing(f"analysis.figures.{form}", physics_of(record).traits)
+    if left_out:
+        raise SystemExit(f"{folder}: the theory leaves out {', '.join(left_out)}, which this run has")
+    try:
+        return record, rows_of(record)
+    except GranularError as error:
+        raise SystemExit(str(error)) from error
+
+
+def rows_of(record: Record) -> Rows:
+    """The snapshots of a run, row by row; GranularError where there are none."""
+    particles, shape = record.particles(), record.scene.shape
+    moved = particles.stack("displacement").reshape(-1, shape.rows, shape.columns, 2).mean(axis=2)
+    turned = particles.stack("rotation").reshape(-1, shape.rows, shape.columns).mean(axis=2)
+    return Rows(particles.tau, moved[..., 1], -moved[..., 0], turned)
+
+
+def echo(distance: ArrayLike) -> Floats:
+    """τ after which a signal that has run so many rows is heard to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
+    rows = np.asarray(distance, dtype=float)
+    return 2 * np.maximum(rows - AIRY * np.cbrt(rows), 0)

@@ -1,0 +1,110 @@
+"""Any wave on a periodic sheet to second order, against the snapshots of a run: beams, packets, standing waves.
+
+The run holds snapshots of all spheres (``output.particles``). The first is taken as the initial field, all of it first
+order, and `analysis.theory.quasilinear` predicts the later ones, y = y1 + a y2, in LAMMPS's contact geometry and with
+the time step of the run: the second order of a run is seen in its difference to y1, next to which the phase error of
+velocity Verlet is not small.
+
+run − y1 holds the third order too, whose part at the fundamental is a drift of its phase, a²τ; hence the split by wave
+number, around multiples of the strongest wave vector k. A field without one (noise) is predicted all the same.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import physics_of
+from analysis.theory.directions import Floats
+from analysis.theory.quasilinear import Sheet, evolve
+from granular_lmp.runs.record import Record
+
+RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
+
+
+def rest_of(particles: Any) -> Floats:
+    """Positions (N, 2) at rest of the spheres of a run, in lattice constants."""
+    sphere = particles.scene.sphere
+    return particles.rest * sphere.radius / sphere.lattice_constant
+
+
+def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
+    """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
+    return np.concatenate([particles.stack(moved), particles.stack(turned)[..., None]], axis=-1)
+
+
+def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
+    """The wave vector (2,) of the strongest wave in an initial field, in the first zone, upwards (ky > 0)."""
+    power = sum(np.sum(np.abs(sheet.shares(part)) ** 2, axis=-1) for part in (field, rate))
+    images = _images(sheet.wavevectors[np.unravel_index(np.argmax(power), power.shape)])
+    found = np.round(images[np.argmin(np.round(np.linalg.norm(images, axis=1), 9))], 12)  # a zero may be 1e-17
+    return (found if (found[1], found[0]) >= (0, 0) else -found) + 0.0  # no −0
+
+
+def _images(wavevectors: Floats) -> Floats:
+    """Wave vectors (..., 9, 2) that differ from these (..., 2) by a reciprocal lattice vector, with the shortest."""
+    apart = wavevectors @ np.linalg.inv(RECIPROCAL)
+    around = np.indices((3, 3)).reshape(2, -1).T - 1
+    return ((apart - np.round(apart))[..., None, :] + around) @ RECIPROCAL
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Snapshots of a run and the theory of them, fields (T, N, 3) of (u, v, Rθ) in D0; second is a y2."""
+
+    sheet: Sheet
+    amplitude: float
+    wavevector: Floats
+    tau: Floats
+    run: Floats
+    linear: Floats
+    second: Floats
+
+    @property
+    def beyond(self) -> Floats:
+        """What of the run is not linear, run − y1: its second order, and all higher ones."""
+        return self.run - self.linear
+
+    def around(self, field: Floats, *multiples: int) -> Floats:
+        """The part of a field at wave vectors nearer to ±mk, with m of the multiples, than with another m of 0 to 3."""
+        centres = [[m * self.wavevector, -m * self.wavevector] for m in range(4)]
+        images = _images(self.sheet.wavevectors[None, None] - np.array(centres)[:, :, None, None])
+        nearest = np.argmin(np.round(np.linalg.norm(images, axis=-1).min(axis=(1, -1)), 9), axis=0)
+        return self.sheet.field(self.sheet.shares(field) * np.isin(nearest, multiples)[..., None])
+
+
+def compare(record: Record) -> Comparison:
+    """Predict the snapshots of a run from the first.
+
+    Raises ValueError for a run that the theory does not hold (`refuse`), or whose snapshots do not tell all of the
+    field; `GranularError` where there are none.
+    """
+    refuse(record)
+    particles = record.particles()
+    sphere, shape = record.scene.sphere, record.scene.shape
+    if len(particles.tau) < 2:
+        raise ValueError(f"{len(particles.tau)} snapshots; the theory starts from the first and predicts the others")
+    fields, rates = fields_of(particles), fields_of(particles, "velocity", "spin")
+    if np.isnan(fields[..., 2]).any():
+        raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
+    sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
+    if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
+        raise ValueError("the spheres at rest are not where this theory has them, row by row")
+    # Of a run to a tolerance the snapshots are of the finest step, which their own scene says
+    linear, second = evolve(sheet, fields[0], rates[0], particles.tau, timestep=particles.scene.time.step)
+    amplitude, wavevector = record.scene.wave.amplitude, carrier(sheet, fields[0], rates[0])
+    return Comparison(sheet, amplitude, wavevector, particles.tau, fields, linear, amplitude * second)
+
+
+def refuse(record: Record) -> None:
+    """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
+    left_out = missing("analysis.figures.sheets", physics_of(record).traits)
+    if left_out:
+        raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
+
+
+def relative(estimate: Floats, reference: Floats, axis: tuple[int, ...] | None = None) -> Floats:
+    """‖estimate − reference‖/‖reference‖ over the axes, nan where the reference is zero."""
+    off, norm = (np.sqrt(np.sum(part**2, axis=axis)) for part in (estimate - reference, reference))
+    return np.divide(off, norm, out=np.full_like(norm, np.nan), where=norm > 0)

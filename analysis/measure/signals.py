@@ -1,0 +1,65 @@
+"""The signals p, q, φ of one sphere of a run: their errors, and the second harmonic that is in them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.measure.norms import relative_error
+from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
+from analysis.theory.choice import ALONG_Y, Wave, drive_cancels, holding
+from granular_lmp.runs.record import Record
+
+COMPONENTS = ("p", "q", "phi")
+# A component that theory says is zero is compared with nothing: rounding over rounding.
+SILENT = 1e-9
+
+
+def predicted_amplitude(wave: Wave) -> float | None:
+    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form.
+
+    None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
+    harmonic is three waves, in p, q and φ, not one amplitude.
+    """
+    if "second-order" not in holding(wave.physics) or wave.physics.direction != ALONG_Y:
+        return None
+    return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
+
+
+def errors(
+    record: Record, reference: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+) -> dict[str, float | None]:
+    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent.
+
+    An angle that was not tracked has no error.
+    """
+    return {
+        name: relative_error(getattr(record, name), values) if np.max(np.abs(values)) > SILENT else None
+        for name, values in zip(COMPONENTS, reference, strict=True)
+        if not np.isnan(getattr(record, name)).all()
+    }
+
+
+def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
+    """Amplitude of the generated second harmonic in a run, in D0, and the standard error of the fit.
+
+    Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
+    second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
+    proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
+    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; and where there is
+    no closed form for it.
+    """
+    predicted = predicted_amplitude(wave)
+    if predicted is None:
+        return None, None
+    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
+    if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
+        return None, None
+    columns = [shape]
+    if wave.mode.p:
+        angle = wave.mode.frequency * record.tau
+        columns += [np.cos(angle), np.sin(angle)]
+    matrix = np.column_stack(columns)
+    solution, *_ = np.linalg.lstsq(matrix, record.p)
+    residual = record.p - matrix @ solution
+    variance = residual @ residual / max(len(record.tau) - len(columns), 1)
+    spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
+    return float(solution[0] * predicted), float(spread * predicted)

@@ -1,0 +1,81 @@
+"""The catalogue of theories: what each holds, by name. What a theory does not name here it does not hold.
+
+A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
+scene that is not known here and is not at its default (`analysis.theory.choice.Physics.traits`). A theory holds a run
+if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every script.
+
+To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
+"""
+
+from collections.abc import Iterable
+
+OBLIQUE = "another direction than y"
+ENVELOPE = "an envelope"
+COMPRESSED = "packing.contact_force"
+SLIDING = "effects.sliding"
+OPENING = "effects.contact_opening"  # of contacts that do part
+NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
+DAMPING = "effects.damping"
+
+
+def said(key: str, value: str) -> str:
+    """Return the trait of a key of the scene that holds one of some words."""
+    return f"{key} = '{value}'"
+
+
+RUNNING, STANDING, DRIVEN = (said("wave.form", form) for form in ("running", "standing", "driven"))
+SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
+HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
+
+_CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
+_MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
+_SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
+_LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
+_ALONG_Y = _LATTICE | {RUNNING}
+
+# Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
+HOLDS: dict[str, frozenset[str]] = {
+    "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE},
+    "frequency-shift": _ALONG_Y,
+    "three-mode": _ALONG_Y,
+    "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
+    "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
+    "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL},
+    "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
+    "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
+    "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL},
+    "analysis.figures.dispersion": _CONTACTS,
+    "analysis.figures.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
+}
+
+# A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
+LAMMPS_ALONE = frozenset({SLIDING, OPENING})
+KNOWN = LAMMPS_ALONE.union(*HOLDS.values())
+
+# Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
+KEYS = frozenset(
+    f"{section}.{key}"
+    for section, keys in {
+        "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force",
+        "packing": "rows columns ends contact_force",
+        "wave": "mode wavenumber amplitude phase form direction",
+        "envelope": "length width offset ramp",
+        "time": "duration timestep tolerance sample allow_echo",
+        "effects": "adhesion shear rotation tracking sliding damping contact_opening "
+        "rolling twisting shear_law friction viscosity restitution "
+        "rolling_stiffness rolling_viscosity rolling_friction",
+        "output": "particles",
+    }.items()
+    for key in keys.split()
+)
+
+
+def missing(theory: str, traits: Iterable[str]) -> list[str]:
+    """Return the traits that a theory or script does not hold, in alphabetical order."""
+    return sorted(set(traits) - HOLDS[theory])
+
+
+def script_for(traits: Iterable[str]) -> str | None:
+    """Return the script whose theory holds a run, None if there is none."""
+    wanted = frozenset(traits)
+    return next((name for name in HOLDS if name.startswith("analysis.") and not missing(name, wanted)), None)

@@ -1,0 +1,381 @@
+"""The paper's lattice with its full contact laws, integrated in time: the witness that knows no perturbation theory.
+
+Displacements are in units of Δ0: p along the wave, q along ẑ × k (q = −u for a wave along y), φ = Rθ. A sphere has
+three contacts ahead, in the directions n of 0°, 60° and 120° from a close-packed row, and three behind. With d = ahead
+− here of (p, q), σ = φ₊ + φ, the tangent t = ẑ × n, D X = X_n − X_{n−1} and S X = X_n + X_{n−1} along each bond,
+
+    stretch x = n·d          normal force  N = (2/3)(1 − (1−x)₊^{3/2})     [springN; in units of k1Δ0]
+    slip    s = t·d − σ      shear force   S = κ s (1−x)₊^{1/2}            [springS]
+
+    (p, q)'' = C Σ_bonds D[n N + t S],    Ĩφ'' = C Σ_bonds S[S],    C = 1/(2(κ+3))
+
+Along y the bonds of 60° and 120° lead to the next row, with n = (√3, ∓1)/2, and that of 0° stays within the row: these
+are equ, eqv, eqphi of the paper. The paper prints √(3/2) for the factor √3/2 and v6 − v6 for v6 − v0 in δ_6,S.
+
+Three departures can be asked for. `incremental`: the shear force grows with the slip, dS = κ(1−x)₊^{1/2} ds, and does
+not follow later changes of the overlap (LAMMPS mindlin/force). `potential`: the shear energy ½κs²(1−x)₊^{1/2} also acts
+on the normal force, N → N − ¼κs²(1−x)^{−1/2} while the contact is closed, which makes the lattice conservative.
+`overlap_ratio` η = Δ0/2R > 0: contacts have their true direction and length, as in LAMMPS. Slip is then no function of
+the configuration (so it has no `potential`) and is integrated as a state,
+
+    ds/dτ = (tangent of now)·(relative velocity) − (φ'₊ + φ'),     torque = S·[1 − η(1−x)₊]     (lever arm R − δ/2)
+
+Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
+
+And the physics a scene calls for (`Effects`). `prestress`: adhesion holds the lattice at 0, compression at 1; the
+contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn (η > 0). `shear`,
+`rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'². `viscosity` c (in
+m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear, one along its
+tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
+`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
+
+Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
+is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypedDict, Unpack, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.second_harmonic import SOLID_SPHERE, Mode
+from analysis.theory.damping import restitution_viscosity
+from analysis.theory.integrator import dop853
+from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
+
+Floats = NDArray[np.float64]
+Law = Literal["secant", "incremental", "potential"]
+
+
+class Effects(TypedDict, total=False):
+    """Arguments of `contact` beyond ν, which every function that integrates a wave takes and hands on."""
+
+    law: Law
+    overlap_ratio: float
+    inertia: float
+    prestress: float
+    shear: bool
+    rotation: bool
+    viscosity: float
+    restitution: float | None
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What rules a contact, by the terms of this module: made and checked by `contact`.
+
+    kappa is the spheres' own κ, which sets the unit of τ; a contact without shear has none of its force. viscosity is
+    that at rest, in m/t0; hertzian says whether it varies as (1−x)^{1/4}.
+    """
+
+    kappa: float
+    inertia: float
+    law: Law
+    overlap_ratio: float
+    prestress: float
+    shear: bool
+    rotation: bool
+    viscosity: float
+    hertzian: bool
+
+    @property
+    def shear_stiffness(self) -> float:
+        """κ of the contacts at rest; 0 without shear."""
+        return self.kappa if self.shear else 0.0
+
+    @property
+    def incremental(self) -> bool:
+        """Whether the shear force itself is the state, not the slip."""
+        return self.law == "incremental"
+
+    @property
+    def has_history(self) -> bool:
+        """Whether the shear of a contact is a state of its own rather than a function of the displacements."""
+        return self.shear and (self.incremental or self.overlap_ratio > 0)
+
+
+def contact(
+    poisson_ratio: float,
+    *,
+    law: Law = "secant",
+    overlap_ratio: float = 0.0,
+    inertia: float = SOLID_SPHERE,
+    prestress: float = 0.0,
+    shear: bool = True,
+    rotation: bool = True,
+    viscosity: float = 0.0,
+    restitution: float | None = None,
+) -> Contact:
+    """Hertz–Mindlin contact, κ = 2(1−ν)/(2−ν), with the physics named at the top of this module.
+
+    Raises ValueError for a law, ν, η, inertia, prestress, viscosity or restitution that is none, and for laws that do
+    not go together: `potential` with η > 0, `restitution` with `viscosity` or with adhesion (LAMMPS refuses it too).
+    """
+    if law not in get_args(Law):
+        raise ValueError(f"law = {law!r} is none of {get_args(Law)}")
+    if not -1.0 <= poisson_ratio <= 0.5:
+        raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
+    if not 0.0 <= overlap_ratio <= 0.1:
+        raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
+    if law == "potential" and overlap_ratio > 0:
+        raise ValueError(f"law = 'potential' needs overlap_ratio = 0, not {overlap_ratio}: slip has a history")
+    if not 0.0 < inertia < np.inf:
+        raise ValueError(f"inertia = {inertia} must be positive and finite")
+    if not 0.0 <= prestress <= 1.0:
+        raise ValueError(f"prestress = {prestress} is outside [0, 1]")
+    if not 0.0 <= viscosity < np.inf:
+        raise ValueError(f"viscosity = {viscosity} must be finite and not negative")
+    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    if restitution is not None:
+        if viscosity:
+            raise ValueError(f"restitution = {restitution} and viscosity = {viscosity}: a contact has one dashpot")
+        if prestress != 1:
+            raise ValueError(f"restitution = {restitution} needs prestress = 1, not {prestress}: it knows no adhesion")
+        viscosity = restitution_viscosity(restitution, kappa)
+    return Contact(
+        kappa, inertia, law, overlap_ratio, prestress, shear, rotation, viscosity, hertzian=restitution is not None
+    )
+
+
+def stretch_and_normal(
+    dp: Floats, dq: Floats, normal: tuple[Floats, Floats], overlap_ratio: float
+) -> tuple[Floats, Floats, Floats]:
+    """Elongation x of contacts with the directions `normal` at rest, and the (p, q) components of their normals.
+
+    dp, dq (…, 3, K) are the displacements of their far ends less those of the near ones. With η > 0 the vector between
+    centres is r = ℓ n0 + (dp, dq), ℓ = 1/η − 1, and x = |r| − ℓ.
+    """
+    along = normal[0] * dp + normal[1] * dq
+    if overlap_ratio == 0:
+        return along, *normal
+    length = 1 / overlap_ratio - 1
+    # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
+    excess = 2 * length * along + dp**2 + dq**2
+    distance = np.sqrt(length**2 + excess)
+    return excess / (distance + length), (length * normal[0] + dp) / distance, (length * normal[1] + dq) / distance
+
+
+def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
+    """Time derivative of the state: the equations of motion at the top of this module.
+
+    Parameters
+    ----------
+    state : (6, K): p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (9, K) for a contact with history, whose last
+        three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
+    contact : the contact's constants.
+    neighbours : the contacts' directions and far ends.
+    """
+    dashpot = 2 * (contact.kappa + 3) * contact.viscosity
+    # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
+    here = state[: 6 if contact.has_history or contact.viscosity else 3]
+    apart = neighbours.ahead(here)
+    sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
+    apart -= here
+    x, n_p, n_q = stretch_and_normal(apart[:, 0], apart[:, 1], neighbours.normal, contact.overlap_ratio)
+    overlap = np.maximum(1 - x, 0)
+    root = np.sqrt(overlap)
+    normal = (1 - contact.prestress - overlap * root) / 1.5
+
+    rate = np.empty_like(state)
+    stiffness = contact.shear_stiffness * root
+    if here.shape[0] == 6:
+        slip_rate = n_p * apart[:, 4] - n_q * apart[:, 3] - sums[:, 1]
+    if contact.has_history:
+        rate[6:] = stiffness * slip_rate if contact.incremental else slip_rate
+        shear = state[6:] if contact.incremental else stiffness * state[6:]
+    else:
+        slip = n_p * apart[:, 1] - n_q * apart[:, 0] - sums[:, 0]
+        shear = stiffness * slip
+        if contact.law == "potential":
+            normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
+    if contact.viscosity:
+        closed = np.sqrt(root) if contact.hertzian else overlap.real > 0
+        normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
+        if contact.shear:
+            shear = shear + dashpot * closed * slip_rate
+
+    force = np.empty_like(apart[:, :3])
+    force[:, 0] = n_p * normal - n_q * shear
+    force[:, 1] = n_q * normal + n_p * shear
+    force[:, 2] = shear * (1 - contact.overlap_ratio * overlap) if contact.overlap_ratio else shear
+    onward, behind = force.sum(axis=0), neighbours.behind(force)
+    rate[:3] = state[3:6]
+    rate[3:5] = onward[:2] - behind[:2]
+    rate[5] = (onward[2] + behind[2]) / contact.inertia if contact.rotation else 0.0
+    rate[3:6] /= 2 * (contact.kappa + 3)
+    return rate
+
+
+def initial_state(
+    mode: Mode, amplitude: float | Floats, phases: Floats, contact: Contact, neighbours: Neighbours
+) -> Floats:
+    """State of a mode of amplitude D0/Δ0 at τ=0, ϑ = phases (K,) [ICqTR, ICrTR, IC], with the shear of the contacts."""
+    cos, sin = np.cos(phases), np.sin(phases)
+    omega = mode.frequency
+    moving = np.stack(
+        [mode.p * cos, mode.q * cos, -mode.f * sin, mode.p * omega * sin, mode.q * omega * sin, mode.f * omega * cos]
+    )
+    return with_shear(amplitude * moving, contact, neighbours)
+
+
+def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
+    """The state (6, K), with the rows of the contacts' shear appended where the contact has a history."""
+    if not contact.has_history:
+        return moving
+    x, start = stretch_and_slip(moving[:3], contact.overlap_ratio, neighbours)
+    if contact.incremental:
+        start *= contact.shear_stiffness * np.sqrt(np.maximum(1 - x, 0))
+    return np.concatenate([moving, start])
+
+
+def stretch_and_slip(places: Floats, overlap_ratio: float, neighbours: Neighbours) -> tuple[Floats, Floats]:
+    """Elongation x and tangential displacement (3, K) of the contacts ahead, from p, q, φ (3, K)."""
+    ahead = neighbours.ahead(places)
+    dp, dq = ahead[:, 0] - places[0], ahead[:, 1] - places[1]
+    x, n_p, n_q = stretch_and_normal(dp, dq, neighbours.normal, overlap_ratio)
+    return x, n_p * dq - n_q * dp - (ahead[:, 2] + places[2])
+
+
+REACH = 5.0  # see `longest_step`
+
+
+def longest_step(contact: Contact) -> float:
+    """Return the longest step of τ over which DOP853 lets no free motion of the lattice grow, whatever its wavenumber.
+
+        h = REACH/λ,   λ = β/2 + √(Ω² + β²/4),   Ω² = max(3(1+κ), 6κ/Ĩ)/(κ+3),   β = c max(12, 12/Ĩ)
+
+    λ bounds every rate of the linear lattice. Ω² bounds its squared frequencies (that of RT at ξ=0 is 6κ/Ĩ(κ+3) at
+    η=0), since x² ≤ 2(n·u₊)² + 2(n·u)² and s² ≤ 2(t·u₊ − φ₊)² + 2(t·u + φ)² in the energy of a contact, and the three
+    bonds have Σ n n = 3/2; β bounds the dashpots in the same way. Prestress and η only lower them.
+
+    Where |λh| < 5.96 in the left half-plane, DOP853 damps e^{λτ} or keeps it. REACH is less, since contacts under
+    pressure are stiffer: up to twice the overlap at rest, (5.96/REACH)⁴, is within it. Without such a bound the error
+    control lets a long L wave take steps of 17 τ, which make φ out of rounding.
+    """
+    kappa = contact.shear_stiffness
+    squared, damping = 3 * (1 + kappa), 12.0 if contact.shear else 6.0
+    if contact.rotation and contact.shear:
+        squared = max(squared, 6 * kappa / contact.inertia)
+        damping = max(damping, 12 / contact.inertia)
+    half = damping * contact.viscosity / 2
+    return REACH / float(half + np.sqrt(squared / (contact.kappa + 3) + half**2))
+
+
+def integrate(
+    derivative: Callable[[Floats], Floats],
+    start: Floats,
+    tau: ArrayLike,
+    rtol: float,
+    scale: float,
+    longest: float,
+) -> Floats:
+    """States (T, …) of y' = derivative(y) from y(0) = start at the times tau, by DOP853 with errors of rtol·scale.
+
+    longest is the largest step that is taken, `longest_step` of the lattice.
+
+    Raises ValueError unless tau is one-dimensional, ascending and not negative, RuntimeError if the integration fails.
+    """
+    tau = np.asarray(tau, dtype=float)
+    if tau.ndim != 1 or tau.size == 0 or tau[0] < 0 or np.any(np.diff(tau) <= 0):
+        raise ValueError("tau must be one-dimensional, not empty, not negative and ascending")
+    return dop853(derivative, start, tau, rtol, rtol * scale, longest)
+
+
+def motion(
+    start: Floats, contact: Contact, neighbours: Neighbours, tau: ArrayLike, rtol: float, scale: float
+) -> Floats:
+    """Return the states (T, …) of the free lattice, from `start` on, at the times tau: `integrate` of `rhs`."""
+    return integrate(lambda state: rhs(state, contact, neighbours), start, tau, rtol, scale, longest_step(contact))
+
+
+def torus_trajectory(
+    mode: Mode,
+    amplitude: float,
+    tau: ArrayLike,
+    poisson_ratio: float,
+    *,
+    points: int = 31,
+    rtol: float = 1e-11,
+    **effects: Unpack[Effects],
+) -> Floats:
+    """P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
+
+    A wave p(r, τ) = P(k·r + phase, τ) with P 2π-periodic in its first argument obeys the equations of the lattice with
+    "neighbour at d" = a shift of that argument by k·d. One period of K points thus holds every sphere and every phase
+    at once: no boundaries, in any direction, and k need not be commensurate.
+
+    Parameters
+    ----------
+    mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects, or of
+        `analysis.theory.directions.mode` in any direction.
+    amplitude : a = D0/Δ0.
+    tau : (T,) ascending times.
+    poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.
+    points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
+    rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
+
+    Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
+    """
+    laws = contact(poisson_ratio, **effects)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
+    start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
+    return motion(start, laws, neighbours, tau, rtol, amplitude)[:, :3] / amplitude
+
+
+def torus(
+    mode: Mode,
+    amplitude: float,
+    tau: ArrayLike,
+    poisson_ratio: float,
+    *,
+    row: float = 0,
+    phase: float = 0.0,
+    points: int = 31,
+    rtol: float = 1e-11,
+    **effects: Unpack[Effects],
+) -> tuple[Floats, Floats, Floats]:
+    """Displacements p, q, φ (T,) of one sphere in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`.
+
+    row is the place along k in row spacings (√3/2 lattice constants): along y the number of the row.
+    """
+    trajectory = torus_trajectory(mode, amplitude, tau, poisson_ratio, points=points, rtol=rtol, **effects)
+    weights = periodic_kernel(mode.wavenumber * row + phase - torus_phases(points), points)
+    p, q, phi = (trajectory @ weights).T
+    return p, q, phi
+
+
+def rows(
+    mode: Mode,
+    amplitude: float,
+    tau: ArrayLike,
+    poisson_ratio: float,
+    *,
+    rows: int = 201,
+    phase: float = 0.0,
+    rtol: float = 1e-11,
+) -> tuple[Floats, Floats, Floats]:
+    """Displacements p, q, φ (T,) of the centre row, (rows−1)//2 counted from 0, in units of D0: the paper's set-up.
+
+    The first and last row are held at zero, so they are one and the same row of a ring of rows−1.
+
+    Breaks when the walls are heard: the fastest wave, long L, covers half a row per τ. In 201 rows the centre departs
+    from the infinite lattice by 1e-7 at τ=175 and by order 1 of the walls' signal at τ=200.
+    """
+    if rows < 5:
+        raise ValueError(f"rows = {rows} must be at least 5")
+    laws, neighbours = contact(poisson_ratio), ring_neighbours()
+    centre = (rows - 1) // 2
+    phases = mode.wavenumber * np.arange(-centre, rows - 1 - centre, dtype=np.float64) + phase
+    start = initial_state(mode, amplitude, phases, laws, neighbours)
+    start[:, 0] = 0.0
+
+    def held(state: Floats) -> Floats:
+        rate = rhs(state, laws, neighbours)
+        rate[:, 0] = 0.0
+        return rate
+
+    states = integrate(held, start, tau, rtol, amplitude, longest_step(laws))
+    p, q, phi = states[:, :3, centre].T / amplitude
+    return p, q, phi

@@ -1,0 +1,355 @@
+"""Any packing of spheres in the plane with LAMMPS's contact laws: the witness for imperfect crystals.
+
+Sphere i has the place r_i, angle θ_i, velocity v_i, spin ω_i, mass m_i = (4/3)πR_i³ρ_i and moment of inertia
+(2/5)m_iR_i². Two spheres i and j at the distance |r_j − r_i| < R_i + R_j touch, with the overlap
+δ = R_i + R_j − |r_j − r_i|, the normal n from i to j and the tangent t = ẑ × n of this very moment, and
+
+    repulsion      P = A δ^{3/2} − F            A = (4/3) E* √Rc,   F = 2π w Rc,   Rc = R_iR_j/(R_i + R_j)
+    shear force    S = B s δ^{1/2}              B = 8 G* √Rc                              [law = "secant"]
+    slip           ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),       s = 0 where the contact closes
+    force on i     S t − P n, the opposite on j;  torques (R_i − δ/2) S on i and (R_j − δ/2) S on j
+
+These are the laws of LAMMPS's `pair_style granular` with `dmt` (`hertz/material` for w = 0) and `mindlin`, in the limit
+of a short time step. The slip is a number, so it turns with its contact. With law = "incremental" the force itself is
+the state, dS/dt = B δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a contact that slides
+keeps the slip of its limit.
+
+Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
+LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
+stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
+about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
+
+Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
+places at rest, so that no digits are lost in large crystals. `analysis.theory.network_motion` integrates it, and
+`analysis.theory.network_ledger` keeps the books of energy and momentum.
+
+Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
+spheres that are near and do not touch is left out, as in LAMMPS.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+Law = Literal["secant", "incremental"]
+ShearMixing = Literal["mindlin", "lammps"]
+
+# Pairs are candidates up to this gap, in radii of the smallest sphere. A wave moves spheres far less, so that the
+# candidates are searched once; and second neighbours of a crystal are farther, so that none is computed in vain.
+MARGIN = 0.2
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants and adhesion of a kind of spheres: E, ν, and w between two of the kind (0: Hertz contacts)."""
+
+    youngs_modulus: float
+    poisson_ratio: float
+    work_of_adhesion: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.youngs_modulus < np.inf:
+            raise ValueError(f"youngs_modulus = {self.youngs_modulus} must be positive and finite")
+        if not -1 < self.poisson_ratio <= 0.5:
+            raise ValueError(f"poisson_ratio = {self.poisson_ratio} is outside (-1, 0.5]")
+        if not 0 <= self.work_of_adhesion < np.inf:
+            raise ValueError(f"work_of_adhesion = {self.work_of_adhesion} must be finite and not negative")
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """N spheres at rest and the laws of their contacts, in any consistent units.
+
+    Parameters
+    ----------
+    position : (N, 2) places at rest, which displacements are counted from. They need not be in equilibrium.
+    radius, density : (N,).
+    materials : the kinds of spheres.
+    kind : (N,) index into `materials` of each sphere; None if there is one kind.
+    held : (N,) whether a sphere feels no force: it keeps the velocity and spin it starts with. None holds none.
+    cell : periods in x and y, inf where the network ends. A period must exceed twice the `reach`, so that no two
+        spheres touch twice: three columns of equal spheres do, two do not.
+    law : of the shear force.
+    friction : μ; inf for contacts that never slide.
+    shear_mixing : rule for G* of two kinds.
+    """
+
+    position: Floats
+    radius: Floats
+    density: Floats
+    materials: tuple[Material, ...]
+    kind: Integers | None = None
+    held: NDArray[np.bool_] | None = None
+    cell: tuple[float, float] = (np.inf, np.inf)
+    law: Law = "secant"
+    friction: float = np.inf
+    shear_mixing: ShearMixing = "mindlin"
+
+    def __post_init__(self) -> None:
+        for name in ("position", "radius", "density"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        count = len(self.position)
+        if self.position.shape != (count, 2) or count == 0 or not np.all(np.isfinite(self.position)):
+            raise ValueError(f"position must be finite and of shape (N, 2), not {self.position.shape}")
+        for name in ("radius", "density"):
+            values = getattr(self, name)
+            if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
+                raise ValueError(f"{name} must be positive, finite and of shape ({count},)")
+        for name in ("kind", "held"):
+            if getattr(self, name) is not None and np.shape(getattr(self, name)) != (count,):
+                raise ValueError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
+        if not np.all((self.kinds >= 0) & (self.kinds < len(self.materials))):
+            raise ValueError(f"kind must be from 0 to {len(self.materials) - 1}, an index into materials")
+        for name, allowed in (("law", get_args(Law)), ("shear_mixing", get_args(ShearMixing))):
+            if getattr(self, name) not in allowed:
+                raise ValueError(f"{name} = {getattr(self, name)!r} is none of {allowed}")
+        if not self.friction >= 0:
+            raise ValueError(f"friction = {self.friction} must not be negative; inf is without sliding")
+        if len(self.cell) != 2 or not min(self.cell) > 2 * self.reach:
+            raise ValueError(f"cell = {self.cell} must be two periods of more than {2 * self.reach}, or inf")
+
+    @cached_property
+    def kinds(self) -> Integers:
+        """Return the index of each sphere's material, (N,)."""
+        return np.zeros(len(self.position), dtype=np.intp) if self.kind is None else np.asarray(self.kind, np.intp)
+
+    @cached_property
+    def mass(self) -> Floats:
+        """Return the masses (4/3)πR³ρ, (N,)."""
+        return 4 / 3 * np.pi * self.radius**3 * self.density
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """Return the moments of inertia (2/5)mR², (N,)."""
+        return 0.4 * self.mass * self.radius**2
+
+    @cached_property
+    def mobility(self) -> Floats:
+        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
+        free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
+        return np.stack([free / self.mass, free / self.mass, free / self.inertia])
+
+    @property
+    def margin(self) -> float:
+        """Return the gap up to which a pair is a candidate for a contact."""
+        return MARGIN * float(np.min(self.radius))
+
+    @property
+    def reach(self) -> float:
+        """Return the largest distance between the centres of a candidate pair."""
+        return 2 * float(np.max(self.radius)) + self.margin
+
+    def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:
+        """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
+        modulus, ratio, adhesion = np.array(
+            [(one.youngs_modulus, one.poisson_ratio, one.work_of_adhesion) for one in self.materials]
+        ).T
+        i, j = self.kinds[first], self.kinds[second]
+        stretching, shearing = (1 - ratio**2) / modulus, 2 * (2 - ratio) * (1 + ratio) / modulus
+        young, shear = 1 / (stretching[i] + stretching[j]), 1 / (shearing[i] + shearing[j])
+        if self.shear_mixing == "lammps":
+            mean = np.sqrt(ratio[i] * ratio[j])
+            shear = np.where(i == j, shear, young / (4 * (2 - mean) * (1 + mean)))
+        radius = self.radius[first] * self.radius[second] / (self.radius[first] + self.radius[second])
+        root = np.sqrt(radius)
+        return 4 / 3 * young * root, 8 * shear * root, 2 * np.pi * np.sqrt(adhesion[i] * adhesion[j]) * radius
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """M pairs of spheres that touch or may do so before the next search.
+
+    Attributes
+    ----------
+    first, second : (M,) indices of the spheres.
+    apart : (2, M) from first to second at rest, to the image of second that is near; its length (M,).
+    overlap : (M,) at rest, negative for a gap.
+    radii : (2, M) of first and second.
+    A, B, F : (M,) coefficients of the contacts.
+    place : (2, N) displacements at which the search was made.
+    """
+
+    first: Integers
+    second: Integers
+    apart: Floats
+    length: Floats
+    overlap: Floats
+    radii: Floats
+    A: Floats
+    B: Floats
+    F: Floats
+    place: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Motion of a network at one moment.
+
+    Attributes
+    ----------
+    motion : (6, N): displacement x, y, rotation θ, velocity x, y, spin ω.
+    pairs : the candidates for contacts.
+    shear : (M,) slip of the pairs, or their shear force under the incremental law; 0 where open.
+    """
+
+    motion: Floats
+    pairs: Pairs
+    shear: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
+
+    Attributes
+    ----------
+    overlap : (M,) δ, 0 where open.
+    normal : (2, M).
+    stiffness : (M,) k = B δ^{1/2}.
+    repulsion, shear : (M,) P and S.
+    apart : (6, M) motion of the second sphere less that of the first.
+    slip_rate : (M,) ds/dt.
+    """
+
+    overlap: Floats
+    normal: Floats
+    stiffness: Floats
+    repulsion: Floats
+    shear: Floats
+    apart: Floats
+    slip_rate: Floats
+
+
+def search(network: Network, displacement: Floats) -> Pairs:
+    """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
+    period = np.array(network.cell)
+    periodic = np.isfinite(period)
+    place = network.position + displacement.T
+    box = np.where(periodic, period, 0.0)
+    wrapped = np.where(periodic, np.mod(place, np.where(periodic, period, 1.0)), place)
+    wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
+    found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
+    first, second = found[np.lexsort((found[:, 1], found[:, 0]))].T.astype(np.intp)
+
+    apart = network.position[second] - network.position[first]
+    now = apart + (displacement.T[second] - displacement.T[first])
+    apart = apart - np.where(periodic, box * np.round(now / np.where(periodic, period, 1.0)), 0.0)
+    radii = np.stack([network.radius[first], network.radius[second]])
+    now = apart + (displacement.T[second] - displacement.T[first])
+    near = np.hypot(*now.T) < radii.sum(axis=0) + network.margin
+    first, second, apart, radii = first[near], second[near], apart[near].T, radii[:, near]
+    length = np.hypot(*apart)
+    A, B, F = network.coefficients(first, second)
+    return Pairs(
+        first, second, np.ascontiguousarray(apart), length, radii.sum(axis=0) - length, radii, A, B, F, displacement
+    )
+
+
+def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> Contacts:
+    """Return overlaps, forces and slip rates of the pairs, from the motion (6, N) and `memory`: `State.shear`."""
+    here, there = motion.take(pairs.first, axis=1), motion.take(pairs.second, axis=1)
+    apart = there - here
+    turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
+    now = pairs.apart + apart[:2]
+    distance = np.sqrt(now[0] ** 2 + now[1] ** 2)
+    # The distance less the one at rest, written so that no digits cancel
+    stretch = ((pairs.apart[0] + now[0]) * apart[0] + (pairs.apart[1] + now[1]) * apart[1]) / (distance + pairs.length)
+    overlap = np.maximum(pairs.overlap - stretch, 0.0)
+    normal = now / distance
+    root = np.sqrt(overlap)
+    stiffness = pairs.B * root
+    elastic = pairs.A * overlap * root
+    closed = overlap > 0
+    shear = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
+    if np.isfinite(network.friction):
+        limit = network.friction * (elastic + pairs.F)
+        shear = np.clip(shear, -limit, limit)
+    slip_rate = normal[0] * apart[4] - normal[1] * apart[3] - turning
+    return Contacts(overlap, normal, stiffness, elastic - pairs.F * closed, shear, apart, slip_rate * closed)
+
+
+def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
+    """Return forces in x and y and torques on the spheres, (3, N)."""
+    force_x = -now.normal[0] * now.repulsion - now.normal[1] * now.shear
+    force_y = -now.normal[1] * now.repulsion + now.normal[0] * now.shear
+    levers = (pairs.radii - now.overlap / 2) * now.shear
+
+    def summed(on_first: Floats, on_second: Floats) -> Floats:
+        on_both = np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)
+        return np.asarray(on_both, dtype=np.float64)
+
+    return np.stack([summed(force_x, -force_x), summed(force_y, -force_y), summed(levers[0], levers[1])])
+
+
+def start(
+    network: Network,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    rotation: ArrayLike = 0.0,
+    spin: ArrayLike = 0.0,
+) -> State:
+    """Return the state after one straight way without forces from rest, where no contact is sheared.
+
+    That is how a LAMMPS deck is to start: LAMMPS knows no shear from positions, so one step of `nve/noforce` takes the
+    spheres from rest to where they start. The slip is the whole way along the tangent of the step's end, less the
+    rotations.
+
+    Parameters
+    ----------
+    displacement, velocity : (N, 2), or broadcast to it.
+    rotation, spin : (N,), or broadcast to it; angles in rad.
+    """
+    count = len(network.position)
+    motion = np.empty((6, count))
+    for rows, values in ((slice(0, 2), displacement), (slice(3, 5), velocity)):
+        motion[rows] = np.broadcast_to(np.asarray(values, float), (count, 2)).T
+    for row, values in ((2, rotation), (5, spin)):
+        motion[row] = np.broadcast_to(np.asarray(values, float), (count,))
+    if not np.all(np.isfinite(motion)):
+        raise ValueError("displacement, velocity, rotation and spin must be finite")
+    pairs = search(network, motion[:2])
+    way = np.concatenate([motion[:3], motion[:3]])  # the way in one unit of time, as a velocity
+    arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)))
+    sheared = arrived.stiffness * arrived.slip_rate if network.law == "incremental" else arrived.slip_rate
+    return settled(network, State(motion, pairs, sheared))
+
+
+def slip(now: Contacts) -> Floats:
+    """Return S/k, 0 where open: the slip, within the limit of friction."""
+    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
+
+
+def settled(network: Network, state: State) -> State:
+    """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
+    now = contacts(network, state.motion, state.pairs, state.shear)
+    if network.law == "incremental":
+        return replace(state, shear=now.shear)
+    sliding = now.shear != now.stiffness * state.shear
+    return replace(state, shear=np.where(now.overlap > 0, np.where(sliding, slip(now), state.shear), 0.0))
+
+
+def searched_again(network: Network, state: State) -> State:
+    """Return the state with its candidate pairs searched again; contacts keep their shear."""
+    pairs = search(network, state.motion[:2])
+    count = len(network.position)
+    _, old, new = np.intersect1d(
+        state.pairs.first * count + state.pairs.second,
+        pairs.first * count + pairs.second,
+        assume_unique=True,
+        return_indices=True,
+    )
+    shear = np.zeros(len(pairs.first))
+    shear[new] = state.shear[old]
+    return replace(state, pairs=pairs, shear=shear)
+
+
+def forces(network: Network, state: State) -> Floats:
+    """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
+    now = contacts(network, state.motion, state.pairs, state.shear)
+    return resultants(state.pairs, now, len(network.position))

@@ -1,0 +1,204 @@
+"""Springs of a contact to second order in the displacements, in LAMMPS's geometry, for a plane wave of any direction.
+
+A sphere touches six neighbours, at d_l = n_l (unit: the lattice constant), with tangent t_l = ẑ × n_l. A contact is
+stretched, shifted sideways and sheared by
+
+    δN = n·(u_l − u_0),    δT = t·(u_l − u_0),    δS = δT − (φ_l + φ_0),    φ = Rθ.
+
+Three things follow from η = Δ0/2R > 0, all through h = η/(1−η) (in Δ0, the contact has the length 1/h):
+
+* normals turn, n → n + hδT t, and a sideways shift lengthens the contact, x = δN + ½hδT²;
+* the slip s is the integral of (tangent of now)·(relative velocity) − (φ'_l + φ'_0), so s' = δS' − hδT δN';
+* the lever arm is R − δ/2, so the torque is (1−η)(1 + hx) times the shear force.
+
+With N = x − ¼x² − F0 and S = κs(1−x)^{1/2} (forces in k1Δ0, displacements in Δ0), χ = hF0, and F0 = (2/3)·prestress
+of compression that adhesion does not balance, the components along n, along t, and the torque are
+
+    first order    δN,    κδS − χδT,    (1−η) κδS
+    second order   A_N = −¼δN² + ½h(1+χ)δT² − hκδTδS
+                   A_T = S₂ + h(1+χ)δTδN
+                   A_M = S₂ + hκδNδS                                              (the torque, over 1−η)
+
+S₂ is the shear force's own second order. In a plane mode δT, δS and δN of a contact are in phase, so ∫δT dδN is
+½δTδN and a constant, which the start of the wave decides (LAMMPS loads the springs in one step, along the tangents of
+the displaced lattice, s = δS − hδTδN). With subscript 0 for the product at τ = 0,
+
+    secant        S₂ = κ[−½δNδS − ½hδTδN − ½h(δTδN)₀]
+    incremental   S₂ = κ[−¼δNδS − ¼(δNδS)₀ − ½hδTδN − ½h(δTδN)₀]              (dS = κ(1−x)^{1/2} ds)
+
+With h = 0 these are the paper's springs, k2 = −¼, g2 = −½κ, at fixed normals. What the start leaves in a contact is a
+static force: the wave drives the lattice at (2k, 2Ω), and its start at (2k, 0).
+
+**Everything is real.** Inversion together with time reversal maps the wave exp i(k·r − Ωτ) on itself, so a mode has
+real (u, v) and an imaginary φ = i f. In the gauge W = (u, v, f) a contact of phase θ = k·d carries δ = i e exp(iθ/2)
+with the real elongations
+
+    e_N = 2 sin(θ/2) n·u,    e_T = 2 sin(θ/2) t·u,    e_S = e_T + e_M,    e_M = −2 cos(θ/2) f.
+
+When it breaks: beyond second order; where contacts open; for sums of modes, whose δT and δN are out of phase.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypedDict, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+SpringLaw = Literal["secant", "incremental"]
+
+SOLID_SPHERE = 0.4  # Ĩ = I/(mR²) of a homogeneous sphere
+
+# One bond of each ± pair: the contact at −d repeats the elongations of the one at d, up to a phase.
+BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
+TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
+
+
+class Contacts(TypedDict, total=False):
+    """Arguments of `springs` beyond ν and Ĩ, which every function of `theory.directions` takes and hands on."""
+
+    law: SpringLaw
+    overlap_ratio: float
+    prestress: float
+    shear: bool
+    rotation: bool
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Constants of a contact, by the terms of this module: made and checked by `springs`.
+
+    kappa is the spheres' own κ, which sets the units; shear is κ too, or 0 where contacts do not resist shear.
+    inertia is Ĩ/(1−η); turns says whether spheres turn; memory is 1 for the incremental law, else 0.
+    """
+
+    kappa: float
+    shear: float
+    h: float
+    chi: float
+    inertia: float
+    turns: bool
+    memory: float
+
+    @property
+    def mass(self) -> Floats:
+        """M = diag(1, 1, Ĩ/(1−η)) as a vector."""
+        return np.array([1.0, 1.0, self.inertia])
+
+    @property
+    def coordinates(self) -> int:
+        """How many of (u, v, f) move."""
+        return 3 if self.turns else 2
+
+
+class Elongations(NamedTuple):
+    """e_N, e_T and e_M of the three bonds: rows on W, (..., bond, 3), or numbers in one mode, (..., bond)."""
+
+    normal: Floats
+    sideways: Floats
+    turning: Floats
+
+    @property
+    def sheared(self) -> Floats:
+        """e_S."""
+        return self.sideways + self.turning
+
+    def of(self, shape: Floats) -> "Elongations":
+        """The elongations in the mode W (..., 3)."""
+        return Elongations(*((rows @ shape[..., None])[..., 0] for rows in self))
+
+
+def stiffness_ratio(poisson_ratio: float) -> float:
+    """Return κ = g1/k1 = 2(1−ν)/(2−ν), shear over normal stiffness of a Hertz–Mindlin contact.
+
+    Raises ValueError unless −1 ≤ ν ≤ 0.5, the range of an isotropic solid.
+    """
+    if not -1.0 <= poisson_ratio <= 0.5:
+        raise ValueError(f"poisson_ratio is {poisson_ratio!r}; allowed: -1 to 0.5")
+    return 2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio)
+
+
+def springs(
+    poisson_ratio: float,
+    inertia: float = SOLID_SPHERE,
+    *,
+    law: SpringLaw = "secant",
+    overlap_ratio: float = 0.0,
+    prestress: float = 0.0,
+    shear: bool = True,
+    rotation: bool = True,
+) -> Springs:
+    """Return the constants of a Hertz–Mindlin contact.
+
+    Parameters
+    ----------
+    poisson_ratio : −1 to 0.5
+    inertia : Ĩ = I/(mR²) > 0
+    law : of the shear force
+    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry
+    prestress : F0/(F0 + adhesive force) in [0, 1]; it does nothing at η = 0
+    shear, rotation : whether contacts resist shear, and whether spheres turn (which they do only if contacts do)
+
+    Raises ValueError for a value outside these ranges.
+    """
+    if not 0.0 < inertia < np.inf:
+        raise ValueError(f"inertia is {inertia!r}; allowed: above 0, finite")
+    if law not in get_args(SpringLaw):
+        raise ValueError(f"law is {law!r}; allowed: {', '.join(get_args(SpringLaw))}")
+    if not 0.0 <= overlap_ratio <= 0.1:
+        raise ValueError(f"overlap_ratio is {overlap_ratio!r}; allowed: 0 to 0.1")
+    if not 0.0 <= prestress <= 1.0:
+        raise ValueError(f"prestress is {prestress!r}; allowed: 0 to 1")
+    kappa, h = stiffness_ratio(poisson_ratio), overlap_ratio / (1.0 - overlap_ratio)
+    return Springs(
+        kappa=kappa,
+        shear=kappa if shear else 0.0,
+        h=h,
+        chi=h * prestress / 1.5,
+        inertia=inertia / (1.0 - overlap_ratio),
+        turns=shear and rotation,
+        memory=1.0 if law == "incremental" else 0.0,
+    )
+
+
+def elongations(wavevector: ArrayLike) -> Elongations:
+    """Return the rows of the three bonds on W = (u, v, f) at wave vectors (..., 2), each (..., bond, 3)."""
+    half = 0.5 * np.asarray(wavevector, dtype=float) @ BONDS.T
+    sine, cosine = 2.0 * np.sin(half)[..., None], 2.0 * np.cos(half)[..., None]
+    zero = np.zeros_like(cosine)
+    turning = np.concatenate([zero, zero, -cosine], axis=-1)
+    return Elongations(
+        np.concatenate([sine * BONDS, zero], axis=-1), np.concatenate([sine * TANGENTS, zero], axis=-1), turning
+    )
+
+
+def stiffness(rows: Elongations, contact: Springs) -> Floats:
+    """Return D = Σ_bonds (e_N e_Nᵀ + κ e_S e_Sᵀ − χ e_T e_Tᵀ)/(2(κ+3)) (..., 3, 3), real, in the gauge (u, v, f)."""
+
+    def outer(e: Floats) -> Floats:
+        return np.swapaxes(e, -1, -2) @ e
+
+    total = outer(rows.normal) + contact.shear * outer(rows.sheared) - contact.chi * outer(rows.sideways)
+    return total / (2.0 * (contact.kappa + 3.0))
+
+
+def quadratic_forces(mode: Elongations, contact: Springs) -> tuple[Elongations, Elongations]:
+    """Return (A_N, A_T, A_M) of the three bonds, each (..., bond): what runs with the wave, and what its start leaves.
+
+    With the elongations e of a mode for δ: fields δ = Re(i e exp(iθ/2 + iϑ)) have −½ Re(A exp(iθ + 2iϑ)) at 2k, with
+    ϑ that of τ = 0 in the second part, and ½A at k = 0.
+    """
+    kappa, h = contact.shear, contact.h
+    e_n, e_t, e_s = mode.normal, mode.sideways, mode.sheared
+    running = -0.5 * kappa * ((1.0 - 0.5 * contact.memory) * e_n * e_s + h * e_t * e_n)
+    left = -0.5 * kappa * (0.5 * contact.memory * e_n * e_s + h * e_t * e_n)
+    normal = -0.25 * e_n**2 + 0.5 * h * (1.0 + contact.chi) * e_t**2 - h * kappa * e_t * e_s
+    return (
+        Elongations(normal, running + h * (1.0 + contact.chi) * e_t * e_n, running + h * kappa * e_n * e_s),
+        Elongations(np.zeros_like(left), left, left),
+    )
+
+
+def drive(rows: Elongations, forces: Elongations) -> Floats:
+    """Return Σ_bonds (e_N A_N + e_T A_T + e_M A_M) (..., 3), rows e at 2k: the force on W = (u, v, f) over −i/2."""
+    return np.sum([force[..., None] * row for row, force in zip(rows, forces, strict=True)], axis=(0, -2))
