@@ -7,8 +7,7 @@ from granular_lmp.scene.scene import Scene
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    shear = scene.effects.shear is not False
-    return Physics(shear, shear and scene.effects.rotation is not False)  # nothing else turns a sphere
+    return scene.effects.physics
 
 
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
