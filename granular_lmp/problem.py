@@ -96,6 +96,8 @@ def prepare(scene: Scene) -> Problem:
     chosen = select(scene)
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
+    if scene.wave.frequency is not None:
+        values["wave.wavenumber"] = scene.wave.wavenumber
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, unit_lattice(resolved.sphere), mode_of(resolved), tuple(chosen))

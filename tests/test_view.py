@@ -11,7 +11,8 @@ import pytest
 from PIL import Image
 
 from granular_lmp import Record, Scene, run
-from granular_lmp.cli import _parser, main
+from granular_lmp.cli import main
+from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, view
 from granular_lmp.plot.signals import signals_to_draw
@@ -152,7 +153,7 @@ def test_what_a_run_cannot_show_is_refused(options: dict[str, Any], message: str
 
 def test_a_sweep_is_a_curve_for_each_value_of_the_shorter_key(swept: Sweep, tmp_path: Path) -> None:
     (axes,) = view.sweep_figure(swept, "largest_q").axes
-    assert axes.get_xlabel() == "wave.wavenumber (xi, rad per row)"
+    assert axes.get_xlabel() == "wave.wavenumber (rad per row, xi)"
     for place, line in enumerate(axes.get_lines()):
         np.testing.assert_array_equal(line.get_xdata(), swept.over["wave.wavenumber"])
         np.testing.assert_array_equal(line.get_ydata(), swept.column("largest_q")[place::2])
@@ -212,7 +213,7 @@ def test_every_command_of_the_gallery_is_one_of_ours() -> None:
     for command in commands:
         name, *arguments = shlex.split(command)
         assert name == "granular-lmp"
-        options = _parser().parse_args(arguments)  # exits where one is wrong
+        options = parsers()[0].parse_args(arguments)  # exits where one is wrong
         if hasattr(options, "scene"):
             Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
 
@@ -240,7 +241,7 @@ def test_the_plot_of_a_record_is_a_picture_that_a_notebook_shows(seen: Path) -> 
 
 def test_the_unit_of_a_swept_key_is_that_of_the_scene_file() -> None:
     assert note("sphere.radius") == "m"
-    assert note("time.sample") == "tau between records"
+    assert note("time.sample") == "tau, between records"
 
 
 def test_without_pandas_the_table_is_refused_in_one_line(

@@ -9,7 +9,7 @@ from dataclasses import MISSING, dataclass
 from typing import Any
 
 from granular_lmp.scene.scene import SECTION_RULES, SECTIONS
-from granular_lmp.scene.schema import Rule, declared_fields, toml
+from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule, declared_fields, toml
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
@@ -25,7 +25,7 @@ class Key:
     section, name : str
     rule : Rule
     default : Any
-        None where the key must be given, and for ``time.tolerance``, which takes the place of a time step.
+        None where the key must be given, and for those that take the place of another, as ``time.tolerance`` does.
     required : bool
     """
 
@@ -46,7 +46,10 @@ def keys() -> Iterator[Key]:
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scene file."""
-    properties: dict[str, Any] = {"name": {"type": "string", "pattern": "^[A-Za-z0-9_-]{1,200}$"}}
+    properties: dict[str, Any] = {
+        "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
+        "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
+    }
     sections: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
     needed: dict[str, list[str]] = {section: [] for section in SECTIONS}
     for key in keys():
@@ -59,7 +62,7 @@ def json_schema() -> dict[str, Any]:
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
             inner["wavevector"] = pair | {"description": _WAVEVECTOR}
             needed["wave"].remove("wavenumber")
-            table["oneOf"] = [{"required": ["wavenumber"]}, {"required": ["wavevector"]}]
+            table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         properties[section] = table | ({"required": needed[section]} if needed[section] else {})
     return {
         "$schema": DIALECT,

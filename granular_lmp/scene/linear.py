@@ -7,10 +7,7 @@ from granular_lmp.scene.scene import Scene
 
 def physics_of(scene: Scene) -> Physics:
     """Return the degrees of freedom of a scene's lattice; those that are still "auto" are there."""
-    shear = scene.effects.shear is not False
-    rotation = shear and scene.effects.rotation is not False  # nothing else turns a sphere
-    rolling = scene.effects.rolling_stiffness if rotation and scene.effects.rolling is not False else 0.0
-    return Physics(shear, rotation, rolling)
+    return scene.effects.physics
 
 
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:

@@ -16,24 +16,25 @@ from typing import Any, Self
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation as checks
+from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.schema import (
     AUTO,
     NOT_TOML,
-    allowed_names,
+    checked_description,
     checked_name,
-    cut,
     default_name,
     file_text,
     first_file,
+    head_lines,
     one_line,
     plain,
     record,
     refuse_unknown,
-    shown,
     toml_lines,
+    unknown_key,
 )
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
@@ -56,7 +57,9 @@ _ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under a
 EXCLUSIVE = {
     "time.tolerance": ("time.timestep",),
     "time.timestep": ("time.tolerance",),
-    "wave.wavevector": ("wave.wavenumber", "wave.direction"),
+    "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
+    "wave.wavenumber": ("wave.frequency",),
+    "wave.frequency": ("wave.wavenumber",),
 }
 FAR = 0.1  # of the wave vector: what snaps farther is another wave
 DEVIATIONS = 10.0  # standard deviations of an envelope for which "auto" has room: what is cut off is below 4e-6
@@ -96,6 +99,7 @@ class Scene:
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
+    description: str = ""  # one line for a list of scenes; it changes nothing of a run
 
     # --- reading and writing ---
 
@@ -128,9 +132,9 @@ class Scene:
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str = "scene") -> Self:
         """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
-        refuse_unknown(tables, ("name", *SECTIONS), "")
+        refuse_unknown(tables, ("name", "description", *SECTIONS), "")
         name = checked_name(tables, default, "the files of the run")
-        tables = _without_wavevector(tables)
+        tables = with_placeholder(without_wavevector(tables))
         records = {
             _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, SECTION_RULES.get(key))
             for key, kind in SECTIONS.items()
@@ -140,18 +144,27 @@ class Scene:
                 f"time.tolerance = {tables['time']['tolerance']!r}: excludes time.timestep = "
                 f"{tables['time']['timestep']!r}; give one of the two"
             )
-        return cls(name=name, **records)
+        wave, material, effects = records["wave"], records["material"], records["effects"]
+        if wave.frequency is not None:
+            sphere = at_rest(material, records["packing"], effects)
+            checks.check_sphere(material, sphere, effects, wave.amplitude)
+            records["wave"] = replace(wave, wavenumber=_wavenumbers(wave, sphere, effects)[0])
+        return cls(name=name, description=checked_description(tables), **records)
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in; of the time step and the tolerance the one that is declared."""
+        """Nested plain values, every default filled in; of two keys that exclude each other the one declared."""
         tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), SECTION_RULES.get(key)) for key in SECTIONS}
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
-        return {"name": self.name} | tables
+        del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
+        return {"name": self.name, "description": self.description} | tables
 
     def departures(self) -> dict[str, Any]:
-        """Return every value that is not its key's default, by dotted key; keys without a default are always there."""
+        """Return every value that is not its key's default, by dotted key; keys without a default are always there.
+
+        The description, which changes nothing of a run, is not.
+        """
         found: dict[str, Any] = {}
-        for section in fields(self):
+        for section in (each for each in fields(self) if each.name != "description"):
             value = getattr(self, section.name)
             if not is_dataclass(value):
                 found |= {section.name: value} if value != _default(section) else {}
@@ -164,7 +177,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
-        lines = [f'name = "{self.name}"']
+        lines = head_lines(self.name, self.description)
         tables = self.to_dict()
         for key, kind in SECTIONS.items():
             lines += ["", f"[{key}]", *toml_lines(kind, tables[key], SECTION_RULES.get(key))]
@@ -176,7 +189,7 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in SECTIONS:
-                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, SECTIONS)}")
+                raise SceneError(unknown_key(table, SECTIONS))
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change put a value in the table's place, which is what is wrong
@@ -198,8 +211,7 @@ class Scene:
     @cached_property
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
-        adhesion = 0.0 if self.effects.adhesion is False else self.material.work_of_adhesion
-        return replace(self.material, work_of_adhesion=adhesion, contact_force=self.packing.contact_force)
+        return at_rest(self.material, self.packing, self.effects)
 
     @cached_property
     def shape(self) -> Shape:
@@ -279,6 +291,8 @@ class Scene:
     def remarks(self) -> list[str]:
         """What was changed to make the scene fit, a sentence each; nothing when it is used as declared."""
         said, shape = [], self.shape
+        if self.wave.frequency is not None:
+            said.append(self._frequency_remark())
         if AUTO in (self.packing.rows, self.packing.columns, self.packing.ends):
             said.append(f"the packing is {shape.rows} rows x {shape.columns} columns, {shape.ends} ends")
         moved = self.vector.per_column - self.wave.vector.per_column, self.vector.per_row - self.wave.vector.per_row
@@ -290,6 +304,12 @@ class Scene:
                 f"{self.time.steps_per_sample} to a sample"
             )
         return said
+
+    def _frequency_remark(self) -> str:
+        others = ", ".join(f"{xi:.6g}" for xi in _wavenumbers(self.wave, self.sphere, self.effects)[1:])
+        return f"wave.frequency {self.wave.frequency!r} Hz is that of wave.wavenumber {self.wave.wavenumber!r}" + (
+            f"; the smallest is taken, {others} has it too" if others else ""
+        )
 
     def _snap_remark(self) -> str:
         vector, rows, columns = self.vector, self.shape.rows, self.shape.columns
@@ -327,38 +347,18 @@ class Scene:
         checks.check_time(self.time, self.output, shape, self.echo_time)
 
 
+def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:
+    """Return the spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+    adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
+    return replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
+
+
+def _wavenumbers(wave: Wave, sphere: Sphere, effects: Effects) -> tuple[float, ...]:
+    """Return where the declared frequency is that of the mode, ascending, rad per row."""
+    assert wave.frequency is not None
+    return wavenumbers_at(wave.frequency, sphere, effects.physics, wave.mode, wave.degrees)
+
+
 def _default(item: Field[Any]) -> Any:
     """Return what a field holds if it is not given; MISSING if it must be given."""
     return item.default if item.default_factory is MISSING else item.default_factory()
-
-
-def _without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
-
-    Raises
-    ------
-    SceneError
-        For one that is none, or stands beside what it replaces.
-    """
-    wave = tables.get("wave")
-    if not isinstance(wave, Mapping) or "wavevector" not in wave:
-        return tables
-    pair, rest = wave["wavevector"], {key: value for key, value in wave.items() if key != "wavevector"}
-    for key in ("wavenumber", "direction"):
-        if key in rest:
-            raise SceneError(f"wave.wavevector = {shown(pair)}: excludes wave.{key} = {shown(rest[key])}; give one")
-    numbers = isinstance(pair, list | tuple) and [
-        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e3 for x in pair
-    ]
-    if numbers != [True, True] or not any(pair):
-        raise SceneError(
-            f"wave.wavevector = {shown(pair)}: must be two numbers [kx, ky], not both 0, rad per lattice constant"
-        )
-    vector = WaveVector(float(pair[0]) + 0.0, ROW_SPACING * float(pair[1]) + 0.0)  # + 0.0: no minus zeros
-    edge = zone_edge(vector.direction) / ROW_SPACING
-    if hypot(*vector.components) > edge * (1 + 1e-12):
-        raise SceneError(
-            f"wave.wavevector = {shown(pair)}: must be in the Brillouin zone, which ends at {edge:.6g} in its "
-            "direction, rad per lattice constant"
-        )
-    return {**tables, "wave": rest | {"wavenumber": vector.wavenumber, "direction": vector.direction}}

@@ -15,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.not_there import not_supported
 
 AUTO = "auto"
 # What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits; and it follows brackets in
 # brackets as deep as Python's stack
 NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
+LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 
@@ -196,11 +198,16 @@ def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
 
+def head_lines(name: str, description: str) -> list[str]:
+    """Return the lines of a scene file before its first table."""
+    return [f"name = {toml(name)}", *([f"description = {toml(description)}"] if description else [])]
+
+
 def toml(value: str | bool | int | float) -> str:
     """A scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
         return f"{Decimal(repr(value)).normalize():e}"
-    return json.dumps(value)
+    return json.dumps(value, ensure_ascii=False)
 
 
 def assignment(text: str) -> tuple[str, Any]:
@@ -240,7 +247,23 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
     """SceneError for the first key that is none of `names`."""
     for key in table:
         if key not in names:
-            raise SceneError(f"{prefix}{cut(key)}: unknown key; {allowed_names(key, names)}")
+            raise SceneError(unknown_key(key, names, prefix))
+
+
+def unknown_key(key: str, names: Iterable[str], prefix: str = "") -> str:
+    """Return what is wrong with a key that is none of `names`: not supported, misspelt, or not one of those allowed."""
+    reason = not_supported(key)
+    return f"{prefix}{cut(key)}: {reason or f'unknown key; {allowed_names(key, names)}'}"
+
+
+def checked_description(tables: Mapping[str, Any]) -> str:
+    """Return ``description`` of what was read, one line for a list of scenes; "" where there is none."""
+    said = tables.get("description", "")
+    if not isinstance(said, str) or not said.isprintable() or len(said) > LONGEST_DESCRIPTION:
+        raise SceneError(
+            f"description = {shown(said)}: must be one line of at most {LONGEST_DESCRIPTION} printable characters"
+        )
+    return said
 
 
 def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil, floor, hypot, pi
 from typing import Any
 
-from granular_lmp.crystal.modes import MODES
+from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, Interval, Rule, choice, count, flag, number, switch
@@ -46,6 +46,8 @@ class Wave:
     A "running" wave is there at τ = 0 and runs along k. A "standing" one is that and its time reversal, half of each:
     the spheres start from rest, displaced by the same field. Where it is "driven" all is at rest and the first row is
     moved by D0 cos(Ωτ − phase), Ω that of the mode, along y for L and along x for TR and RT.
+
+    Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.scene.frequency`).
     """
 
     mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
@@ -53,6 +55,7 @@ class Wave:
     amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
     phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)
     form: str = choice("running, standing, or driven by the first row", FORMS, default="running")
+    frequency: float | None = number("Hz", "in place of wavenumber", 1e-6, 1e15, default=None)
     direction: float | str = number(
         "degrees", "from x towards y; or x, y", -180, 180, open_low=True, words=tuple(DIRECTIONS), default="y"
     )
@@ -183,6 +186,13 @@ class Effects:
     rolling_viscosity: float = number("N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0)
     rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
+
+    @property
+    def physics(self) -> Physics:
+        """The degrees of freedom of the lattice; those that are still "auto" are there."""
+        shear = self.shear is not False
+        rotation = shear and self.rotation is not False  # nothing else turns a sphere
+        return Physics(shear, rotation, self.rolling_stiffness if rotation and self.rolling is not False else 0.0)
 
 
 @dataclass(frozen=True)

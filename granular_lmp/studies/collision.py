@@ -19,12 +19,14 @@ from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
 from granular_lmp.scene.schema import (
     NOT_TOML,
+    checked_description,
     checked_name,
     choice,
     count,
     default_name,
     file_text,
     first_file,
+    head_lines,
     number,
     one_line,
     plain,
@@ -87,6 +89,7 @@ class Collision:
     sphere: Sphere
     contact: Contact
     collision: Impact
+    description: str = ""  # one line for the list of what is shipped
 
     def __post_init__(self) -> None:
         if self.contact.normal == "dmt" and self.contact.restitution < 1:
@@ -135,20 +138,22 @@ class Collision:
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str = "collision") -> Self:
         """Collision from nested mappings; every key and value is checked."""
-        refuse_unknown(tables, ("name", *_TABLES), "")
+        refuse_unknown(tables, ("name", "description", *_TABLES), "")
         name = checked_name(tables, default, "the deck")
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
-        return cls(name, **{key: record(kind, given.get(key), key, _RULES.get(key)) for key, kind in _TABLES.items()})
+        records = {key: record(kind, given.get(key), key, _RULES.get(key)) for key, kind in _TABLES.items()}
+        return cls(name, **records, description=checked_description(tables))
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, every default filled in."""
-        return {"name": self.name} | {key: plain(getattr(self, key), _RULES.get(key)) for key in _TABLES}
+        named = {"name": self.name, "description": self.description}
+        return named | {key: plain(getattr(self, key), _RULES.get(key)) for key in _TABLES}
 
     def to_toml(self) -> str:
         """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
-        lines = [f'name = "{self.name}"']
+        lines = head_lines(self.name, self.description)
         tables = self.to_dict()
         for key, kind in _TABLES.items():
             lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]

@@ -75,8 +75,9 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
     empty = [key for key, values in over.items() if not values]
     if not over or empty:
         raise SceneError(f"{empty[0] if empty else 'sweep'}: there is no value to sweep over")
-    if "name" in over:
-        raise SceneError(f"name = {shown(over['name'][0])}: cannot be swept over; it does not change the run")
+    for key in ("name", "description"):
+        if key in over:
+            raise SceneError(f"{key} = {shown(over[key][0])}: cannot be swept over; it does not change the run")
     count = prod(map(len, over.values()))
     if count > MOST_RUNS:
         raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
@@ -99,11 +100,12 @@ def scene_hash(scene: Scene) -> str:
 
 
 def concrete_hash(scene: Scene) -> str:
-    """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name.
+    """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name and description.
 
     The scene is one whose every choice is made, as that of a run folder.
     """
     values = scene.to_dict() | {"name": None}
+    del values["description"]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 

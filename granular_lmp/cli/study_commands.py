@@ -1,0 +1,145 @@
+"""Commands that do many runs, or runs of another kind: sweep, cost, kick, collide."""
+
+import argparse
+from math import inf
+
+from granular_lmp.cli.arguments import (
+    Commands,
+    Options,
+    add,
+    changes_argument,
+    folder_arguments,
+    positive,
+    scene_arguments,
+    scene_of,
+)
+from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say
+
+
+def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+    """Add these commands to the parser."""
+    sweep = add(commands, "sweep", _sweep, "run a scene with every combination of some values; again, to go on")
+    scene_arguments(sweep)
+    sweep.add_argument(
+        "--over",
+        action="append",
+        required=True,
+        metavar="KEY=VALUES",
+        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many) or wave.mode=TR,RT; "
+        "may be given more than once: every combination is run",
+    )
+    folder_arguments(sweep, "sweep folder (default: sweeps/NAME)")
+    sweep.add_argument(
+        "--workers",
+        type=_workers,
+        default=1,
+        metavar="N",
+        help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
+        "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
+    )
+
+    cost = add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
+    scene_arguments(cost)
+    cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
+    cost.add_argument("--repeats", type=positive, default=5, metavar="N", help="rounds (default: 5)")
+    cost.add_argument(
+        "--budget",
+        type=_seconds,
+        default=inf,
+        metavar="SECONDS",
+        help="leave out what takes longest until this is met; it is that of one call, another call has its own",
+    )
+
+    kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
+    scene_arguments(kick)
+    folder_arguments(kick, "run folder (default: runs/NAME)")
+    kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
+
+    collide = add(
+        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
+    )
+    collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
+    changes_argument(collide, "collision.spin=100")
+    folder_arguments(collide, "run folder (default: runs/NAME)")
+
+
+def _workers(text: str) -> int | str:
+    return text if text == "mpi" else positive(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = 0.0
+    if not seconds > 0:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number of seconds above 0")
+    return seconds
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of at least 0")
+    return int(text)
+
+
+def _sweep(options: Options) -> int:
+    from granular_lmp.studies.executors import Workers, mpi_workers
+    from granular_lmp.studies.sweep import sweep
+    from granular_lmp.studies.sweep_points import axes
+
+    scene, over = scene_of(options), axes(options.over)
+    folder = options.output or f"sweeps/{scene.name}"
+
+    with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
+        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress_of_runs)
+    for row in done.having("failed"):
+        point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
+        remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
+    finished = len(done.having("finished"))
+    say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
+    return 0 if finished == len(done.rows) else 1
+
+
+def _cost(options: Options) -> int:
+    from granular_lmp.studies.cost import measure, plan
+    from granular_lmp.studies.tally import NOT_RUN, text
+
+    scene = scene_of(options)
+    folder = options.output or f"costs/{scene.name}"
+    planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
+    say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
+    for setting, reason in planned.left_out.items():
+        remark(f"left out: {setting}: {reason}")
+
+    with interruptible() as bar:
+        result = measure(planned, progress=bar and progress_of_runs)
+    say(text(result))
+    say(f"{folder}: cost.json, cost.csv")
+    return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
+
+
+def _kick(options: Options) -> int:
+    from granular_lmp.studies.kick import run_kicked
+
+    scene = scene_of(options)
+    with interruptible():
+        sheet = run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force)
+    say(str(sheet))
+    return 0
+
+
+def _collide(options: Options) -> int:
+    from granular_lmp.scene.scene import assignment
+    from granular_lmp.studies.collide import run, write_numbers
+    from granular_lmp.studies.collision import Collision
+
+    collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
+    with interruptible():
+        result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
+        errors = result.errors()
+    write_numbers(result, errors)
+    say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
+    for name, value in result.numbers().items():
+        say(f"{name:24}{value:18.10g}{errors[name]:22.1e}")
+    return 0

@@ -1,0 +1,32 @@
+"""Commands that look at what is there: view."""
+
+import argparse
+
+from granular_lmp.cli.arguments import Commands, Options, add, positive
+from granular_lmp.cli.output import remark, say
+
+
+def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
+    """Add these commands to the parser."""
+    view = add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
+    view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder")
+    view.add_argument(
+        "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
+    )
+    view.add_argument("--tau", type=float, help="of a run: which snapshot (default: the last)")
+    view.add_argument("--colour", help="of a run: rotation, energy, p or q (default: rotation, where spheres turn)")
+    view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
+    view.add_argument(
+        "--rows", type=positive, metavar="N", help="of a run: rows to draw around the centre (default: 25)"
+    )
+    view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
+
+
+def _view(options: Options) -> int:
+    from granular_lmp.plot.view import view
+
+    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
+    for note in view(options.folder, options.output, **wanted):
+        remark(f"note: {note}")
+    say(options.output)
+    return 0

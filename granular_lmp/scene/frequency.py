@@ -1,0 +1,140 @@
+"""Other ways to declare the wave number of a scene: a wave vector, or the frequency of the wave in hertz.
+
+A frequency is turned into wave numbers by the Bloch modes of the lattice, in the mode and along the direction of the
+wave. The branch is sampled over the zone, each of its extrema is refined, and between two neighbouring points of the
+result, where it is monotonic, a sign change of Ω(ξ) − Ω is bisected.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from itertools import pairwise
+from math import hypot, pi
+from typing import Any
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import Physics, bloch_mode
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import shown
+
+_POINTS = 60  # of a branch: its extrema lie much farther apart than a sixtieth of the zone
+_LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
+_HALVINGS = 60  # more than a double has digits
+
+
+@lru_cache(maxsize=32)
+def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, degrees: float) -> tuple[float, ...]:
+    """Return the wave numbers at which a mode has a frequency, ascending, in rad per row.
+
+    Parameters
+    ----------
+    hertz : float
+    sphere : Sphere
+        Of the lattice at rest.
+    physics : Physics
+    mode : str
+        "L", "TR" or "RT".
+    degrees : float
+        Direction of the wave, from x towards y.
+
+    Raises
+    ------
+    SceneError
+        For a frequency outside the band of the mode in that direction; the text names the band.
+    """
+    lattice, unit = unit_lattice(sphere), 2 * pi * sphere.time_scale
+
+    def above(wavenumber: float) -> float:
+        vector = WaveVector.of(wavenumber, degrees)
+        return bloch_mode(lattice, sphere, vector, mode, physics).frequency / unit - hertz
+
+    edge = zone_edge(degrees)
+    grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
+    grid = sorted({*grid, *_extrema(above, grid)})
+    heights = [above(wavenumber) for wavenumber in grid]
+    if not min(heights) <= 0 <= max(heights):
+        low, high = (hertz + extreme for extreme in (min(heights), max(heights)))
+        raise SceneError(
+            f"wave.frequency = {hertz!r}: must be in the band of {mode} at {degrees:g} degrees from x, "
+            f"[{low:.6g}, {high:.6g}] Hz in this lattice"
+        )
+    found = {at for at, height in zip(grid, heights, strict=True) if height == 0}
+    ends = pairwise(zip(grid, heights, strict=True))
+    found |= {_zero(above, a, b) for (a, low), (b, high) in ends if low * high < 0}
+    return tuple(sorted(found))
+
+
+def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:
+    """Return where a function has its extrema between the points of a grid, by golden-section search."""
+    heights = [function(x) for x in grid]
+    found = []
+    for k in range(1, len(grid) - 1):
+        before, after = heights[k] - heights[k - 1], heights[k + 1] - heights[k]
+        if before * after < 0:
+            sign, low, high = (1 if before > 0 else -1), grid[k - 1], grid[k + 1]
+            for _ in range(_HALVINGS):
+                a, b = high - 0.618 * (high - low), low + 0.618 * (high - low)
+                low, high = (low, b) if sign * function(a) > sign * function(b) else (a, high)
+            found.append((low + high) / 2)
+    return found
+
+
+def _zero(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function that changes its sign between two points is 0, by bisection."""
+    rises = function(high) > 0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if (function(middle) > 0) == rises else (middle, high)
+    return (low + high) / 2
+
+
+def with_placeholder(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the tables with any wave number where ``wave.frequency`` stands in its place, to be solved for later.
+
+    Raises
+    ------
+    SceneError
+        When both are given.
+    """
+    wave = tables.get("wave")
+    if not isinstance(wave, Mapping) or "frequency" not in wave:
+        return tables
+    if "wavenumber" in wave:
+        raise SceneError(
+            f"wave.frequency = {shown(wave['frequency'])}: excludes wave.wavenumber = {shown(wave['wavenumber'])}; "
+            "give one of the two"
+        )
+    return {**tables, "wave": {**wave, "wavenumber": 1.0}}
+
+
+def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The tables with ``wave.wavevector``, [kx, ky] in rad per lattice constant, as wave number and direction.
+
+    Raises
+    ------
+    SceneError
+        If it is not a wave vector of the zone, or stands beside what it replaces.
+    """
+    wave = tables.get("wave")
+    if not isinstance(wave, Mapping) or "wavevector" not in wave:
+        return tables
+    pair, rest = wave["wavevector"], {key: value for key, value in wave.items() if key != "wavevector"}
+    for key in ("wavenumber", "frequency", "direction"):
+        if key in rest:
+            raise SceneError(f"wave.wavevector = {shown(pair)}: excludes wave.{key} = {shown(rest[key])}; give one")
+    numbers = isinstance(pair, list | tuple) and [
+        isinstance(x, int | float) and not isinstance(x, bool) and abs(x) < 1e3 for x in pair
+    ]
+    if numbers != [True, True] or not any(pair):
+        raise SceneError(
+            f"wave.wavevector = {shown(pair)}: must be two numbers [kx, ky], not both 0, rad per lattice constant"
+        )
+    vector = WaveVector(float(pair[0]) + 0.0, ROW_SPACING * float(pair[1]) + 0.0)  # + 0.0: no minus zeros
+    edge = zone_edge(vector.direction) / ROW_SPACING
+    if hypot(*vector.components) > edge * (1 + 1e-12):
+        raise SceneError(
+            f"wave.wavevector = {shown(pair)}: must be in the Brillouin zone, which ends at {edge:.6g} in its "
+            "direction, rad per lattice constant"
+        )
+    return {**tables, "wave": rest | {"wavenumber": vector.wavenumber, "direction": vector.direction}}

