@@ -18,7 +18,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Case, Chosen, Finding
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.lammps.guards import GUARDS, LOOKS, fastest, line_interval, look_interval
+from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
@@ -187,8 +187,8 @@ def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> N
         deck = build(scene)
         for effect, row in zip(deck.problem.effects, EFFECTS, strict=True):
             if row.guard:
-                assert (effect.guard == row.guard) == (not effect.on or row.always)
-                assert (GUARDS[row.guard].column in deck.input_text) == (not effect.on or row.always)
+                assert (effect.guard == row.guard.title) == (not effect.on or row.always)
+                assert (row.guard.column in deck.input_text) == (not effect.on or row.always)
     assert "v_slip" not in build(PAPER.with_values({"effects.shear": False})).input_text  # there is no shear force
 
 

@@ -18,7 +18,6 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.errors import RunInterrupted
 from granular_lmp.runs.launch import resume
-from granular_lmp.runs.launch import run as run_once
 from tests.conftest import PAPER
 
 EIGHTH = np.pi / 4  # rad per row
@@ -60,14 +59,14 @@ def test_a_wave_that_runs_down_is_the_mirror_of_one_that_runs_up(tmp_path: Path)
 @pytest.mark.parametrize("scene", ALL, ids=lambda scene: scene.name)
 def test_module_and_program_write_the_same_bytes(scene: Scene, tmp_path: Path) -> None:
     for launcher in ("module", "lmp"):
-        run_once(scene, tmp_path / launcher, launcher=launcher)
+        run(scene, tmp_path / launcher, launcher=launcher)
     for name in ("dump.centre", "trajectory.csv"):
         assert (tmp_path / "module" / name).read_bytes() == (tmp_path / "lmp" / name).read_bytes()
 
 
 @pytest.mark.parametrize("scene", [OBLIQUE, DRIVEN], ids=lambda scene: scene.name)
 def test_two_ranks_agree_with_one(scene: Scene, tmp_path: Path) -> None:
-    one, two = (run_once(scene, tmp_path / str(ranks), ranks=ranks) for ranks in (1, 2))
+    one, two = (run(scene, tmp_path / str(ranks), ranks=ranks) for ranks in (1, 2))
     for name in ("p", "q", "phi"):
         np.testing.assert_allclose(getattr(two, name), getattr(one, name), atol=1e-9)
 

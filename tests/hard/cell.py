@@ -23,7 +23,7 @@ from tests.hard.case import Edits
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
 PER_CONTACT = """
-compute touching all pair/local dist p1 p2 dx dy cutoff radius
+compute shears   all pair/local dist p1 p2 dx dy cutoff radius
 compute pairs    all property/local patom1 patom2 cutoff radius
 run 0 post no
 """
@@ -113,7 +113,7 @@ class Cell:
     def contacts(self) -> Contacts:
         """The contacts of this step, sorted."""
         pairs = self.instance.numpy.extract_compute("pairs", 2, 2)
-        found = self.instance.numpy.extract_compute("touching", 2, 2)
+        found = self.instance.numpy.extract_compute("shears", 2, 2)
         spheres = np.sort(pairs.astype(np.intp), axis=1) - 1
         order = np.argsort(spheres[:, 0] * self.spheres + spheres[:, 1])
         distance, force_x, force_y, x, y = found[order].T

@@ -25,9 +25,10 @@ from granular_lmp import Scene, build, run
 from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection as effects
 from granular_lmp.effects.effect import Case, Finding
+from granular_lmp.effects.guard import BETWEEN
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.guards import BETWEEN, GUARDS
+from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
