@@ -60,8 +60,8 @@ class Guard:
     Attributes
     ----------
     name : str
-        Variables of the deck begin with it: NAME_now at a look, NAME the largest since the last line of the table, NAME_at the first time
-        (tau) at which it was above the limit, `NEVER` if it was not.
+        Variables of the deck begin with it: NAME_now at a look, NAME the largest since the last line of the table,
+        NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : tuple of str
         Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
     limit : float
@@ -331,7 +331,7 @@ def header(names: list[str], scene: Scene) -> str:
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
-    top = "# A line of the thermo table holds the extremes since the one before. The run is invalid, from v_NAME_at on, if"
+    top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *said]) if said else ""
 
 
