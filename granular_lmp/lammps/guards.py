@@ -220,8 +220,7 @@ def header(names: list[str], scene: Scene) -> str:
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
-    since = "# A line of the thermo table holds the extremes since the one before. "
-    top = since + "The run is invalid, from v_NAME_at on, if"
+    top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *said]) if said else ""
 
 
