@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
 from analysis import second_harmonic
@@ -48,6 +48,17 @@ def along_y(xi: float) -> NDArray[np.float64]:
 
 def rotation(angle: float) -> NDArray[np.float64]:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+# Sums of some twenty numbers of order one, and the modes of a matrix of norm 4: 1e-16 of each number, in whatever order
+# they are summed, and some ten times that for modes that lie close. A wrong sign or index makes 1e-3 or more.
+ROUNDING = 1e-13
+
+
+def amplified_rounding(k: ArrayLike, branch: int) -> float:
+    """Rounding of the second harmonic of a mode: that of its drive, of order one, over the least 4ω² − ω_i(2k)²."""
+    frequencies, doubled = modes(k, SILICA)[0], modes(2.0 * np.asarray(k), SILICA)[0]
+    return float(ROUNDING / min(1.0, np.min(np.abs(4.0 * frequencies[branch] ** 2 - doubled**2))))
 
 
 def largest_error(measured: NDArray, expected: NDArray) -> float:
@@ -216,14 +227,14 @@ def test_the_paper_s_antiresonance_is_a_zero():
 @pytest.mark.parametrize("k", OBLIQUE.values(), ids=OBLIQUE.keys())
 def test_bloch_matrix_is_hermitian_and_periodic_and_has_the_modes(k):
     matrix = bloch_matrix(k, SILICA)
-    assert largest_error(matrix, matrix.conj().T) < 1e-15
+    assert largest_error(matrix, matrix.conj().T) < ROUNDING
     reciprocal = 2.0 * np.pi * np.array([1.0, -1.0 / np.sqrt(3.0)])
     # φ is sampled at the sphere's centre: D itself, not only its spectrum, has the period of the reciprocal lattice.
-    assert largest_error(bloch_matrix(k + reciprocal, SILICA), matrix) < 1e-14
+    assert largest_error(bloch_matrix(k + reciprocal, SILICA), matrix) < ROUNDING
     frequencies, shapes = modes(k, SILICA)
     residual = matrix @ shapes.T - shapes.T * frequencies**2 * np.array([1, 1, SOLID_SPHERE])[:, None]
-    assert largest_error(residual, np.zeros(3)) < 1e-14
-    assert largest_error(np.linalg.norm(shapes, axis=-1), np.ones(3)) < 1e-14
+    assert largest_error(residual, np.zeros(3)) < ROUNDING
+    assert largest_error(np.linalg.norm(shapes, axis=-1), np.ones(3)) < ROUNDING
 
 
 @pytest.mark.parametrize("branch", [0, 1, 2])
@@ -231,10 +242,10 @@ def test_bloch_matrix_is_hermitian_and_periodic_and_has_the_modes(k):
 def test_rotation_by_60_degrees_rotates_the_second_harmonic(branch, sixths):
     turn = rotation(sixths * np.pi / 3)
     for k in OBLIQUE.values():
-        assert largest_error(modes(turn @ k, SILICA)[0], modes(k, SILICA)[0]) < 1e-14
+        assert largest_error(modes(turn @ k, SILICA)[0], modes(k, SILICA)[0]) < ROUNDING
         before, after = (second_harmonic_amplitude(q, branch, SILICA) for q in (k, turn @ k))
-        assert largest_error(after, np.append(turn @ before[:2], before[2])) < 1e-12
-        assert abs(mean_rotation(turn @ k, branch, SILICA) - mean_rotation(k, branch, SILICA)) < 1e-14
+        assert largest_error(after, np.append(turn @ before[:2], before[2])) < amplified_rounding(k, branch)
+        assert abs(mean_rotation(turn @ k, branch, SILICA) - mean_rotation(k, branch, SILICA)) < ROUNDING
 
 
 @pytest.mark.parametrize("branch", [0, 1, 2])
@@ -242,10 +253,10 @@ def test_rotation_by_60_degrees_rotates_the_second_harmonic(branch, sixths):
 def test_a_mirror_turns_rotations_round(branch, axis):
     mirror = rotation(axis) @ np.diag([1.0, -1.0]) @ rotation(-axis)
     for k in OBLIQUE.values():
-        assert largest_error(modes(mirror @ k, SILICA)[0], modes(k, SILICA)[0]) < 1e-14
+        assert largest_error(modes(mirror @ k, SILICA)[0], modes(k, SILICA)[0]) < ROUNDING
         before, after = (second_harmonic_amplitude(q, branch, SILICA) for q in (k, mirror @ k))
-        assert largest_error(after, np.append(mirror @ before[:2], -before[2])) < 1e-12
-        assert abs(mean_rotation(mirror @ k, branch, SILICA) + mean_rotation(k, branch, SILICA)) < 1e-14
+        assert largest_error(after, np.append(mirror @ before[:2], -before[2])) < amplified_rounding(k, branch)
+        assert abs(mean_rotation(mirror @ k, branch, SILICA) + mean_rotation(k, branch, SILICA)) < ROUNDING
 
 
 @pytest.mark.rounding
@@ -256,9 +267,9 @@ def test_on_a_mirror_line_the_second_harmonic_is_longitudinal_and_nothing_turns(
         for branch in range(3):
             amplitude = second_harmonic_amplitude(length * along, branch, SILICA)
             transverse = amplitude[1] * along[0] - amplitude[0] * along[1]
-            assert abs(transverse) < 1e-12 * max(1.0, np.linalg.norm(amplitude))
-            assert abs(amplitude[2]) < 1e-12 * max(1.0, np.linalg.norm(amplitude))
-            assert abs(mean_rotation(length * along, branch, SILICA)) < 1e-14
+            tolerance = amplified_rounding(length * along, branch)
+            assert max(abs(transverse), abs(amplitude[2])) < tolerance < 1e-3 * max(1e-3, np.linalg.norm(amplitude))
+            assert abs(mean_rotation(length * along, branch, SILICA)) < ROUNDING
 
 
 def test_long_waves_have_the_isotropic_speeds():

@@ -172,7 +172,8 @@ def test_second_order_is_right_at_a_row_and_phase(name, xi, row):
 
 def test_at_the_zone_edge_a_transverse_wave_makes_no_second_harmonic():
     p, q, phi = lattice.torus(sh.mode("TR", np.pi, SILICA), 0.1, np.linspace(0, 30, 31), NU)
-    assert np.max(np.abs([p, phi])) < 1e-12
+    # Forces of order 1 rounded by 1e-16 a few times over, all one way for τ²/2 = 450 and per a = 0.1, would make 5e-12.
+    assert np.max(np.abs([p, phi])) < 1e-11
     assert np.max(np.abs(q)) > 0.9
 
 
@@ -444,7 +445,7 @@ def test_a_long_wave_along_stays_free_of_shear_and_rotation(xi, rtol):
     mode = sh.mode("L", xi, sh.ratios(NU, overlap_ratio=ETA))
     p, q, phi = lattice.torus(mode, 0.2, np.linspace(0, 20, 41), NU, overlap_ratio=ETA, rtol=rtol)
     # A force, of order 1, is rounded by 1e-16 a few times over; if all of that pushed one way, for τ²/2 = 200 and per
-    # a = 0.2, it would make 1e-12.
+    # a = 0.2, it would make 1e-12; the error control of a step of 17 τ made 6e-9.
     assert np.max(np.abs([q, phi])) < 1e-12
     assert np.max(np.abs(p)) > 0.9
 

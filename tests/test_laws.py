@@ -90,7 +90,8 @@ def test_incremental_law_halves_g2():
 
 def test_an_antiresonance_of_the_incremental_law_needs_negative_poisson_ratio():
     exists = np.array([laws.antiresonance(nu, "incremental") is not None for nu in NUS])
-    assert np.array_equal(exists, NUS < -1e-12)
+    clear = np.abs(NUS) > 1e-3  # at ν = 0 itself it is at ξ = 0, and rounding decides
+    assert np.array_equal(exists[clear], NUS[clear] < 0)
 
 
 @pytest.mark.parametrize(("law", "nu"), [("secant", NU), ("incremental", -0.5)])

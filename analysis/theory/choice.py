@@ -264,7 +264,7 @@ def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
     return _computed(name, wave, tuple(np.asarray(tau, dtype=float).tolist()))
 
 
-@lru_cache(maxsize=8)  # a table, its figure and the note beside it ask for the same two or three of one run
+@lru_cache(maxsize=8)  # a table and its figure ask for the same two or three of each run
 def _computed(name: str, wave: Wave, times: tuple[float, ...]) -> Trajectory:
     p, q, phi = (np.asarray(values) for values in THEORIES[name](wave, np.array(times)))
     for values in (p, q, phi):
