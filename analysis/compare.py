@@ -167,7 +167,7 @@ def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
         {
             f"{table}.{key}": value
             for table, values in tables.items()
-            if table != "name"
+            if isinstance(values, dict)  # name and description do not change a run
             for key, value in values.items()
         }
         for tables in (record.scene.to_dict() for record in records)

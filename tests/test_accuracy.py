@@ -16,7 +16,6 @@ from analysis.theory.lattice import torus
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import halved_step, richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor
-from granular_lmp.runs import launch
 from tests.conftest import PAPER
 
 Errors = dict[str, float]
@@ -176,21 +175,19 @@ def test_rows_that_the_centre_does_not_hear_add_no_noise(small: Scene) -> None:
 # --- what a deck must not leave out; each fails loudly when it does ---
 
 
-def run_altered(monkeypatch: pytest.MonkeyPatch, folder: Path, *pairs: tuple[str, str]) -> Record:
+def run_altered(folder: Path, *pairs: tuple[str, str]) -> Record:
     """The base case with pieces of its deck replaced."""
     deck = build(PAPER)
     text = deck.input_text
     for old, new in pairs:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
-    monkeypatch.setattr(launch, "build", lambda scene: replace(deck, input_text=text))
-    return run(PAPER, folder)
+    return run(replace(deck, input_text=text), folder)
 
 
-def test_a_start_without_shear_history_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_start_without_shear_history_is_wrong(tmp_path: Path) -> None:
     # The displaced lattice is read as it is: the spheres move before the contacts exist
     record = run_altered(
-        monkeypatch,
         tmp_path / "run",
         ("pair_style   granular\n", "pair_style   zero 1050.0 nocoeff\n"),
         ("pair_coeff   * * dmt 73000.0 0.0 0.17 31.5 &\n", "pair_coeff   * *  # "),
@@ -207,13 +204,13 @@ def test_a_start_without_shear_history_is_wrong(monkeypatch: pytest.MonkeyPatch,
     assert error["q"] > 0.5
 
 
-def test_rescaling_the_history_is_another_law(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    record = run_altered(monkeypatch, tmp_path / "run", ("tangential mindlin ", "tangential mindlin_rescale "))
+def test_rescaling_the_history_is_another_law(tmp_path: Path) -> None:
+    record = run_altered(tmp_path / "run", ("tangential mindlin ", "tangential mindlin_rescale "))
     assert errors(record, lattice(record, 0.0))["p"] > 0.3
 
 
-def test_the_incremental_law_nearly_doubles_p(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    record = run_altered(monkeypatch, tmp_path / "run", ("tangential mindlin ", "tangential mindlin/force "))
+def test_the_incremental_law_nearly_doubles_p(tmp_path: Path) -> None:
+    record = run_altered(tmp_path / "run", ("tangential mindlin ", "tangential mindlin/force "))
     wave = mode("TR", 0.802, ratios(NU))
     p, _, _ = torus(wave, 0.2, record.tau, NU, law="incremental")
     # mindlin/force is of first order in the step, which leaves 3 % at 0.05
@@ -225,5 +222,5 @@ def test_a_far_too_large_friction_freezes_the_history(
     monkeypatch: pytest.MonkeyPatch, paper_run: Callable[..., Record], tmp_path: Path
 ) -> None:
     plain = paper_run()
-    frozen = run_altered(monkeypatch, tmp_path / "frozen", ("$(5.0*v_amplitude:%.17g)", "1e6"))
+    frozen = run_altered(tmp_path / "frozen", ("$(5.0*v_amplitude:%.17g)", "1e6"))
     assert relative_error(frozen.p, plain.p) > 5e-4

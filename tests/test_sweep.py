@@ -19,7 +19,10 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, run
+from granular_lmp.accuracy import tolerance
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.lammps.deck import deck_of
+from granular_lmp.problem import Problem
 from granular_lmp.runs import launch
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
@@ -171,14 +174,13 @@ def test_no_run_is_made_twice(small: Scene, tmp_path: Path, monkeypatch: pytest.
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, amplitude: float = 0.1) -> None:
     """Let the deck of one amplitude raise `error`."""
-    build = launch.build
 
-    def broken(scene: Scene) -> Any:
-        if scene.wave.amplitude == amplitude:
+    def broken(problem: Problem) -> Any:
+        if problem.scene.wave.amplitude == amplitude:
             raise error
-        return build(scene)
+        return deck_of(problem)
 
-    monkeypatch.setattr(launch, "build", broken)
+    monkeypatch.setattr(tolerance, "deck_of", broken)
 
 
 @pytest.mark.parametrize(

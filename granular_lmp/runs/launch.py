@@ -326,13 +326,27 @@ def _run_module(module: Any, job: Job) -> None:
                 raise LammpsError(_first_line(error), _last_command(job.folder), _log_tail(job.folder)) from error
             # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
             if instance.extract_global("ntimestep") > 0:
-                for command in (*_to_next_look(instance), f"write_restart {CHECKPOINTS[0]}"):
-                    pool.submit(instance.command, command).result()
-                for line in _last_line(instance, job.columns):
-                    pool.submit(instance.command, f'print "{line}"').result()
+                with _uninterrupted():
+                    for command in _to_next_look(instance):
+                        pool.submit(instance.command, command).result()
+                    for command in _last_commands(instance, job.columns):
+                        pool.submit(instance.command, command).result()
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ignore a second Ctrl-C, which would leave a stopped run without its checkpoint."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _to_next_look(instance: Any) -> list[str]:
@@ -341,12 +355,18 @@ def _to_next_look(instance: Any) -> list[str]:
     return ["thermo_style custom step", "timer timeout off", f"run {steps} pre no post no"] if steps else []
 
 
-def _last_line(instance: Any, columns: tuple[str, ...]) -> tuple[str, str]:
-    """A thermo table of the step at which a run was stopped: the continuation begins with no looks."""
+def _last_commands(instance: Any, columns: tuple[str, ...]) -> list[str]:
+    """Return the commands that write a checkpoint and a thermo table of the step at which a run was stopped.
+
+    The continuation begins with no looks. LAMMPS sets the fix that holds them up again before it writes a checkpoint,
+    for a run of no steps, which after a continuation it cannot: the fix has to go first.
+    """
     rows, width = (instance.extract_fix("looks", 0, kind) for kind in (4, 5))  # LMP_SIZE_ROWS, LMP_SIZE_COLS
     looks = np.array([[instance.extract_fix("looks", 0, 2, i, j) for j in range(width)] for i in range(rows)])
     words = (str(instance.extract_global("ntimestep")), *words_between_runs(list(columns), looks))
-    return " ".join(("Step", *columns)), " ".join(words)
+    table = [" ".join(("Step", *columns)), " ".join(words)]
+    prints = [f'print "{line}"' for line in table]
+    return ["thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}", *prints]
 
 
 def _this_rank() -> Any:

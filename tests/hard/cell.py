@@ -23,6 +23,7 @@ from tests.hard.case import Edits
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
 PER_CONTACT = """
+thermo_style custom step  # guards can be read only where they look
 compute shears   all pair/local dist p1 p2 dx dy cutoff radius
 compute pairs    all property/local patom1 patom2 cutoff radius
 run 0 post no

@@ -18,10 +18,13 @@ import pytest
 from analysis import compare
 from analysis.figures import figure3
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError
+from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, STATUS
+from granular_lmp.problem import Problem
 from granular_lmp.runs import launch
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
@@ -40,15 +43,15 @@ STOPPED = (END, 'run 20\nprint "ERROR: none"\nlog none\nrun 20')
 def broken(monkeypatch: pytest.MonkeyPatch, scene: Scene, *edits: Edit) -> None:
     """Let runs build a deck with pieces of its text replaced."""
 
-    def edited(scene: Scene) -> Any:
-        deck = build(scene)
+    def edited(problem: Problem) -> Any:
+        deck = deck_of(problem)
         text = deck.input_text
         for old, new in edits:
             assert old in text
             text = text.replace(old, new)
         return replace(deck, input_text=text)
 
-    monkeypatch.setattr(launch, "build", edited)
+    monkeypatch.setattr(tolerance, "deck_of", edited)
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:
