@@ -91,7 +91,7 @@ def _outcome_of(
         "effect": name,
         "value": _finite(found.value),
         "bound": _finite(found.bound),
-        "limit": GUARDS[guard].largest_silent(scene),
+        "limit": GUARDS[guard].limit_in(scene),
         "quiet": found.passed_at is None or effect["on"],
         "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],

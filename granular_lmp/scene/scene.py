@@ -83,9 +83,9 @@ class Scene:
     Raises
     ------
     SceneError
-        If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd rows
-        in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap that
-        is not small, D0 beyond R/10, snapshots that fall between two records.
+        If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd
+        rows in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap
+        that is not small, D0 beyond R/10, snapshots that fall between two records.
 
     Notes
     -----

@@ -17,8 +17,8 @@ from typing import Any
 from granular_lmp.errors import SceneError
 
 AUTO = "auto"
-# tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets as deep
-# as Python's stack
+# tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
+# Python's stack ends
 NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
@@ -130,9 +130,7 @@ def number(
     return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
-def count(
-    meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any
-) -> Any:
+def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any) -> Any:
     """Return a dataclass field for a whole number."""
     return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, because)}, **default)
 

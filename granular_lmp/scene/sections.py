@@ -193,8 +193,8 @@ class Output:
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
 
 
-# The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the deck
-# stay far from underflow and overflow.
+# The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the
+# deck stay far from underflow and overflow.
 SPHERE_RULES = {
     "radius": Rule(float, "m", "", Interval(1e-9, 1)),
     "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),

@@ -53,12 +53,12 @@ def decide(
 ) -> Shape:
     """Return rows, columns and ends of a packing with every "auto" decided.
 
-    ``columns = "auto"`` is 3, the fewest that LAMMPS simulates correctly, for a plane wave along y, in which all spheres
-    of a row move alike; in another direction it is the fewest that carry the wave to 1e-3 rad. ``rows = "auto"`` is the
-    fewest whose echo reaches the centre after the run between fixed ends, and the fewest that carry the wave to 1e-3
-    rad in a periodic cell. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell is
-    periodic if one with fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave that is
-    not along y gets a periodic cell; a driven wave and a packet along y get fixed ends.
+    ``columns = "auto"`` is 3, the fewest that LAMMPS simulates correctly, for a plane wave along y, in which all
+    spheres of a row move alike; in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed
+    ends ``rows = "auto"`` is the fewest whose echo reaches the centre after the run, and in a periodic cell the fewest
+    that carry the wave to 1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell
+    is periodic if one with fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave
+    that is not along y gets a periodic cell; a driven wave and a packet along y get fixed ends.
 
     Parameters
     ----------

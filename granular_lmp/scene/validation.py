@@ -157,8 +157,8 @@ def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:
         raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
     if time.duration > echo and not time.allow_echo:
         raise SceneError(
-            f"time.duration = {time.duration!r}: the walls are heard at the centre of {shape.rows} rows from "
-            f"tau = {echo:.4g} on; must be at most that, or set time.allow_echo = true, "
+            f"time.duration = {time.duration!r}: the echo of the walls reaches the centre of {shape.rows} rows at "
+            f"tau = {echo:.4g}; must be at most that, or set time.allow_echo = true, "
             'or packing.rows = "auto"'
         )
     snapshot = output.particles / time.sample
