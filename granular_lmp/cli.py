@@ -367,7 +367,7 @@ def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
-    from granular_lmp.accuracy.rounding import drowned
+    from granular_lmp.accuracy.rounding import below_rounding
 
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
@@ -381,7 +381,7 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
         _say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     if "tolerance" not in info:  # which has its own refusal
-        for sentence in drowned(record.scene, record.signals):
+        for sentence in below_rounding(record.scene, record.signals):
             _remark(f"warning: {sentence}")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
