@@ -1,4 +1,7 @@
-"""The command line ``granular-lmp``. Imports stay inside the commands: ``--help`` must not wait for LAMMPS and ASE."""
+"""The command line ``granular-lmp``.
+
+The commands import inside their functions, so that ``--help`` does not load LAMMPS and ASE.
+"""
 
 import argparse
 import io
@@ -17,14 +20,14 @@ if TYPE_CHECKING:
     from granular_lmp.runs.record import Record
     from granular_lmp.scene.scene import Scene
 
-_STDERR = 2  # its descriptor
-_BAR = 30  # characters of the progress bar
+_STDERR = 2  # file descriptor
+_BAR = 30  # width of the progress bar, characters
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; returns the exit status: 0, 1 for a failed run, 2 for bad input, 130 when interrupted."""
+    """Run one command and return the exit status: 0, 1 for a failed run, 2 for bad input, 130 if interrupted."""
     _open_streams()
-    # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
+    # Set before numpy is imported: the matrices are small, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         options = _parsers()[0].parse_args(argv)
@@ -32,25 +35,25 @@ def main(argv: list[str] | None = None) -> int:
         command: Callable[[argparse.Namespace], int] = options.command
         return command(options)
     except GranularError as error:
-        _remark(f"granular-lmp: error: {error}")
+        _to_stderr(f"granular-lmp: error: {error}")
         return error.exit_status
     except KeyboardInterrupt:
-        _remark("granular-lmp: interrupted")
+        _to_stderr("granular-lmp: interrupted")
         return 128 + signal.SIGINT
-    except BrokenPipeError:  # the reader of our output, `head` say, has gone
+    except BrokenPipeError:  # the reader of the output, for instance `head`, has ended
         return 0
-    except OSError as error:  # of the machine: a folder that nobody may look into, no descriptors left
-        _remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
+    except OSError as error:  # an error of the machine, such as an unreadable folder or no free descriptors
+        _to_stderr(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
         return 2 if error.filename else 1
     except MemoryError as error:
-        _remark(f"granular-lmp: error: out of memory: {error}")
+        _to_stderr(f"granular-lmp: error: out of memory: {error}")
         return 1
     finally:
         _drop_unwritten()
 
 
 def _open_streams() -> None:
-    """Send what is said on a closed stream to nowhere; else the next file that is opened would take its place."""
+    """Open the null device for closed standard streams, whose descriptors the next opened file would take."""
     descriptor = os.open(os.devnull, os.O_RDWR)
     while descriptor <= _STDERR:
         os.set_inheritable(descriptor, True)
@@ -63,7 +66,7 @@ def _open_streams() -> None:
 
 
 def _drop_unwritten() -> None:
-    """Flush what is said, or drop it where it cannot be written, so that the interpreter does not complain at exit."""
+    """Flush the output, or drop it if it cannot be written, so that the interpreter reports no error at exit."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -79,7 +82,7 @@ def _refuse_deleted_folder() -> None:
 
 
 def _say(line: str) -> None:
-    """Write a line of the answer."""
+    """Write a line to standard output."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
@@ -88,8 +91,8 @@ def _say(line: str) -> None:
         raise OutputError(f"standard output: cannot be written: {error.strerror}") from error
 
 
-def _remark(line: str, end: str = "\n") -> None:
-    """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
+def _to_stderr(line: str, end: str = "\n") -> None:
+    """Write a line to standard error, or drop it if it cannot be written, which must not stop a command."""
     with suppress(OSError):
         print(line, end=end, file=sys.stderr, flush=True)
 
@@ -100,7 +103,7 @@ def help_texts() -> dict[str, str]:
 
 
 def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[argparse.ArgumentParser]]":
-    """Return the parser, and its commands."""
+    """Return the parser and its commands."""
     parser = argparse.ArgumentParser(
         prog="granular-lmp",
         description="Waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
@@ -125,7 +128,7 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
     resume = _add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
 
-    sweep = _add(commands, "sweep", _sweep, "run a scene with every combination of some values; again, to go on")
+    sweep = _add(commands, "sweep", _sweep, "run a scene with every combination of some values; repeat to continue")
     _scene_arguments(sweep)
     sweep.add_argument(
         "--over",
@@ -145,7 +148,7 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
 
-    cost = _add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
+    cost = _add(commands, "cost", _cost, "measure the cost of accuracy: seconds against error for each setting")
     _scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
     cost.add_argument("--repeats", type=_positive, default=5, metavar="N", help="rounds (default: 5)")
@@ -154,10 +157,10 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
         type=_seconds,
         default=inf,
         metavar="SECONDS",
-        help="leave out what takes longest until this is met; it is that of one call, another call has its own",
+        help="leave out the longest settings until the rest fits into this time; each call has its own budget",
     )
 
-    effects = _add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
+    effects = _add(commands, "effects", _effects, "list the effects in the deck of a scene, with reasons")
     _scene_arguments(effects)
 
     modes = _add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
@@ -178,7 +181,7 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
     view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
 
     collide = _add(
-        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: one contact at work"
+        commands, "collide", _collide, "let two spheres, or a sphere and a plane, collide: a test of one contact"
     )
     collide.add_argument("scene", metavar="SCENE", help="TOML file, or name of one in lammps_inputs/collisions")
     _changes_argument(collide, "collision.spin=100")
@@ -189,7 +192,7 @@ def _parsers() -> "tuple[argparse.ArgumentParser, argparse._SubParsersAction[arg
     _folder_arguments(kick, "run folder (default: runs/NAME)")
     kick.add_argument("--seed", type=_seed, default=0, metavar="N", help="of the random velocities (default: 0)")
 
-    _add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
+    _add(commands, "doctor", _doctor, "report LAMMPS, its packages, MPI and cores, and run a short self-test")
     return parser, commands
 
 
@@ -210,7 +213,7 @@ def _scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--all-effects",
         action="store_true",
-        help="switch every effect on that the scene has the numbers for, to compare with",
+        help="switch on every effect for which the scene has the coefficients, to compare",
     )
 
 
@@ -263,12 +266,12 @@ def _scene(options: argparse.Namespace) -> "Scene":
     scene = Scene.load(options.scene)
     if options.all_effects:
         scene = with_all(scene)
-    if options.changes:  # after that: what is said of one effect counts
+    if options.changes:  # applied last, so that a value for one effect overrides --all-effects
         scene = scene.with_values(dict(assignment(change) for change in options.changes))
     for remark in scene.remarks():
-        _remark(f"note: {remark}")
+        _to_stderr(f"note: {remark}")
     for warning in warnings(select(scene)):
-        _remark(f"warning: {warning}")
+        _to_stderr(f"warning: {warning}")
     return scene
 
 
@@ -291,7 +294,7 @@ def _build(options: argparse.Namespace) -> int:
     scene = _scene(options)
     deck = build(scene)
     folder = options.output or f"decks/{scene.name}"
-    with locked(Path(folder).absolute(), make=True, force=options.force):  # not into a run that is at work
+    with locked(Path(folder).absolute(), make=True, force=options.force):  # refuses the folder of a run at work
         clear(Path(folder).absolute())
         deck.write(folder, force=True)
     _say(f"{folder}: {', '.join(deck.files())}")
@@ -329,7 +332,7 @@ def _sweep(options: argparse.Namespace) -> int:
         done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and _progress_of_runs)
     for row in done.having("failed"):
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
-        _remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
+        _to_stderr(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
     finished = len(done.having("finished"))
     _say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
@@ -344,7 +347,7 @@ def _cost(options: argparse.Namespace) -> int:
     planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
     _say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
     for setting, reason in planned.left_out.items():
-        _remark(f"left out: {setting}: {reason}")
+        _to_stderr(f"left out: {setting}: {reason}")
 
     with _interruptible() as bar:
         result = measure(planned, progress=bar and _progress_of_runs)
@@ -355,7 +358,7 @@ def _cost(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
-    """Let a batch system's SIGTERM interrupt like Ctrl-C; gives the progress display, if there is a terminal."""
+    """Treat a batch system's SIGTERM like Ctrl-C, and yield the progress display if there is a terminal."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     terminal = sys.stderr.isatty()
     try:
@@ -363,7 +366,7 @@ def _interruptible() -> Iterator[Callable[[int, int], None] | None]:
     finally:
         signal.signal(signal.SIGTERM, before)
         if terminal:
-            _remark("\r\033[K", end="")  # wipe the bar
+            _to_stderr("\r\033[K", end="")  # wipe the bar
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
@@ -376,24 +379,24 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
     )
     for sentence in info.get("refinements", []):
-        _remark(f"note: {sentence}")
+        _to_stderr(f"note: {sentence}")
     if "tolerance" in info:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
         _say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
-    if "tolerance" not in info:  # which has its own refusal
+    if "tolerance" not in info:  # with a tolerance, `check_floor` refuses such a record
         for sentence in below_rounding(record.scene, record.signals):
-            _remark(f"warning: {sentence}")
+            _to_stderr(f"warning: {sentence}")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
-            _remark(f"warning: {name} = {guard['value']}: {guard['meaning']}")
+            _to_stderr(f"warning: {name} = {guard['value']}: {guard['meaning']}")
     return 0
 
 
 def _progress(done: int, total: int, what: str = "step", more: str = "") -> None:
-    """Draw the bar again on the same line of the terminal."""
+    """Redraw the progress bar on the same line of the terminal."""
     filled = _BAR * done // max(total, 1)
     bar = "#" * filled + "." * (_BAR - filled)
-    _remark(f"\r\033[K{bar} {what} {done} of {total}{more}", end="")
+    _to_stderr(f"\r\033[K{bar} {what} {done} of {total}{more}", end="")
 
 
 def _progress_of_runs(done: int, runs: int, left: float) -> None:
@@ -449,7 +452,7 @@ def _view(options: argparse.Namespace) -> int:
 
     wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
     for remark in view(options.folder, options.output, **wanted):
-        _remark(f"note: {remark}")
+        _to_stderr(f"note: {remark}")
     _say(options.output)
     return 0
 
