@@ -54,7 +54,7 @@ def run(
     Parameters
     ----------
     what : Scene or Deck
-        The simulation. `resume` rebuilds the deck from the scene and so loses edits of its text.
+        Simulation to run. `resume` rebuilds the deck from the scene and so loses edits of its text.
     folder : path
         Run folder, which is created. It will hold ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
         ``dump.centre``, ``trajectory.csv`` and ``run.json``; ``dump.particles`` if the scene has snapshots of all

@@ -1,4 +1,4 @@
-"""The effect: one record per effect, and the case that its functions judge.
+"""The effect: one record per effect, and the case to which its functions apply.
 
 An effect decides by a number whether a scene calls for it. It writes its lines into the deck, adds its term to the
 linear problem, and names the guard that proves its absence harmless, its cost, and the loss without it. Each of the

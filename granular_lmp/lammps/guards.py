@@ -229,7 +229,7 @@ def header(names: list[str], scene: Scene) -> str:
     return "\n".join([top, *limits]) if limits else ""
 
 
-# --- what a run measured ---------------------------------------------------------------------------------------------
+# --- results of a run ------------------------------------------------------------------------------------------------
 
 
 def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, folder: Path) -> Measured:

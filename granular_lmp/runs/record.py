@@ -147,12 +147,12 @@ class Record:
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
-        """p, q, φ by name."""
+        """Signals p, q, φ by name."""
         return {"p": self.p, "q": self.q, "phi": self.phi}
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
-        """τ, p, q, φ by name: the columns of ``trajectory.csv``."""
+        """Columns τ, p, q, φ of ``trajectory.csv`` by name."""
         return {"tau": self.tau} | self.signals
 
     def particles(self) -> Particles:

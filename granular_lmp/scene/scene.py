@@ -212,7 +212,7 @@ class Scene:
             f"tau 0..{self.time.duration:g}>"
         )
 
-    # --- what follows from the values ---
+    # --- derived values ---
 
     @cached_property
     def sphere(self) -> Sphere:

@@ -166,7 +166,7 @@ class Collision:
             inner[name] = value
         return self.from_dict(tables)
 
-    # --- what follows from the values ---
+    # --- derived values ---
 
     @property
     def on_plane(self) -> bool:

@@ -352,7 +352,7 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
     return _row(folder) | {"status": "failed", "message": message}
 
 
-# --- what came out ---------------------------------------------------------------------------------------------------
+# --- the results -----------------------------------------------------------------------------------------------------
 
 
 def _status(folder: Path) -> dict[str, Any]:
