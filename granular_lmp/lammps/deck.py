@@ -202,7 +202,7 @@ _CONTACTS = """\
 
 _PRELOAD = """\
 # --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
-#     step without forces, which loads the shear springs; a long step, slow enough for dashpots to stay silent
+#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of dashpots
 variable     slow  equal 1e6*v_step
 timestep     $(v_slow:%.17g)
 compute      u all displace/atom
@@ -253,7 +253,7 @@ _MOTION = """\
 fix          move mobile <motion>"""
 
 _GUARDS = """\
-# --- guards: proof that what this deck leaves out stays silent
+# --- guards: proof that the effects this deck leaves out do not occur
 <guards>"""
 
 _RECORD = """\

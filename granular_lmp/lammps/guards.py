@@ -59,7 +59,7 @@ class Measured:
 # neighbours strongly
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 _ELSEWHERE = (
-    "# for information: the same of all spheres, also those that the record never hears; no run fails by it",
+    "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
     "compute      contact_all all pair/local dist p4",
     "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
     "compute      missing_all all reduce sum v_missed",

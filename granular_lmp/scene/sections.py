@@ -127,7 +127,7 @@ class Time:
         "", "relative L2 error of p, q and phi each, in place of a timestep", 1e-9, 0.1, default=None
     )
     sample: float = number("tau", "between records", FINEST, 1e7, default=0.5)
-    allow_echo: bool = flag("run on when the walls are heard at the centre", default=False)
+    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)
 
     @property
     def steps_per_sample(self) -> int:

@@ -1,7 +1,7 @@
 """The settings of a run that cost time, in groups, for a work–precision study.
 
 A group is a row of `KNOBS`: a name, and a function from the scene to its settings. A setting consists of one run, or of
-several whose records are extrapolated. All other values are those of the scene, so many settings share the scene's run.
+several whose records are extrapolated. All other values are those of the scene, and many settings share its run.
 """
 
 import hashlib
