@@ -168,7 +168,7 @@ def fitted(
 def errors(
     mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, **setting: float
 ) -> np.ndarray:
-    """Of the driven component, of p at 2Ω, and of the mean of p."""
+    """Return the errors of the driven component, of p at 2Ω, and of the mean of p."""
     fundamental, second, mean = fitted(mode, ratios, amplitude, contact, **setting)
     n, component = np.arange(1, REACH + 1), 0 if mode.name == "L" else 1
     first, expected = driven.driven_amplitudes(mode, ratios, amplitude, n)

@@ -14,7 +14,7 @@ KICK = 1e-6  # of the pump's amplitude: linear to its square, and far above roun
 
 
 def subspace(duration: float = 60.0, edits: Edits = ()) -> Cases:
-    """What an L wave shows in q and φ, and how far the spheres of a row part, in D0."""
+    """Return q and φ of an L wave, and the largest distance between spheres of a row, in D0."""
     wave = scene("L", 2, 16, 0.2, 0.05, duration)
     with running(wave, edits) as cell:
         cell.advance(wave.time.steps)
