@@ -292,7 +292,7 @@ def test_a_packet_along_y_gets_walls_and_not_a_cell_that_it_runs_around() -> Non
     packet = PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4, "envelope.length": 10.0, "time.duration": 500.0})
     assert packet.shape.ends == "fixed"
     assert packet.echo_time >= 500
-    assert PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4}).shape.ends == "periodic"  # of a plane wave
+    assert PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4}).shape.ends == "periodic"  # a plane wave
     for form, ways in (("running", 1), ("standing", 2)):
         cell = packet.with_values({"packing.ends": "periodic", "wave.form": form})
         assert cell.shape.rows >= 100 + ways * 250  # ten standard deviations, and ½ row per τ

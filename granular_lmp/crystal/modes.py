@@ -84,7 +84,7 @@ class Mode:
         return self.vector.across(self.ux, self.uy)
 
     def shape(self) -> NDArray[np.complex128]:
-        """Complex amplitudes (ux, uy, φ)."""
+        """Complex amplitudes (ux, uy, φ) of the mode."""
         return np.array([self.ux, self.uy, 1j * self.f])
 
 

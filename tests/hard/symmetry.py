@@ -10,7 +10,7 @@ from tests.hard.waves import ETA, NU, RATIOS, amplitude, scene
 
 # L at 2ξ gives its energy to TR at ξ where TR(ξ) + TR(ξ) ↔ L(2ξ) resonates: 8/34 is next to ξ_res, 16/34 its double.
 ROWS, PUMP, SEED = 34, 16, 8
-KICK = 1e-6  # of the pump's amplitude: linear to its square, and far above rounding
+KICK = 1e-6  # share of the pump's amplitude: linear to its square, and far above rounding
 
 
 def subspace(duration: float = 60.0, edits: Edits = ()) -> Cases:
