@@ -1,14 +1,14 @@
 """Plane waves in hexagonal crystals of adhesive spheres, through LAMMPS.
 
-A scene says what to simulate; `build` turns it into a LAMMPS deck, `run` runs the deck and returns the `Record`
-of the centre sphere::
+A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
+the centre sphere::
 
     from granular_lmp import Scene, run
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
-The rooms, in the direction of the data: `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`, `studies` and
-`plot`. A room imports only from its left (``tests/test_independence.py`` holds the table of what each may import).
+The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
+`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the table).
 """
 
 from importlib import import_module

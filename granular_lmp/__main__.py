@@ -1,4 +1,4 @@
-"""``python -m granular_lmp`` is ``granular-lmp``."""
+"""The command line as ``python -m granular_lmp``."""
 
 import sys
 

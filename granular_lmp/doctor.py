@@ -1,4 +1,4 @@
-"""``granular-lmp doctor``: what was found on this machine, and a self-test of one second."""
+"""The command ``granular-lmp doctor``: a report on this machine, and a self-test of one second."""
 
 import platform
 from collections.abc import Callable
@@ -36,12 +36,18 @@ amplitude = 0.01
 duration = 100.0
 timestep = 0.05
 """
-# At D0/Δ0 = 0.01 the amplitude shifts the frequency by 1e-7, Verlet's step by (Ω Δτ)²/24 = 3.5e-6.
+# At D0/Δ0 = 0.01 the amplitude shifts the frequency by 1e-7, and Verlet's step by (Ω Δτ)²/24 = 3.5e-6
 TOLERANCE = 1e-5
 
 
 def report(say: Callable[[str], object]) -> int:
-    """Say what was found, line by line; returns 0 when a deck can be run here, else the exit status of the failure."""
+    """Report on this machine line by line, and return 0 if a deck runs here, else the exit status of the failure.
+
+    Parameters
+    ----------
+    say : callable
+        Called with each line of the report.
+    """
     say(f"granular-lmp {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}")
     say(f"cores        {core_count()}")
     try:
@@ -68,7 +74,7 @@ def report(say: Callable[[str], object]) -> int:
 
 
 def frequency_error() -> float:
-    """Relative difference between the frequency of a small TR wave in LAMMPS and that of its Bloch mode.
+    """Return the relative difference between the frequency of a small TR wave in LAMMPS and that of its Bloch mode.
 
     With q = Q cos Ωτ and φ = f sin Ωτ the phase of the wave is atan2(φ/f, q/Q); its slope is the frequency.
     """
@@ -82,7 +88,7 @@ def frequency_error() -> float:
 
 
 def _lammps_facts(module: object, scratch: Path) -> tuple[str, list[str], str]:
-    """Version, packages and MPI of the library, asked of a short-lived instance."""
+    """Return version, packages and MPI of the library, from a short-lived instance."""
     lmp = module.lammps(cmdargs=["-log", str(scratch / "log"), "-screen", "none"])  # type: ignore[attr-defined]
     try:
         packages = sorted(lmp.installed_packages)

@@ -1,36 +1,36 @@
-"""The errors of the package, one base class; the exit status that the command line gives to each."""
+"""The errors of the package: one base class, and the exit status of the command line for each."""
 
 
 class GranularError(Exception):
-    """Base of every error that the package raises on purpose; its text is one line that a user can act on."""
+    """Base class of the errors of this package; the text is one line that a user can act on."""
 
     exit_status = 1
 
     def __str__(self) -> str:
-        # A key or a folder may hold a line break, an escape sequence of the terminal, or what UTF-8 cannot write
+        # A key or a folder may hold a line break, an escape sequence of the terminal, or surrogates, which UTF-8 lacks
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in super().__str__())
 
 
 class SceneError(GranularError):
-    """A scene says something that cannot be simulated; the text names the key, the value and what is allowed."""
+    """A scene cannot be simulated; the text names the key, the value and what is allowed."""
 
     exit_status = 2
 
 
 class CrystalError(GranularError):
-    """A crystal cannot be at rest as it is: it would buckle or fall apart."""
+    """A crystal is not at a stable equilibrium: it would buckle or fall apart."""
 
     exit_status = 2
 
 
 class RunFolderError(GranularError):
-    """A run folder is missing, already there, not writable, or does not hold what a run folder holds."""
+    """A run folder is missing, exists already, cannot be written, or its contents are not those of a run."""
 
     exit_status = 2
 
 
 class ViewError(GranularError):
-    """A picture is asked for that the run or sweep does not hold, or that cannot be drawn on this machine."""
+    """A picture needs data that the run or sweep does not hold, or a program that this machine does not have."""
 
     exit_status = 2
 
@@ -42,13 +42,13 @@ class PackageMissingError(GranularError):
 
 
 class LaunchError(GranularError):
-    """A run is asked for by a way, or on a number of ranks, that this machine does not have."""
+    """A launcher or a number of ranks is not available on this machine."""
 
     exit_status = 2
 
 
 class LammpsMissingError(GranularError):
-    """LAMMPS, its MPI library or one of the packages that a deck needs was not found on this machine."""
+    """LAMMPS, its MPI library or a package that a deck needs is missing on this machine."""
 
     exit_status = 2
 
@@ -59,9 +59,9 @@ class LammpsError(GranularError):
     Attributes
     ----------
     command : str
-        The input line that failed, or the whole command line when LAMMPS ran as a program.
+        Input line that failed, or the whole command line if LAMMPS ran as a program.
     log_tail : str
-        The last lines of ``log.lammps``.
+        Last lines of ``log.lammps``.
     """
 
     def __init__(self, message: str, command: str, log_tail: str):
@@ -71,22 +71,22 @@ class LammpsError(GranularError):
 
 
 class OutputError(GranularError):
-    """What a command answers cannot be written: a full disk, say, behind a redirected standard output."""
+    """The output of a command cannot be written, for instance because the disk is full."""
 
 
 class WorkerError(GranularError):
-    """The process that a run was in has died: killed for want of memory, or by a fault inside LAMMPS."""
+    """The process of a run has died, for want of memory or by a fault inside LAMMPS."""
 
 
 class ToleranceError(GranularError):
-    """The runs of a scene with a tolerance do not meet it; the text says what they reached."""
+    """The runs of a scene do not meet its tolerance; the text names the error that they reached."""
 
 
 class RunInterrupted(GranularError):
-    """The user stopped a run; its folder says so and what was recorded until then is kept."""
+    """The user stopped a run; the record so far is kept in its folder."""
 
-    exit_status = 130  # what a shell reports for Ctrl-C
+    exit_status = 130  # the exit status that a shell reports for Ctrl-C
 
 
 class EffectError(GranularError):
-    """An effect that a scene leaves out was there after all; what was recorded is kept and marked as failed."""
+    """An effect that a deck leaves out occurred in the run; the record is kept and marked as failed."""

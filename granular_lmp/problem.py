@@ -1,7 +1,6 @@
-"""A scene, prepared once: everything after it takes the `Problem` and asks nothing twice.
+"""The problem: a scene with every "auto" decided, its contacts found, its wave solved, and its effects chosen.
 
-`prepare` decides every "auto" of a scene, finds the contacts of its lattice, solves the linear problem of its wave, and
-chooses the effects. The deck, the guards, the choice of a time step and the run are made of what comes out.
+`prepare` does this once. The deck, the guards, the choice of a time step and the run take the resulting `Problem`.
 """
 
 from dataclasses import dataclass, replace
@@ -28,15 +27,15 @@ class Problem:
     Attributes
     ----------
     declared : Scene
-        As it was given.
+        Scene as declared.
     scene : Scene
-        Every "auto" decided.
+        Scene with every "auto" decided.
     lattice : Contacts
         Contacts of a sphere of the perfect lattice.
     mode : Mode
-        The Bloch mode of the wave in the lattice with these effects.
+        Bloch mode of the wave in the lattice with these effects.
     effects : tuple of Chosen
-        Each effect, on or off, and why.
+        Each effect, on or off, with the reason.
     """
 
     declared: Scene
@@ -47,17 +46,17 @@ class Problem:
 
     @cached_property
     def crystal(self) -> ase.Atoms:
-        """The spheres at rest."""
+        """Spheres at rest."""
         return hexagonal(self.scene.sphere, self.scene.shape)
 
     @property
     def physics(self) -> Physics:
-        """The degrees of freedom of the lattice."""
+        """Degrees of freedom of the lattice."""
         return physics_of(self.scene)
 
     @property
     def on(self) -> dict[str, bool]:
-        """Effect → is it on."""
+        """True or false for each effect by name."""
         return {effect.name: effect.on for effect in self.effects}
 
     @property
@@ -67,12 +66,12 @@ class Problem:
 
     @property
     def judged(self) -> list[str]:
-        """Titles of the guards that fail the run."""
+        """Titles of the guards that fail the run if they trigger."""
         return [effect.guard for effect in self.effects if effect.guard and effect.judged]
 
     @property
     def largest_step(self) -> float:
-        """The stability limit of velocity Verlet, τ."""
+        """Stability limit of velocity Verlet, τ."""
         return largest_step(self.scene)
 
     def warnings(self) -> list[str]:
@@ -85,12 +84,12 @@ class Problem:
 
 
 def prepare(scene: Scene) -> Problem:
-    """Decide, find and solve all that a deck and a run of the scene need; nothing is written.
+    """Return the problem of a scene; no file is written.
 
     Raises
     ------
     SceneError
-        When effects do not go together (`granular_lmp.effects.selection.select`), and for a time step beyond the
+        If effects contradict each other (`granular_lmp.effects.selection.select`), or the time step is beyond the
         stability limit of velocity Verlet.
     """
     chosen = select(scene)
@@ -114,8 +113,8 @@ def prepare(scene: Scene) -> Problem:
 def largest_step(scene: Scene) -> float:
     """Return the stability limit of velocity Verlet in the scene's lattice, τ: 2/Ω_max, less with dashpots.
 
-    LAMMPS's dashpots push by the velocity of half a step before, which makes (ΩΔτ)² + 2cλΔτ < 4 of it, with c in m/t0
-    and λ = 2(κ+3)Ω²/min(κ, 1) at the most.
+    LAMMPS's dashpots use the velocity of half a step before, which changes the condition ΩΔτ < 2 to
+    (ΩΔτ)² + 2cλΔτ < 4, with c in m/t0 and λ at most 2(κ+3)Ω²/min(κ, 1).
     """
     physics = physics_of(scene)
     top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)

@@ -1,4 +1,4 @@
-"""What is not known is refused: every effect, form and key is declared by a theory, or refused by name."""
+"""Unknown physics is refused: every effect, form and key is declared by a theory, or refused by name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, make_dataclass, replace
@@ -42,7 +42,7 @@ def with_wave(**changes: Any) -> Any:
 
 
 def outcome(record: Record) -> tuple[bool, str]:
-    """Whether there is a number in the comparison of a run, and what is said where there is none."""
+    """Return whether the comparison of a run holds a number, and the message if it does not."""
     try:
         result = compare.compare(record)
     except TheoryError as error:

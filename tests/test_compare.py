@@ -131,7 +131,7 @@ def test_the_best_theory_is_closer_to_lammps_than_the_paper_s_order(
     ours, paper = compare.compare(record).error, compare.compare(record, "second-order").error
     for name in signals.COMPONENTS:
         assert ours[name] is not None
-        assert ours[name] < 0.7 * (paper[name] or 0)  # of the time step at least 0.04 % is left in both
+        assert ours[name] < 0.7 * (paper[name] or 0)  # the time step leaves at least 0.04 % in both
 
 
 @pytest.mark.parametrize(("name", "direction"), [("TR", 37.0), ("L", 0.0)])

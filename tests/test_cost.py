@@ -68,7 +68,7 @@ def test_errors_fall_as_the_orders_say(study: tuple[Path, dict[str, Any]]) -> No
     # Velocity Verlet is of second order; the next order shows at the longest step, 0.5: (Ωh)² is then 2 %
     assert slopes == pytest.approx([-2] * len(slopes), abs=0.05)
     first = list(rows(result, "Richardson pair").values())[1]["slope"]
-    assert first == pytest.approx(-4, abs=0.2)  # of fourth order until the first-order error of LAMMPS shows
+    assert first == pytest.approx(-4, abs=0.2)  # fourth order until the first-order error of LAMMPS shows
     wasted = [row["slope"] for row in list(rows(result, "columns").values())[1:]]
     assert wasted == pytest.approx([0] * len(wasted), abs=1e-3)  # all columns move alike
 

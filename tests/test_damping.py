@@ -1,4 +1,4 @@
-"""What dashpots in the contacts do to a wave: closed form against the exact lattice, and LAMMPS's restitution."""
+"""The effect of dashpots in the contacts on a wave: closed form against the exact lattice, and LAMMPS's restitution."""
 
 import numpy as np
 import pytest

@@ -198,7 +198,7 @@ def measured_errors(label: str) -> dict[str, list[float] | None]:
 
 
 def agrees(cell: str, errors: list[float] | None) -> bool:
-    """Whether a cell shows the errors, rounded to its two digits; "≤ x" is a bound, "–" a wave refused."""
+    """Return whether a cell shows the errors, rounded to its two digits; "≤ x" is a bound, "–" a wave refused."""
     if errors is None or cell == "–":
         return errors is None and cell == "–"
     entries = cell.split(", ")

@@ -20,7 +20,7 @@ from tests.stand_in import AMPLITUDE, run_of_rows
 
 NU = 0.17
 SILICA = sh.ratios(NU)
-HEAVY = sh.ratios(NU, 5.0)  # of its TR waves from ξ = 1.3 on two of one frequency run
+HEAVY = sh.ratios(NU, 5.0)  # from ξ = 1.3 on two of its TR waves have one frequency
 WAVES = [("L", 0.802), ("L", 2.0), ("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("RT", 2.0)]
 ROWS = np.arange(40)
 
@@ -169,7 +169,7 @@ def fitted(
 def errors(
     mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, **setting: float
 ) -> np.ndarray:
-    """Of the driven component, of p at 2Ω, and of the mean of p."""
+    """Return the errors of the driven component, of p at 2Ω, and of the mean of p."""
     fundamental, second, mean = fitted(mode, ratios, amplitude, contact, **setting)
     n, component = np.arange(1, REACH + 1), 0 if mode.name == "L" else 1
     first, expected = driven.driven_amplitudes(mode, ratios, amplitude, n)

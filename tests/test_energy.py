@@ -107,7 +107,7 @@ def test_forces_of_the_potential_law_are_the_gradient_of_the_energy():
     def state(y):
         return np.concatenate([y.reshape(3, 5), np.zeros((3, 5))])
 
-    def potential(y):  # of all five rows
+    def potential(y):  # potential of all five rows
         return 5 * energy.energy(state(y), contact, neighbours).total
 
     h = 1e-5

@@ -1,4 +1,4 @@
-"""What makes the base case cheaper gives the same wave, and an edit of a deck that does nothing is refused."""
+"""Cheaper settings of the base case give the same wave, and an edit of a deck without effect is refused."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ def short(name: str, folder: Path) -> Outcome:
 
 
 def largest_difference(a: Outcome, b: Outcome) -> float:
-    """Of p and q, in D0."""
+    """Return the largest difference of p and q, in D0."""
     return max(float(np.abs(a.p - b.p).max()), float(np.abs(a.q - b.q).max()))
 
 

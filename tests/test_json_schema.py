@@ -18,7 +18,7 @@ KEYS = list(keys())
 
 
 def fits(key: Key, value: Any) -> bool:
-    """Whether the schema lets a key have a value."""
+    """Return whether the schema allows a value of a key."""
     part = SCHEMA["properties"][key.section]["properties"][key.name]
     return bool(jsonschema.Draft202012Validator(part).is_valid(value))
 

@@ -359,7 +359,7 @@ def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
     assert mode.frequency**2 == pytest.approx(expected, rel=1e-12)
     tau = np.linspace(0, 20, 21)
     p, q, phi = lattice.torus(mode, 1e-4, tau, NU)
-    assert p == pytest.approx(np.cos(mode.frequency * tau), abs=2e-4)  # of order a, the second harmonic
+    assert p == pytest.approx(np.cos(mode.frequency * tau), abs=2e-4)  # the second harmonic is of order a
     assert np.max(np.abs([q, phi])) < 1e-9
 
 

@@ -17,7 +17,7 @@ from granular_lmp.lammps.installation import lammps_module
 SILICA = Material(73e3, 0.17, 63.0)
 RADIUS, DENSITY = 500.0, 0.0022
 OVERLAP, TIME = 0.2498514361612, 0.4981191748424  # Δ0 and t0 of the paper's spheres
-AMPLITUDE = 0.2  # of the random displacements, in Δ0
+AMPLITUDE = 0.2  # amplitude of the random displacements, in Δ0
 COLUMNS, ROWS = 8, 6
 SAMPLES = 5
 TIMES = TIME * np.arange(1, SAMPLES + 1)

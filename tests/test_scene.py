@@ -87,7 +87,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"packing.columns": 2}, r"packing\.columns = 2: .*from 3 to 1000000 .*share one shear history"),
     ({"packing.ends": "open"}, r"packing\.ends = 'open': must be one of \"fixed\", \"periodic\""),
     ({"time.timestep": 0}, r"time\.timestep = 0\.0: must be a number in \[1e-9, 2\]"),
-    ({"time.duration": 170}, r"time\.duration = 170\.0: the walls are heard .* set time\.allow_echo = true"),
+    ({"time.duration": 170}, r"time\.duration = 170\.0: the echo of the walls reaches .* set time\.allow_echo = true"),
     ({"time.sample": 500}, r"time\.sample = 500\.0: must be at most time\.duration"),
     ({"wave.amplitude": 100, "sphere.radius": 1e-9}, r"wave\.amplitude = 100\.0: must be at most"),
     ({"wave.lenght": 1}, r"wave\.lenght: unknown key; allowed: mode, wavenumber"),
@@ -292,7 +292,7 @@ def test_a_packet_along_y_gets_walls_and_not_a_cell_that_it_runs_around() -> Non
     packet = PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4, "envelope.length": 10.0, "time.duration": 500.0})
     assert packet.shape.ends == "fixed"
     assert packet.echo_time >= 500
-    assert PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4}).shape.ends == "periodic"  # of a plane wave
+    assert PAPER.with_values(ANYWHERE | {"wave.wavenumber": pi / 4}).shape.ends == "periodic"  # a plane wave
     for form, ways in (("running", 1), ("standing", 2)):
         cell = packet.with_values({"packing.ends": "periodic", "wave.form": form})
         assert cell.shape.rows >= 100 + ways * 250  # ten standard deviations, and ½ row per τ

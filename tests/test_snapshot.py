@@ -8,7 +8,7 @@ from analysis.theory.network import Material, forces
 from analysis.theory.network_motion import integrate
 from granular_lmp import Scene, run
 
-SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # of the shipped scenes, in their decks' units nano
+SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # those of the shipped scenes, in units nano
 PERIODIC = {"time.duration": 5.0, "time.timestep": 0.0125, "output.particles": 1.0}
 HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo": True}
 

@@ -1,4 +1,4 @@
-"""Which theory holds which physics: what a run's scene calls for decides, and what leaves something out is refused."""
+"""The validity of theories: the physics that a scene calls for decides, and a theory that lacks some is refused."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -124,7 +124,7 @@ class Stepped:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one case came to."""
+    """Result of one case."""
 
     wave: Wave
     tolerance: float

@@ -45,7 +45,7 @@ def test_a_wave_turned_by_60_degrees_is_the_same_wave(mode: str, tmp_path: Path)
     # To the rounding of positions, 1e-10 of D0 in cells this small, and what 800 steps add
     for name in ("p", "q", "phi"):
         np.testing.assert_allclose(getattr(turned, name), getattr(up, name), atol=1e-8)
-    assert np.abs(up.p).max() > 1e-4  # of RT, whose second harmonic is the smallest
+    assert np.abs(up.p).max() > 1e-4  # RT has the smallest second harmonic
 
 
 def test_a_wave_that_runs_down_is_the_mirror_of_one_that_runs_up(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_the_zone_ends_at_its_corners_and_edges() -> None:
         assert zone_edge(degrees) == pytest.approx(corner, rel=1e-14)  # K
         assert zone_edge(degrees + 30) == pytest.approx(pi, rel=1e-14)  # M
     # On an edge, k and the wave vector on the opposite edge differ by one of the reciprocal lattice: k·d by 2π for two
-    # of the three bonds d
+    # The three bonds d
     kx, ky = WaveVector.of(zone_edge(80.0), 80.0).components
     assert ky == pytest.approx(2 * pi / sqrt(3), rel=1e-14)
     assert abs(kx) < 2 * pi / 3

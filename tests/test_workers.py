@@ -87,7 +87,7 @@ def test_a_script_needs_no_main_guard_and_a_killed_caller_leaves_no_process(tmp_
 
 
 def alive(process: int) -> bool:
-    """Whether it runs; a zombie that nobody waits for does not."""
+    """Return whether a process runs; an unreaped zombie does not."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except FileNotFoundError:

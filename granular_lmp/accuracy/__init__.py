@@ -1,1 +1,1 @@
-"""How a time step is chosen and an error estimated, from runs alone."""
+"""Accuracy: the choice of a time step and the estimate of an error, from runs alone."""

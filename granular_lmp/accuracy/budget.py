@@ -1,9 +1,9 @@
-"""What a run knows of its own errors: the time step, the walls, and rounding.
+"""The error budget of a run: the time step, the walls, and rounding.
 
-All are relative L2 errors over the run, against the infinite lattice with the same contacts. Of the time step one run
-knows the error of phase that velocity Verlet makes of the linear wave, (ΩΔτ)²Ωτ/(24√3), which is the error of the
-signals that a running plane wave along y has by linear theory; of all else it takes more runs to see the error, as a
-tolerance makes them. How far a theory is from the run is no business of the run: `analysis.measure.budget`.
+All are relative L2 errors over the run, against the infinite lattice with the same contacts. From one run the error of
+the time step is known only for the signals that a running plane wave along y has by linear theory: it is the phase
+error of velocity Verlet, (ΩΔτ)²Ωτ/(24√3). The error of all other signals takes the several runs of a tolerance. The
+distance between theory and run is the subject of `analysis.measure.budget`.
 """
 
 from collections.abc import Mapping
@@ -24,22 +24,22 @@ Errors = dict[str, float]
 def error_budget(
     scene: Scene, signals: Mapping[str, NDArray[np.float64]], estimate: Errors | None = None
 ) -> list[dict[str, Any]]:
-    """Return the sources of error of a run that knows them, as ``run.json`` holds them.
+    """Return the sources of error of a run, as ``run.json`` holds them.
 
     Parameters
     ----------
     scene : Scene
-        With a time step, or with the tolerance that the estimate belongs to.
+        Scene with a time step, or with the tolerance that the estimate belongs to.
     signals : mapping
-        p, q, φ of the record.
+        Signals p, q, φ of the record, (T,) each, in D0.
     estimate : dict, optional
         Relative errors of an extrapolated record (`granular_lmp.accuracy.richardson.estimate`).
 
     Returns
     -------
     list of dict
-        ``name``; ``p``, ``q``, ``phi``, None where the signal vanishes by symmetry and where one run cannot tell;
-        ``to_halve``, what it would take to halve the error.
+        ``name``; ``p``, ``q``, ``phi``, which are None if the signal vanishes by symmetry or one run does not show its
+        error; ``to_halve``, the change that halves the error.
     """
     stepped, remedy = _time_step(scene) if estimate is None else (estimate, _tighter(estimate))
     held = scene.shape.ends == "fixed"

@@ -1,16 +1,15 @@
-"""The time steps that a tolerance takes: a ladder h, h/2, h/4, h/8, begun from the frequencies of the wave.
+"""The time steps for a tolerance: a ladder h, h/2, h/4, h/8 whose first step follows from the frequencies of the wave.
 
-Velocity Verlet runs a mode of frequency ω too fast by (ωh)²/24. In the relative L2 norm over a run of duration τ that
-leaves the errors
+Velocity Verlet advances a mode of frequency ω too fast by (ωh)²/24. In the relative L2 norm over a run of duration τ
+the errors are
 
-    e = (ωh)² ωτ/(24√3)                                     of one run with the step h
-    E² = (6/√5 e²)² + (9/20 (ωh)² e)²,  h the finer step    of the Richardson extrapolation of two
+    e = (ωh)² ωτ/(24√3)                                     for one run with the step h
+    E² = (6/√5 e²)² + (9/20 (ωh)² e)²,  h the finer step    for the Richardson extrapolation of two runs
 
-Linear theory is enough to begin with. It gives the frequency Ω of the wave, and that of the free L wave of wave vector
-2k, which a second harmonic consists of beside its drive; the drive, at 2Ω, errs as a wave of frequency 2^{1/3} Ω does.
-How large the error has become is read off the runs (`granular_lmp.accuracy.richardson.estimate`). A ladder that begins
-too coarse costs one run more, and one that begins too fine ends before its last run or wastes it; neither touches the
-promise.
+Linear theory suffices for the first step. It gives the frequency Ω of the wave and that of the free L wave of wave
+vector 2k, which is part of the second harmonic; the driven part, at 2Ω, errs like a wave of frequency 2^{1/3} Ω. The
+error itself is estimated from the runs (`granular_lmp.accuracy.richardson.estimate`). A ladder that starts too coarse
+costs one more run, and one that starts too fine ends early or wastes its last run; the tolerance is met either way.
 """
 
 from math import hypot, sqrt
@@ -24,31 +23,31 @@ from granular_lmp.problem import largest_step, prepare
 from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
-RUNGS = 4  # runs of the ladder that is expected to do: the last two answers then each rest on three runs
-MOST_RUNGS = 8  # a ladder goes on for four halvings more before the tolerance is given up
+RUNGS = 4  # runs of the planned ladder: the last two answers then rest on three runs each
+MOST_RUNGS = 8  # four more halvings are tried before the tolerance is refused
 MOST_STEPS = 10**9
-# A mode at the limit of stability swings 1/√(1 − share²) times too far: 1.4 times at this share of it
+# A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large
 COARSEST = 0.7
 
 
 def with_step(scene: Scene, step: float) -> Scene:
-    """Return the scene with a time step in place of its tolerance."""
+    """Return the scene with a time step (τ) in place of its tolerance."""
     return scene.with_values({"time.timestep": step})
 
 
 def phase_error(frequency: float, step: float, duration: float) -> float:
-    """Return e, the relative L2 error of a wave over a run with the step."""
+    """Return e, the relative L2 error of a wave (rad/t0) over a run with the step and the duration (τ)."""
     return (frequency * step) ** 2 * frequency * duration / (24 * sqrt(3))
 
 
 def pair_error(frequency: float, step: float, duration: float) -> float:
-    """Return E, the error left in the extrapolation of two runs of which the finer one has this step."""
+    """Return E, the relative L2 error of the extrapolation of two runs, the finer of which has this step (τ)."""
     e = phase_error(frequency, step, duration)
     return hypot(6 / sqrt(5) * e**2, 9 / 20 * (frequency * step) ** 2 * e)
 
 
 def deciding_frequency(scene: Scene) -> float:
-    """Return the highest frequency that the wave and its second harmonic hold by linear theory, in rad/t0."""
+    """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
     doubled = WaveVector(2 * scene.vector.per_column, 2 * scene.vector.per_row)
     free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", physics_of(scene))
     return max(2 ** (1 / 3) * mode_of(scene).frequency, free.frequency)
@@ -60,12 +59,12 @@ def first_step(scene: Scene) -> float:
     Returns
     -------
     float
-        In τ; a whole number of steps fits the sample.
+        Time step in τ, of which a whole number fits the sample.
 
     Raises
     ------
     SceneError
-        When the scene has no tolerance, or would take more than 1e9 steps.
+        If the scene has no tolerance, or would take more than 1e9 steps.
     """
     tolerance, sample, duration = scene.time.tolerance, scene.time.sample, scene.time.duration
     if tolerance is None:
@@ -93,14 +92,23 @@ def finest_step(scene: Scene) -> float:
 
 
 def build(scene: Scene) -> Deck:
-    """Return the deck of a scene; nothing is written.
+    """Return the deck of a scene; no file is written.
 
-    With a tolerance it is the finest of the runs that are planned to meet it.
+    With a tolerance it is the deck of the finest planned run.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Deck
+        `Deck.write` writes it into a folder, where plain ``lmp -in in.NAME`` runs it.
 
     Raises
     ------
     SceneError
-        When effects do not go together, or the time step is beyond the stability limit (`granular_lmp.problem`).
+        If effects contradict each other, or the time step is beyond the stability limit (`granular_lmp.problem`).
     """
     problem = prepare(scene)
     if scene.time.tolerance is not None:
@@ -109,12 +117,12 @@ def build(scene: Scene) -> Deck:
 
 
 def planned_steps(scene: Scene) -> int:
-    """Return the time steps that running a scene takes: of its one run, or of the ladder for its tolerance."""
+    """Return the number of time steps of a scene: those of its one run, or of the ladder for its tolerance."""
     if scene.time.tolerance is None:
         return scene.time.steps
     return _ladder(round(scene.time.sample / first_step(scene))) * scene.time.samples
 
 
 def _ladder(per_sample: int) -> int:
-    """Return the steps to a sample of all runs of a ladder, from those of its first."""
+    """Return the steps per sample of all runs of a ladder together, from those of its first run."""
     return per_sample * ((1 << RUNGS) - 1)

@@ -1,16 +1,17 @@
-"""Runs that differ in the time step alone: a better answer than any of them, and how good it is.
+"""Richardson extrapolation of runs that differ only in the time step, and the estimate of its error.
 
 Velocity Verlet's error is C h² + D h⁴ + … in the step h. Of two runs with the steps h and h/2 the combination
 R = (4·fine − coarse)/3 is free of the first term (Richardson extrapolation), and of two such R = (16·fine − coarse)/15
 is free of the second. Some effects make the error one of first order (`granular_lmp.effects.selection.order`); then the
-answer is 2·fine − coarse of the last two runs, for nothing is known of the next order.
+answer is 2·fine − coarse of the last two runs, because the next order is unknown.
 
-The error of the answer is estimated by its distance to the answer without the last run, times `SAFETY`. That bounds
-errors of any order in h, the first included, which hides below a larger error of second order until that is taken away:
-LAMMPS leaves one of the order of h Δ0/R, as it turns the slip of a contact with the contact's direction at the end of
-the step. It also sees waves that the coarse steps do not resolve, which no order describes.
+The error of the answer is estimated by its distance to the answer without the last run, times `SAFETY`. The estimate
+bounds errors of any order in h. It includes a first-order error that lies below the error of second order until the
+extrapolation removes that: LAMMPS leaves one of the order of h Δ0/R, because it rotates the slip of a contact with the
+contact's direction at the end of the step. It also covers waves that the coarse steps do not resolve, whose error has
+no order.
 
-Below all that lies the rounding of positions, which no time step cures: `granular_lmp.accuracy.rounding`.
+The rounding of positions limits the accuracy at any time step: `granular_lmp.accuracy.rounding`.
 """
 
 from collections.abc import Sequence
@@ -24,13 +25,13 @@ from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
-# The distance itself was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5, the
-# errors above 3e-6 (docs/accuracy.md)
+# The distance was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5 with errors
+# above 3e-6 (docs/accuracy.md)
 SAFETY = 1.5
 
 
 def halved_step(scene: Scene) -> Scene:
-    """Return the same scene with half the time step that it uses: the second run of a Richardson pair."""
+    """Return the scene with half of the time step that it uses: the second run of a Richardson pair."""
     return scene.with_values({"time.timestep": scene.time.step / 2})
 
 
@@ -40,25 +41,26 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     Parameters
     ----------
     coarse, fine : Record
+        Records at the same times.
     order : int
-        Of the error in the step: 2, or 1 for the effects that spoil it (`effects.selection.order`); 4 of two records
-        that are extrapolated themselves.
+        Order of the error in the step: 2, or 1 with some effects (`effects.selection.order`); 4 for two records that
+        are extrapolated themselves.
 
     Returns
     -------
     Record
-        With the scene of the finer run; ``info["error_estimate"]`` is the relative L2 error of its p, q and phi that
-        the pair estimates (None where a component is zero). The extrapolated record itself is better than that.
+        Extrapolated record with the scene of the finer run. ``info["error_estimate"]`` holds the relative L2 errors of
+        p, q and phi of the finer run, None for a signal that is zero; the extrapolated record is better.
 
     Raises
     ------
     ValueError
-        When the records have other times, or steps whose ratio is not 2.
+        If the records have different times, or the ratio of their steps is not 2.
 
     Notes
     -----
-    Breaks where the error is not of that order in the step (contacts that open or slide have none for sure) and below
-    the rounding of the positions.
+    The extrapolation breaks down if the error is not of this order in the step, as with contacts that open or slide,
+    and below the rounding of the positions.
     """
     if coarse.tau.shape != fine.tau.shape or not np.allclose(coarse.tau, fine.tau, rtol=1e-12, atol=0):
         raise ValueError("the two records have different times")
@@ -77,7 +79,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
 def answer(runs: Sequence[Record]) -> Record:
     """Return the best extrapolation of runs of one scene, each with half the step of the one before.
 
-    One run is its own answer; of many the last three count.
+    A single run is returned as it is; of more runs the last three are used.
     """
     if len(runs) == 1:
         return runs[0]
@@ -99,7 +101,7 @@ def estimate(runs: Sequence[Record]) -> dict[str, float]:
     Returns
     -------
     dict
-        Without those that vanish by symmetry; inf where one run cannot tell.
+        Errors by signal, without signals that vanish by symmetry; inf if there is only one run.
     """
     newer = answer(runs)
     names = judged(newer.scene, newer.signals)

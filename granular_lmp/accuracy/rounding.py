@@ -1,4 +1,4 @@
-"""What no time step cures: the rounding of positions, and held ends.
+"""Errors that no time step removes: the rounding of positions, and the held ends.
 
 LAMMPS adds displacements of a fraction of the static overlap, 1e-10 m, to positions of up to 1e-4 m: of 16 digits, ten
 are left for the displacement of the farthest sphere.
@@ -17,16 +17,17 @@ from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 
-# Of the largest signal. What a symmetry makes zero is rounding, 1e-9 of it
+# Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7
-# Before the echo the walls are below this (`Scene.echo_time`)
+# Relative error by the walls before their echo arrives (`granular_lmp.scene.shape.echo_time`)
 WALLS = 1e-6
 
 
 def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
     """Return the names of the signals that are known and not zero by symmetry.
 
-    A signal that is nan throughout was not tracked; one that is not finite somewhere moves.
+    A signal that is nan throughout was not tracked and is left out; one with some numbers that are not finite is
+    included.
     """
     known = {name: values for name, values in signals.items() if not np.isnan(values).all()}
     sizes = {name: float(np.max(np.abs(values))) for name, values in known.items()}
@@ -35,19 +36,19 @@ def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
 
 
 def judged(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return the names of the signals that have an error: those that move, of an L wave along y only p.
+    """Return the names of the signals whose error counts: those of `moving`, but only p of an L wave along y.
 
-    There the mirror makes q and φ zero, and at small amplitudes their rounding is large enough to be taken for motion.
+    A mirror symmetry makes q and φ of that wave zero, and at small amplitudes their rounding exceeds the threshold.
     """
     mirrored = scene.plane_along_y and scene.wave.mode == "L"
     return [name for name in moving(signals) if name == "p" or not mirrored]
 
 
 def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:
-    """Return p, q, φ of a running plane wave by linear theory, in D0: one period, evenly.
+    """Return p, q, φ of a running plane wave along y by linear theory, in D0, at 16 phases of one period.
 
-    A signal that linear theory makes zero is left out, for what it really is only a run can tell. Of other waves the
-    dictionary is empty: how much of them comes past the centre sphere is a matter of place and time.
+    A signal that vanishes in linear theory is left out, because only a run shows its size. The dictionary is empty for
+    all other waves, whose amplitude at the centre sphere depends on place and time.
     """
     if not scene.plane_along_y:
         return {}
@@ -59,9 +60,9 @@ def linear_signals(scene: Scene) -> dict[str, NDArray[np.float64]]:
 def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
     """Return the relative error that the rounding of positions leaves in signals (in D0): ½ eps L/(their size).
 
-    A first law: L is half the height of the packing for p and its width for q and φ. Measured against the same steps
-    without LAMMPS: 0.4 to 1.3 times that for 201 rows, 500 to 5000 steps. It grows with their number, which is not
-    in the law. Signals that vanish by symmetry are left out.
+    L is half the height of the packing for p and its width for q and φ. The law gives the magnitude: measured against
+    the same steps without LAMMPS, the error was 0.4 to 1.3 times that for 201 rows and 500 to 5000 steps. It grows
+    with the number of steps, which the law leaves out. Signals that vanish by symmetry are left out.
     """
     far, near = farthest_rounding(scene), position_rounding(scene, scene.shape.columns)
     if not scene.plane_along_y:  # no signal lies along the rows
@@ -71,22 +72,22 @@ def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[s
 
 
 def walls(scene: Scene) -> float:
-    """Return what the held rows leave at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
+    """Return the error by the held rows at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
 
-    0 also for a scene that runs on past the echo (``time.allow_echo``): what the walls do is then a part of it.
+    It is also 0 for a scene that runs past the echo (``time.allow_echo``), where the walls are part of the scene.
     """
     return WALLS if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
 
 
 def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
-    """Return the relative errors that no time step takes away, the largest of the signals: rounding and walls."""
+    """Return the relative errors that no time step removes, rounding and walls, for the worst signal."""
     return {"rounding": max(rounding(scene, signals).values(), default=0.0), "walls": walls(scene)}
 
 
 def check_floor(
     scene: Scene, signals: Mapping[str, NDArray[np.float64]], failure: type[GranularError] = SceneError
 ) -> None:
-    """Raise the failure if no time step can meet the scene's tolerance of these signals."""
+    """Raise an error of the type `failure` if no time step can meet the scene's tolerance for these signals."""
     remedies = {
         "rounding": "a larger wave.amplitude or fewer packing.rows",
         "walls": 'packing.ends = "periodic"',
@@ -99,11 +100,11 @@ def check_floor(
             )
 
 
-def drowned(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return a sentence if the p of a run is no larger than what rounding makes of it, 3 times the law at most.
+def below_rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Return a warning if the second harmonic p of a run is less than 3 times its rounding, else an empty list.
 
-    The law is `noise_floor` or `grain`, whichever is larger. p of L is the wave itself, and of waves that are not plane
-    and along y the law knows nothing.
+    The rounding is `noise_floor` or `grain`, whichever is larger. The list is empty for L, whose p is the wave itself,
+    and for waves that are not plane and along y, for which the laws do not hold.
     """
     if not scene.plane_along_y or "p" in linear_signals(scene) or "p" not in moving(signals):
         return []
@@ -117,43 +118,45 @@ def drowned(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> list[st
 
 
 def noise_floor(scene: Scene) -> float:
-    """Rounding noise of p at the end of a run, standard deviation in units of D0.
+    """Return the standard deviation of the rounding noise of p at the end of a run, in D0.
 
         noise = √(steps/2) · ulp/√12 / D0,    ulp² = mean of the squared spacing of doubles at the y of the spheres
 
-    Each step rounds each position to that spacing, 2^{−52}|y| or down to half of it: a kick of variance ulp²/12, of
-    which the lattice, as it carries it away, keeps half in the displacements. So the floor rises as the root of the
-    number of steps and in proportion to the length of the cell or its distance from the origin, and as 1/D0.
+    Each step rounds each position to that spacing, 2^{−52}|y| or down to half of it. The rounding acts as a kick of
+    variance ulp²/12, half of which remains in the displacements as the lattice carries it away. So the floor grows with
+    the root of the number of steps, in proportion to the length of the cell or its distance from the origin, and as
+    1/D0.
 
     Parameters
     ----------
     scene : Scene
+        Scene with a time step.
 
     Notes
     -----
-    A law of magnitudes, good to a factor of 3: with smaller steps at one duration the noise rises more slowly than the
-    root (measured: 1.8-fold for sixteen times the steps, where the root says 4). q and φ are a few times quieter.
-    Breaks for signals below `grain`, where roundings are not random: the noise is then smaller, and the signal lost.
+    The law holds to a factor of 3: with smaller steps at one duration the noise rises more slowly than the root
+    (measured: 1.8-fold for sixteen times the steps instead of 4-fold). The noise of q and φ is a few times smaller. The
+    law breaks down for signals below `grain`, where roundings are not random: the noise is smaller and the signal lost.
     """
     return float(np.sqrt(scene.time.steps / 2) * _spacing(scene) / np.sqrt(12))
 
 
 def grain(scene: Scene) -> float:
-    """Smallest p, in units of D0, that moves positions at all: ulp/(4ΩΔτ D0), ulp as in `noise_floor`.
+    """Return the smallest p, in D0, that changes positions: ulp/(4ΩΔτ D0), ulp as in `noise_floor`.
 
-    A second harmonic p cos 2Ωτ moves a sphere by at most 2ΩΔτ p in a step. Where that is less than half the spacing of
-    doubles at its position, the sum rounds back to where it was and p is not simulated: its error is p itself. Small
-    steps make it worse.
+    A second harmonic p cos 2Ωτ moves a sphere by at most 2ΩΔτ p in a step. If that is less than half the spacing of
+    doubles at its position, the sum rounds back to the old position and p is not simulated: its error is p itself. The
+    bound grows as the steps become smaller.
     """
     return _spacing(scene) / (4 * mode_of(scene).frequency * scene.time.step)
 
 
 def _spacing(scene: Scene) -> float:
-    """Root mean square of the spacing of doubles at the y of the rows that the centre hears, in D0."""
-    # What arrives at the centre left, on average, half-way through the run
+    """Return the root mean square, in D0, of the spacing of doubles at the y of the rows that reach the centre."""
+    # Noise that arrives at the centre left its row, on average, half-way through the run
     reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
     n = np.arange(scene.shape.rows) - scene.shape.centre_row
-    # The spacing jumps in twos, so the numbers of the deck count, not metres
+    # The spacing jumps by factors of two, so it depends on the units of the deck
     units = units_for(scene.sphere.radius)
     y = units.number(scene.sphere.lattice_constant, length=1) * ROW_SPACING * n[np.abs(n) <= reach]
     size = scene.wave.amplitude * units.number(scene.sphere.static_overlap, length=1)

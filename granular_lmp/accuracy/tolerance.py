@@ -1,9 +1,9 @@
-"""Run a scene to the accuracy that it asks for: runs of halved steps, until what they show of their error is enough.
+"""Run a scene to its tolerance: halve the time step until the estimated error is small enough.
 
-The runs go up the ladder h, h/2, h/4, … that `granular_lmp.accuracy.ladder` begins. After each the answer is
-extrapolated from the last three, and its error estimated from how much the last run moved it
-(`granular_lmp.accuracy.richardson`): no theory of the wave is asked, so this is the same for every wave and every
-effect. A run is added until the estimate meets the tolerance, or the ladder ends and the tolerance is refused.
+The steps h, h/2, h/4, … start at the step that `granular_lmp.accuracy.ladder` chooses. After each run the answer is
+extrapolated from the last three runs, and its error is estimated from the change that the last run made
+(`granular_lmp.accuracy.richardson`). The estimate uses no theory of the wave, so it holds for every wave and every
+effect. Runs are added until the estimate meets the tolerance, or the ladder ends and the tolerance is refused.
 
 The folder holds a run folder for each step, ``N_per_sample``, and the extrapolated ``trajectory.csv`` beside
 ``scene.toml`` and ``run.json``.
@@ -54,44 +54,52 @@ def run(
     Parameters
     ----------
     what : Scene or Deck
-        Of a deck that was edited, `resume` does not know the edits.
+        Simulation to run. `resume` rebuilds the deck from the scene and so loses edits of its text.
     folder : path
-        The run folder, made here. What it will hold: ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
-        ``dump.centre``, ``trajectory.csv``, ``run.json``, with snapshots of all spheres ``dump.particles``, and of a
-        run that was stopped or is long ``checkpoint.*``. With a tolerance: such a folder for each step, and the
-        extrapolated ``trajectory.csv``.
+        Run folder, which is created. It will hold ``scene.toml``, ``in.NAME``, ``data.NAME``, ``log.lammps``,
+        ``dump.centre``, ``trajectory.csv`` and ``run.json``; ``dump.particles`` if the scene has snapshots of all
+        spheres; ``checkpoint.*`` while a long run lasts and after it is stopped. With a tolerance it holds such a
+        folder for each step and the extrapolated ``trajectory.csv``.
     launcher : "module" or "lmp"
-        In this process, or the program ``lmp``. More than one rank always means the program.
+        Run LAMMPS in this process, or as the program ``lmp``. More than one rank always uses the program.
     ranks : int
-        MPI ranks.
+        Number of MPI ranks.
     force : bool
-        Run again in a folder that is there; what an earlier run wrote is deleted, all else there is kept.
+        Run again in an existing folder: the files of the earlier run are deleted, all other files are kept.
     progress : callable, optional
-        Called as ``progress(step, steps)`` about ten times a second; the steps grow when more runs are needed.
+        Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
 
     Returns
     -------
     Record
-        With a tolerance ``info["error_estimate"]`` holds the relative L2 errors of its p, q, phi (None where symmetry
-        makes one zero).
+        Record of the centre sphere. With a tolerance ``info["error_estimate"]`` holds the relative L2 errors of p, q
+        and phi, None for a signal that vanishes by symmetry.
 
     Raises
     ------
     SceneError
-        Before anything is run, when the scene cannot be: effects that do not go together, a step beyond the stability
-        limit, a tolerance below what rounding or the walls leave of the linear wave.
+        Before anything is run, if effects contradict each other, the time step is beyond the stability limit, or the
+        tolerance is below the error that rounding or the walls leave in the linear wave.
     RunFolderError
-        When the folder is there (without `force`) or cannot be written.
+        If the folder exists (without `force`) or cannot be written.
     LaunchError
-        For another launcher, or more ranks than cores.
-    LammpsMissingError, LammpsError
+        If the launcher is unknown, or there are more ranks than cores.
+    LammpsMissingError
+        If LAMMPS, its MPI library or a package is missing.
+    LammpsError
+        If LAMMPS stops with an error, or its output is incomplete.
     EffectError
-        When the run is done but an effect that its deck leaves out was there (`granular_lmp.lammps.guards`).
+        If the run is complete but a guard triggered: an effect that the deck leaves out occurred
+        (`granular_lmp.lammps.guards`).
     ToleranceError
-        When the tolerance is below what rounding leaves of the signals that the first run shows, or the shortest step
-        misses it.
+        If the tolerance is below the rounding error of the first run's signals, or the shortest step misses it.
     RunInterrupted
-        On Ctrl-C: LAMMPS stops within a second, ``run.json`` says so, what was recorded is kept; see `resume`.
+        On Ctrl-C. LAMMPS stops within a second, ``run.json`` is updated, and the record so far is kept; see `resume`.
+
+    Notes
+    -----
+    *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
+    below it the rounding of positions dominates (docs/accuracy.md).
     """
     options = launch.Options(launcher, ranks, force, progress)
     if isinstance(what, Deck):
@@ -102,7 +110,7 @@ def run(
 
 
 def _with_budget(record: Record) -> Record:
-    """Return the record of one run with what it knows of its errors, which ``run.json`` then holds too."""
+    """Return the record of one run with its error budget, which is also written to ``run.json``."""
     assert record.folder is not None
     info = record.info | {"error_budget": error_budget(record.scene, record.signals)}
     with writable(record.folder):
@@ -111,7 +119,26 @@ def _with_budget(record: Record) -> Record:
 
 
 def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
-    """Continue an interrupted run, or the runs of an interrupted scene with a tolerance (`launch.resume`)."""
+    """Continue an interrupted run, or the runs of an interrupted scene with a tolerance.
+
+    Parameters
+    ----------
+    folder : path
+        Run folder.
+    progress : callable, optional
+        As in `run`.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    RunFolderError
+        If the folder holds no run, a sweep, a finished run, a changed scene, or no checkpoint.
+    LammpsMissingError, LammpsError, EffectError, ToleranceError, RunInterrupted
+        As in `run`.
+    """
     folder = Path(folder).absolute()
     if (folder / SWEEP).is_file():
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
@@ -127,12 +154,12 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
 
     started = launch.Options(info["launcher"], info["ranks"], force=True)
 
-    def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
+    def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
         if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
             return Record.load(place)
         if any((place / name).is_file() for name in CHECKPOINTS):
-            return launch.resume(place, progress=told)
-        return launch.launch(deck_of(prepare(scene)), place, replace(started, progress=told))
+            return launch.resume(place, progress=part)
+        return launch.launch(deck_of(prepare(scene)), place, replace(started, progress=part))
 
     with locked(folder):
         return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
@@ -151,9 +178,9 @@ def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> 
         "ranks": options.ranks,
     }
 
-    def one(scene: Scene, place: Path, told: launch.Progress | None) -> Record:
-        # By force: a folder of the user's own files may have been left there
-        return launch.launch(deck_of(prepare(scene)), place, replace(options, force=True, progress=told))
+    def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
+        # Forced, because the folder may exist and hold files of the user
+        return launch.launch(deck_of(prepare(scene)), place, replace(options, force=True, progress=part))
 
     with locked(folder, make=True, force=options.force):
         clear(folder)
@@ -163,25 +190,36 @@ def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> 
 
 
 def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:
-    """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says how that ended.
+    """Run with smaller and smaller steps until the estimate meets the tolerance, and write ``run.json`` of the whole.
 
     Parameters
     ----------
     scene : Scene
-        With ``time.tolerance``.
+        Scene with ``time.tolerance``.
     folder : Path
-        Is there, and gets ``trajectory.csv`` and ``run.json``.
+        Existing folder for ``trajectory.csv`` and ``run.json``.
     one : callable
-        Makes one run: of a scene with a time step, in a folder, telling its progress.
+        Function of scene, folder and progress callback that makes one run of a scene with a time step.
     progress : callable, optional
+        As in `run`.
     info : dict
-        What ``run.json`` is to hold of the whole.
+        Entries of ``run.json`` that are known before the runs.
+
+    Returns
+    -------
+    Record
+        Extrapolated record.
+
+    Raises
+    ------
+    ToleranceError
+        As in `run`.
     """
     tolerance = scene.time.tolerance
     assert tolerance is not None
     per_sample = round(scene.time.sample / first_step(scene))
     records: list[Record] = []
-    said: list[str] = []
+    refinements: list[str] = []
     found: dict[str, float] = {}
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
@@ -189,24 +227,24 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         for rung in range(MOST_RUNGS):
             count = per_sample << rung
             stepped = with_step(scene, scene.time.sample / count)
-            # The runs before this one made count − per_sample steps a sample
+            # The earlier runs made count − per_sample steps per sample
             before, all_ = count - per_sample, (per_sample << max(rung + 1, RUNGS)) - per_sample
-            told = _offset(progress, before * scene.time.samples, all_ * scene.time.samples)
-            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", told))
+            part = _offset(progress, before * scene.time.samples, all_ * scene.time.samples)
+            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part))
             if rung == 0:
                 check_floor(scene, records[0].signals, ToleranceError)
                 continue
             found = estimate(records)
-            if all(error <= tolerance for error in found.values()):  # a nan is not
+            if all(error <= tolerance for error in found.values()):  # false for a nan
                 break
             if rung + 1 >= RUNGS:
-                said.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
+                refinements.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
         else:
             raise ToleranceError(
                 f"time.tolerance = {tolerance!r}: not met with steps down to {records[-1].scene.time.step!r} tau, "
                 f"{_worst(found)}; the runs are kept in {folder}"
             )
-    except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
+    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         if isinstance(error, RunInterrupted | KeyboardInterrupt):
             resumed_by = f"granular-lmp resume {quote(str(folder))}"
             error = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; continue with: {resumed_by}")
@@ -220,7 +258,7 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
         "error_budget": error_budget(scene, record.signals, found),
         "extrapolated_from": [run.scene.time.step for run in records[-3:]],
-        "refinements": said,
+        "refinements": refinements,
         "steps": sum(run["steps"] for run in runs),
         "wall_seconds": {
             key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
@@ -240,5 +278,5 @@ def _worst(found: dict[str, float]) -> str:
 
 
 def _offset(progress: launch.Progress | None, before: int, total: int) -> launch.Progress | None:
-    """The progress of one run as a part of all of them."""
+    """Return a progress callback for one run that counts the steps of all runs."""
     return None if progress is None else lambda step, _: progress(before + step, total)

@@ -42,7 +42,7 @@ def _resume(options: Options) -> int:
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
-    from granular_lmp.accuracy.rounding import drowned
+    from granular_lmp.accuracy.rounding import below_rounding
 
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
@@ -56,7 +56,7 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
         say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
     else:  # a tolerance has its own refusal
-        for sentence in drowned(record.scene, record.signals):
+        for sentence in below_rounding(record.scene, record.signals):
             remark(f"warning: {sentence}")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:

@@ -1,1 +1,1 @@
-"""Spheres at rest and their contacts; knows no scene and no LAMMPS."""
+"""Crystals: spheres at rest, their contacts and their linear waves, independent of scenes and LAMMPS."""

@@ -1,4 +1,4 @@
-"""Contacts of a crystal at rest, found from its geometry: who touches whom, how stiffly, and with which force.
+"""Contacts of a crystal at rest, found from its geometry: pairs of spheres, stiffnesses and forces.
 
 Two elastic spheres at an overlap δ push each other with f_N = A δ^{3/2} − F and, after a slip ξ, f_S = B ξ δ^{1/2},
 
@@ -7,10 +7,10 @@ Two elastic spheres at an overlap δ push each other with f_N = A δ^{3/2} − F
 
 with G = E/(2(1+ν)). For equal spheres these are the constants of `granular_lmp.crystal.sphere.Sphere`. Between two
 materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (1985), sections 4.2 and 7.2), and for w
-the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w where it
-mixes two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the modulus that is already
-mixed for that of either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials are therefore to be
-written out in ``pair_coeff`` (``tests/validation/test_two_materials.py`` measures both).
+the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w if it mixes
+two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of
+either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff``
+(``tests/validation/test_two_materials.py`` measures both).
 
 Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.
 """
@@ -28,7 +28,7 @@ from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-# How far the overlaps of the positions may be from those of a declared force: a part of them, and rounding, in radii.
+# Tolerance between the overlaps of the positions and those of a declared force: a share of them, and rounding, in radii
 SAME_OVERLAP = 1e-3
 ROUNDING = 1e-9
 
@@ -42,17 +42,17 @@ class Contacts:
     i, j : (C,) int arrays
         The two spheres of each contact; i = j where a sphere touches its own periodic image.
     vector : (C, 3) array
-        From the centre of i to that of j across periodic faces, m.
+        Vector from the centre of i to that of j across periodic faces, m.
     overlap : (C,) array
-        δ, m.
+        Overlap δ, m.
     normal_stiffness, shear_stiffness : (C,) arrays
         Derivatives of f_N by the overlap, (3/2) A √δ, and of f_S by the slip, B √δ; N/m.
     adhesive_force : (C,) array
-        F, N: the force that parts the two spheres.
+        Adhesive force F, N, which is also the pull that parts the two spheres.
     contact_force : (C,) array
-        f_N = A δ^{3/2} − F, N: the force that presses the two together at rest, the prestress.
+        Prestress f_N = A δ^{3/2} − F, N: the force that presses the two spheres together at rest.
     radius, mass : (N,) arrays
-        Of the spheres, m and kg.
+        Radius and mass of the spheres, m and kg.
 
     Notes
     -----
@@ -72,7 +72,7 @@ class Contacts:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            getattr(self, field.name).setflags(write=False)  # one record is handed on to all who ask
+            getattr(self, field.name).setflags(write=False)  # callers share one cached record
 
     def __len__(self) -> int:
         return len(self.i)
@@ -105,7 +105,7 @@ class Contacts:
 
     @cached_property
     def per_sphere(self) -> Integers:
-        """How many contacts each sphere has, (N,)."""
+        """Number of contacts of each sphere, (N,)."""
         return np.bincount(self.i, minlength=len(self.mass)) + np.bincount(self.j, minlength=len(self.mass))
 
 
@@ -118,15 +118,19 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
         Positions and the array ``radius`` in radii of the first material. Optional arrays: ``material``, the index
         into `materials` (0), and ``density``, kg/m³ (that of the material).
     materials : sequence of Sphere
-        Their moduli, work of adhesion and density; of their radii only the first is used, as the unit of length.
+        Moduli, work of adhesion and density of each material; the radius of the first is the unit of length.
     contact_force : float, optional
-        f_N of every contact, N, where all are pressed together alike as in a perfect lattice. The overlaps then follow
-        from the force to the last digit, and the positions, which hold 12 digits of an overlap, say only who touches.
+        Force f_N of every contact, N, if it is the same for all as in a perfect lattice. The overlaps then follow from
+        the force to the last digit, and the positions, which hold 12 digits of an overlap, only decide the pairs.
+
+    Returns
+    -------
+    Contacts
 
     Raises
     ------
     ValueError
-        When the positions have other overlaps than `contact_force` makes.
+        If the overlaps of the positions differ from those that `contact_force` makes.
     """
     unit = materials[0].radius
     radius = crystal.arrays["radius"] * unit
@@ -176,7 +180,7 @@ def _mixed(materials: Sequence[Sphere], one: Integers, other: Integers) -> tuple
 
 
 def _of_force(overlap: Floats, geometric: Floats, unit: float, contact_force: float) -> Floats:
-    """Return the overlaps that a force makes, if the positions have them too."""
+    """Return the overlaps that a force makes after comparing them with those of the positions."""
     wrong = np.abs(overlap - geometric) > SAME_OVERLAP * overlap + ROUNDING * unit
     if wrong.any():
         first = int(np.argmax(wrong))

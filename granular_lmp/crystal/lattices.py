@@ -3,7 +3,7 @@
 **Lengths are in radii R**: ASE, which thinks in Å and draws cells in steps of a fraction of one, then shows spheres of
 5 mm as well as of 50 nm. Touching spheres are a lattice constant a = 2R − Δ0 apart.
 
-What is particular to the hexagonal sheet is known here and in `granular_lmp.crystal.wavevector`: rows along x are
+Only this module and `granular_lmp.crystal.wavevector` depend on the geometry of the hexagonal sheet: rows along x are
 stacked along y, (√3/2) a apart, every other one shifted by a/2.
 """
 
@@ -35,12 +35,12 @@ class Shape:
 
     @property
     def spheres(self) -> int:
-        """How many there are."""
+        """Number of spheres."""
         return self.rows * self.columns
 
 
 def lattice_constant(sphere: Sphere) -> float:
-    """a = 2 − Δ0/R, in radii."""
+    """Return the lattice constant a = 2 − Δ0/R, in radii."""
     return sphere.lattice_constant / sphere.radius
 
 
@@ -95,10 +95,10 @@ def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
     Returns
     -------
     ase.Atoms
-        One atom ("X") a sphere, row by row, positions in radii, periodic along x, and along y with periodic ends.
+        One entry ("X") per sphere, row by row, positions in radii, periodic along x, and along y with periodic ends.
         Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (1).
-        The centre sphere sits next to the origin, where coordinates carry the most digits. No sphere is on a periodic
-        face: columns are shifted by a quarter of the lattice constant, rows by half a row.
+        The centre sphere lies next to the origin, where coordinates have the finest resolution. No sphere is on a
+        periodic face: columns are shifted by a quarter of the lattice constant, rows by half a row.
 
     Notes
     -----
@@ -130,7 +130,7 @@ def hexagonal(sphere: Sphere, shape: Shape) -> ase.Atoms:
 
 
 def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Where the spheres are, from the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
+    """Return the positions relative to the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
     return _offsets(packing.arrays["row"], packing.arrays["column"])
 
 
@@ -140,7 +140,7 @@ def _offsets(row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray
 
 
 def centre(packing: ase.Atoms) -> int:
-    """Index of the centre sphere: row (rows−1)//2, column columns//2."""
+    """Return the index of the centre sphere: row (rows−1)//2, column columns//2."""
     rows, columns = packing.arrays["row"], packing.arrays["column"]
     (index,) = np.flatnonzero((rows == rows.max() // 2) & (columns == (columns.max() + 1) // 2))
     return int(index)

@@ -70,7 +70,7 @@ class Mode:
 
     @property
     def wavenumber(self) -> float:
-        """ξ, rad per row."""
+        """Wave number ξ, rad per row."""
         return self.vector.wavenumber
 
     @property
@@ -84,23 +84,23 @@ class Mode:
         return self.vector.across(self.ux, self.uy)
 
     def shape(self) -> NDArray[np.complex128]:
-        """Complex amplitudes (ux, uy, φ)."""
+        """Complex amplitudes (ux, uy, φ) of the mode."""
         return np.array([self.ux, self.uy, 1j * self.f])
 
 
 @dataclass(frozen=True)
 class Physics:
-    """What the contacts of a lattice resist, and how its spheres move.
+    """Degrees of freedom of a lattice and the stiffnesses of its contacts.
 
     Attributes
     ----------
     shear : bool
-        Contacts resist a slip.
+        True if contacts resist a slip.
     rotation : bool
-        Spheres turn.
+        True if spheres turn.
     rolling : float
-        Stiffness k_r with which a contact resists rolling, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that
-        turn against each other, Rc = RiRj/(Ri + Rj), costs ½ k_r ρ². 0 where they roll freely.
+        Rolling stiffness k_r of a contact, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that turn against
+        each other, Rc = RiRj/(Ri + Rj), has the energy ½ k_r ρ². It is 0 if spheres roll freely.
     """
 
     shear: bool = True
@@ -109,12 +109,12 @@ class Physics:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Names of the modes that there are."""
+        """Names of the modes of the lattice."""
         return MODES if self.rotation else MODES[:2]
 
     @property
     def coordinates(self) -> list[int]:
-        """Those of (ux, uy, f) that move."""
+        """Indices of the components of (ux, uy, f) that move."""
         return [_UX, _UY, _F] if self.rotation else [_UX, _UY]
 
 
@@ -132,27 +132,28 @@ def bloch_modes(
     Parameters
     ----------
     contacts : Contacts
-        Of the spheres of one cell.
+        Contacts of the spheres of one cell.
     sphere : Sphere
-        Gives the units: R, t0.
+        Reference sphere, whose R and t0 are the units.
     wavevectors : array_like, (..., 2)
-        k, 1/R.
+        Wave vectors k, 1/R.
     physics : Physics
+        Degrees of freedom.
 
     Returns
     -------
     frequencies : (..., 3N) array, or (..., 2N) without rotation
-        In 1/t0, ascending.
+        Frequencies in rad/t0, ascending.
     shapes : (..., 3N, 3N) array, or (..., 2N, 3N)
-        One row a mode: (ux, uy, f) of sphere after sphere, normalised to 1; real for one sphere a cell. The phase of a
-        row is arbitrary, and where modes are degenerate any rotation of them is returned.
+        One row per mode: (ux, uy, f) of each sphere in turn, normalised to 1; real for one sphere per cell. The phase
+        of a row is arbitrary, and degenerate modes are returned in an arbitrary basis.
 
     Raises
     ------
     CrystalError
-        When a mode has a negative ω²: the crystal is not at a stable equilibrium.
+        If a mode has a negative ω², so that the crystal is not at a stable equilibrium.
     ValueError
-        When contacts do not lie in the plane.
+        If contacts do not lie in a plane z = const.
     """
     require_plane(contacts)
     columns = [3 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
@@ -169,7 +170,7 @@ def require_plane(contacts: Contacts) -> None:
 def effective_inertia(contacts: Contacts) -> NDArray:
     """Return I/R² = Ĩm/(1 − η) of each sphere, (N,), kg: its inertia as LAMMPS's torque arm makes it.
 
-    A sphere that no contact turns keeps Ĩm. How η is taken is in the module docstring.
+    A sphere that no contact turns keeps Ĩm. The module docstring defines η.
     """
     turned, weighted = np.zeros_like(contacts.mass), np.zeros_like(contacts.mass)
     for end in (contacts.i, contacts.j):
@@ -253,24 +254,24 @@ def _solve(
 # --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
 
 
-@lru_cache(maxsize=256)  # a scene's mode is asked for by everyone who judges the scene
+@lru_cache(maxsize=256)  # one scene needs its mode many times: effects, guards, deck, accuracy
 def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
     """Return the mode L, TR or RT of the hexagonal lattice at a wave vector, with the signs that `Mode` gives.
 
     L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
-    a mirror holds the wave, L is purely longitudinal and these do not move along k; elsewhere all three move in every
-    way, and the names pass from mode to mode where two come near each other.
+    the wave has a mirror symmetry, L is purely longitudinal, and TR and RT do not move along k. In other directions all
+    three have every component, and modes exchange their names where two frequencies come close.
 
-    At ξ = π along y translation and rotation part: of TR and RT one is pure u_x, the other pure rotation, and the sign
-    of the latter is the one that continues ξ < π (f > 0 for TR, f < 0 for RT).
+    At ξ = π along y translation and rotation separate: one of TR and RT is pure u_x, the other pure rotation, with the
+    sign that continues ξ < π (f > 0 for TR, f < 0 for RT).
 
     Raises
     ------
     SceneError
-        For another name, and for RT where spheres do not turn.
+        If the name is unknown, or is RT and spheres do not turn.
     ValueError
-        For contacts that are not those of the hexagonal lattice of the sphere: their modes have no names, and
-        `bloch_modes` gives them all.
+        If the contacts are not those of the sphere's hexagonal lattice. The modes of other lattices have no names;
+        `bloch_modes` returns them all.
     """
     if len(lattice) != 3 or np.abs(lattice.length / sphere.lattice_constant - 1).max() > _SAME_LATTICE:
         raise ValueError(f"{len(lattice)} contacts: not those of the sphere's hexagonal lattice; see `unit_lattice`")
@@ -303,11 +304,11 @@ def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
 
 
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Return the top of the spectrum of the hexagonal lattice, rad/t0: Verlet is unstable from Δτ = 2/Ω on.
+    """Return the highest frequency of the hexagonal lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
-    With rotation it is at Γ, all spheres turning in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling.
-    Otherwise it is somewhere on the edges Γ–M and M–K of the zone, by ν; 120 points find it to 1e-4. For other crystals
-    there is `granular_lmp.crystal.stability.frequency_bound`.
+    With rotation it is at Γ, where all spheres turn in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling.
+    Otherwise it lies on the edges Γ–M and M–K of the zone at a place that depends on ν; 120 points find it to 1e-4. For
+    other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
     edges = zone_path(60) / lattice_constant(sphere)
     path = np.zeros((1, 2)) if physics.rotation else edges
@@ -323,20 +324,20 @@ def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDA
 
 
 def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, *, shear: bool = True) -> float:
-    """Return the rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
+    """Return the decay rate Γ of a mode whose contacts are damped, in 1/t0: its amplitude falls as e^{−Γτ}.
 
         Γ = ½ c Σ_contacts (δN² + δS²) / (ux² + uy² + Ĩ f²)
 
-    Half the power that the dashpots take over twice the energy of the mode, for weak damping (Γ ≪ Ω).
+    The formula is the power of the dashpots over twice the energy of the mode and holds for weak damping (Γ ≪ Ω).
 
     Parameters
     ----------
     lattice, sphere, mode
-        As above.
+        As in `contact_stretches`.
     viscosity : float
-        c of the dashpot of a contact, along its normal and along its tangent, in m/t0.
+        Dashpot c of a contact, along its normal and along its tangent, in m/t0.
     shear : bool
-        Whether the tangent has a dashpot.
+        True if the tangent has a dashpot.
     """
     normal, tangential = contact_stretches(lattice, sphere, mode)
     squares = np.sum(normal**2) + (np.sum(tangential**2) if shear else 0.0)
@@ -344,13 +345,16 @@ def decay_rate(lattice: Contacts, sphere: Sphere, mode: Mode, viscosity: float, 
 
 
 def _wavevector(sphere: Sphere, vector: WaveVector) -> NDArray:
-    """k in 1/R."""
+    """Return the components of a wave vector in 1/R."""
     return np.array(vector.components) / lattice_constant(sphere)
 
 
 def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
-    """+1 or −1: the larger of p and q becomes positive; where both vanish f is negative, but that of TR along y."""
+    """Return +1 or −1, which makes the larger of p and q positive.
+
+    If both vanish it makes f negative, except for TR along y.
+    """
     larger = max(vector.along(*shape[:2]), vector.across(*shape[:2]), key=abs)
-    if abs(larger) > 1e-9:  # along y q is proportional to sin ξ where it vanishes, so this is ξ = π to rounding
+    if abs(larger) > 1e-9:  # along y a vanishing q is proportional to sin ξ, so the else branch is ξ = π to rounding
         return float(np.sign(larger))
     return float(np.sign(shape[_F])) * (1 if name == "TR" and vector.axis == "y" else -1)

@@ -1,8 +1,9 @@
-"""Spheres that touch: the search for overlapping pairs in a crystal with any cell, also one smaller than a sphere.
+"""The search for overlapping pairs of spheres in a crystal with any cell, even one smaller than a sphere.
 
 The spheres and their periodic images are sorted into square bins as wide as the largest diameter, so that each sphere
-meets only those of the bins around its own. `ase.neighborlist` finds the same pairs (``tests/test_contacts.py``), but
-to import it takes longer than to build a deck, as it loads SciPy's sparse matrices.
+is compared only with those in the bins around its own. `ase.neighborlist` finds the same pairs
+(``tests/test_contacts.py``), but its import takes longer than the build of a deck because it loads SciPy's sparse
+matrices.
 """
 
 from itertools import product
@@ -21,7 +22,7 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
     Parameters
     ----------
     crystal : ase.Atoms
-        With the array ``radius``, in the unit of its positions.
+        Crystal with the array ``radius``, in the unit of its positions.
 
     Returns
     -------
@@ -29,7 +30,7 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
         Spheres of the pairs, i <= j, in ascending order. A sphere may touch its own images, and another one several
         times.
     vector : (C, 3) array
-        From the centre of i to that of j, or of the image of j that i touches.
+        Vector from the centre of i to that of j, or of the image of j that i touches.
     """
     radius = np.asarray(crystal.arrays["radius"], dtype=float)
     reach = 2 * radius.max()
@@ -48,7 +49,7 @@ def overlapping(crystal: ase.Atoms) -> tuple[Integers, Integers, Floats]:
 def _images(crystal: ase.Atoms, reach: float) -> tuple[Integers, Integers]:
     """Return the spheres and those of their images within reach of the box around all spheres: owner and cell shift."""
     cell, positions = crystal.cell.array, crystal.positions
-    # Distance of opposite faces of the cell, and how far the spheres spread across them
+    # Distance of opposite faces of the cell, and the extent of the spheres across them
     heights = 1 / np.linalg.norm(np.linalg.inv(cell), axis=0)
     scaled = positions @ np.linalg.inv(cell)
     most = np.where(crystal.pbc, np.ceil(reach / heights + np.ptp(scaled, axis=0)), 0).astype(int)

@@ -24,17 +24,17 @@ class Sphere:
     Parameters
     ----------
     radius : float
-        R, m.
+        Radius R, m.
     youngs_modulus : float
-        E, Pa.
+        Young's modulus E, Pa.
     poisson_ratio : float
-        ν, in (−1, 0.5]; at −1 the effective moduli are infinite.
+        Poisson's ratio ν in (−1, 0.5]; at −1 the effective moduli are infinite.
     work_of_adhesion : float
-        w, J/m²; 0 is the Hertz contact. LAMMPS's ``dmt`` model takes γ = w/2.
+        Work of adhesion w, J/m²; 0 for the Hertz contact. LAMMPS's ``dmt`` model takes γ = w/2.
     density : float
-        ρ, kg/m³.
+        Density ρ, kg/m³.
     contact_force : float
-        F0, N: with which the contacts at rest are pressed together from outside.
+        Outer force F0 that presses the contacts together at rest, N.
 
     Notes
     -----
@@ -51,99 +51,102 @@ class Sphere:
 
     @property
     def mass(self) -> float:
-        """m = (4/3) π R³ ρ, kg."""
+        """Mass m = (4/3) π R³ ρ, kg."""
         return 4 / 3 * pi * self.radius**3 * self.density
 
     @property
     def effective_radius(self) -> float:
-        """Rc = R/2, m."""
+        """Effective radius Rc = R/2, m."""
         return self.radius / 2
 
     @property
     def effective_modulus(self) -> float:
-        """E* = E/(2(1−ν²)), Pa."""
+        """Effective modulus E* = E/(2(1−ν²)), Pa."""
         return self.youngs_modulus / (2 * (1 - self.poisson_ratio**2))
 
     @property
     def effective_shear_modulus(self) -> float:
-        """G* = G/(2(2−ν)) with G = E/(2(1+ν)), Pa."""
+        """Effective shear modulus G* = G/(2(2−ν)) with G = E/(2(1+ν)), Pa."""
         return self.youngs_modulus / (4 * (1 + self.poisson_ratio) * (2 - self.poisson_ratio))
 
     @property
     def pull_off_force(self) -> float:
-        """F = 2π w Rc, N: the adhesive force, and the pull that parts two spheres."""
+        """Pull-off force F = 2π w Rc, N: the adhesive force, and the pull that parts two spheres."""
         return 2 * pi * self.work_of_adhesion * self.effective_radius
 
     @property
     def normal_coefficient(self) -> float:
-        """A = (4/3) E* √Rc, N/m^{3/2}."""
+        """Coefficient A = (4/3) E* √Rc of the Hertz law, N/m^{3/2}."""
         return 4 / 3 * self.effective_modulus * sqrt(self.effective_radius)
 
     @property
     def shear_coefficient(self) -> float:
-        """B = 8 G* √Rc, N/m^{3/2}."""
+        """Coefficient B = 8 G* √Rc of Mindlin's law, N/m^{3/2}."""
         return 8 * self.effective_shear_modulus * sqrt(self.effective_radius)
 
     @property
     def holding_force(self) -> float:
-        """F + F0, N: adhesion and outer compression, which the Hertz repulsion AΔ0^{3/2} balances at rest."""
+        """Force F + F0 of adhesion and outer compression, N, which the Hertz repulsion AΔ0^{3/2} balances at rest."""
         return self.pull_off_force + self.contact_force
 
     @property
     def static_overlap(self) -> float:
-        """Δ0 = ((F + F0)/A)^{2/3}, m: overlap at rest."""
+        """Overlap at rest Δ0 = ((F + F0)/A)^{2/3}, m."""
         return (self.holding_force / self.normal_coefficient) ** (2 / 3)
 
     @property
     def normal_stiffness(self) -> float:
-        """k1 = (3/2) A √Δ0, N/m."""
+        """Normal stiffness k1 = (3/2) A √Δ0, N/m."""
         return 1.5 * self.normal_coefficient * sqrt(self.static_overlap)
 
     @property
     def shear_stiffness(self) -> float:
-        """g1 = B √Δ0, N/m."""
+        """Shear stiffness g1 = B √Δ0, N/m."""
         return self.shear_coefficient * sqrt(self.static_overlap)
 
     @property
     def stiffness_ratio(self) -> float:
-        """κ = g1/k1 = 2(1−ν)/(2−ν): all that the dimensionless dynamics depend on, but for the overlap ratio."""
+        """Ratio κ = g1/k1 = 2(1−ν)/(2−ν), which with the overlap ratio determines the dimensionless dynamics."""
         return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio)
 
     @property
     def overlap_ratio(self) -> float:
-        """η = Δ0/(2R): how far LAMMPS's contact geometry is from the paper's, which is that of η → 0."""
+        """Ratio η = Δ0/(2R), by which LAMMPS's contact geometry differs from that of the paper, η → 0."""
         return self.static_overlap / (2 * self.radius)
 
     @property
     def time_scale(self) -> float:
-        """t0 = √(m/(2(g1+3k1))), s: one unit of τ (the paper misprints it as √(2m/(g1+3k1)))."""
+        """Unit of time t0 = √(m/(2(g1+3k1))), s, of τ (the paper misprints it as √(2m/(g1+3k1)))."""
         return sqrt(self.mass / (2 * (self.shear_stiffness + 3 * self.normal_stiffness)))
 
     @property
     def prestress(self) -> float:
-        """χ = F0/(k1(2R−Δ0)): stiffness that compression takes from a contact turned sideways, over k1; 0 by adhesion.
+        """Loss of transverse stiffness by compression over k1, χ = F0/(k1(2R−Δ0)); 0 without an outer force.
 
-        A compressed contact that turns by a small angle pushes on, as a compressed strut does when it buckles. Adhesion
-        pulls along with the repulsion, so that there is no net force to turn.
+        A compressed contact that turns by a small angle continues to push, like a compressed strut that buckles.
+        Adhesion balances the repulsion along the same line and adds no such force.
         """
         return self.contact_force / (self.normal_stiffness * self.lattice_constant)
 
     @property
     def lattice_constant(self) -> float:
-        """a = 2R − Δ0, m: distance between the centres of touching spheres at rest."""
+        """Distance a = 2R − Δ0 between the centres of touching spheres at rest, m."""
         return 2 * self.radius - self.static_overlap
 
     def nonlinearity(self, amplitude: float) -> float:
-        """ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a (2κ+3)/(4(κ+3)) for a = D0/Δ0 (the paper misprints √3 as 3/2)."""
+        """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a (2κ+3)/(4(κ+3)) for a = D0/Δ0.
+
+        The paper misprints √3 as 3/2.
+        """
         return -sqrt(3) * amplitude * (2 * self.stiffness_ratio + 3) / (4 * (self.stiffness_ratio + 3))
 
     def restitution_viscosity(self, restitution: float) -> float:
-        """Dashpot of a contact at rest, N s/m, that belongs to a coefficient of restitution e of the Hertz contact.
+        """Return the dashpot of a contact at rest, N s/m, for a coefficient of restitution e of the Hertz contact.
 
             c = √5 |ln e| / √(π² + ln² e) · √(m_eff A) Δ0^{1/4},    m_eff = m/2
 
-        It makes every head-on collision end at e times its speed (Antypov & Elliott, EPL 94, 50004 (2011)); LAMMPS's
-        ``damping coeff_restitution``.
+        Every head-on collision then ends at e times its speed (Antypov & Elliott, EPL 94, 50004 (2011)). The law is
+        LAMMPS's ``damping coeff_restitution``.
         """
         share = -log(restitution) / sqrt(pi**2 + log(restitution) ** 2)
         return sqrt(5) * share * sqrt(self.mass / 2 * self.normal_coefficient) * self.static_overlap**0.25

@@ -1,4 +1,4 @@
-"""Time scale and highest frequency of any crystal from its contacts: how long a time step may be.
+"""Time scale and highest frequency of any crystal from its contacts, which limit the time step.
 
 The spectrum of the whole crystal is bounded from above without a matrix: a few Lanczos steps from a random start give
 the largest eigenvalue θ of a small tridiagonal matrix and the residual of its vector, and θ plus the residual lies
@@ -21,19 +21,20 @@ def time_scale(contacts: Contacts, row_spacing: float) -> float:
 
         t0 = s/(2c),    c² = Σ_contacts (k n_y² + g t_y²) d_y² / Σ m
 
-    with d_y the part of a contact's vector along y. It is `Sphere.time_scale`, √(m/(2(g+3k))), for a hexagonal lattice,
-    and √(m/4k) for a chain along y and for a square lattice.
+    with d_y the component of a contact's vector along y. It equals `Sphere.time_scale`, √(m/(2(g+3k))), for a hexagonal
+    lattice, and √(m/4k) for a chain along y and for a square lattice.
 
     Parameters
     ----------
     contacts : Contacts
+        Contacts of the crystal.
     row_spacing : float
-        s, m.
+        Distance s of the rows, m.
 
     Notes
     -----
-    Compression is left out, and c is the speed without the motion of spheres of a cell against each other, which lowers
-    it in crystals that are not lattices of one sphere a cell: there t0 is a unit of time, not half a row to the digit.
+    Compression is left out. In crystals with several spheres per cell c is an upper bound of the speed, because their
+    relative motion lowers it; t0 is then a unit of time and not exactly the time for half a row.
     """
     n, t = contacts.normals[:, 1], contacts.tangents[:, :, 1]
     stiffness = contacts.normal_stiffness * n**2 + contacts.shear_stiffness * np.sum(t**2, axis=1)
@@ -47,21 +48,22 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
     Parameters
     ----------
     contacts : Contacts
-        Of all spheres of the crystal. Of a periodic one, the waves that its cell holds are bounded: a unit cell holds
-        only Γ, so give the crystal itself.
+        Contacts of all spheres of the crystal. The bound holds for the waves of a periodic cell; a unit cell holds only
+        Γ, so pass the whole crystal.
     sphere : Sphere
-        Gives t0.
+        Reference sphere, whose t0 is the unit of time.
     physics : Physics
+        Degrees of freedom.
 
     Raises
     ------
     ValueError
-        When contacts do not lie in the plane.
+        If contacts do not lie in a plane z = const.
 
     Notes
     -----
-    Good to 2e-3 where the crystal is large; spheres that are held only lower the spectrum. The start is random but the
-    same every time. A start without any part in the highest mode would miss it, which no crystal is known to do.
+    The bound is at most 2e-3 too high for large crystals; held spheres only lower the spectrum. The start is random but
+    the same every time. A start orthogonal to the highest mode would miss it, which has not been observed.
     """
     require_plane(contacts)
     mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)])
@@ -80,7 +82,7 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
         diagonal.append(float(np.sum(image * vector)))
         image -= diagonal[-1] * vector + beside[-1] * before
         beside.append(float(np.linalg.norm(image)))
-        if beside[-1] <= np.finfo(float).eps * max(diagonal):  # all that the start holds is found
+        if beside[-1] <= np.finfo(float).eps * max(diagonal):  # the start vector is exhausted
             break
         vector, before = image / beside[-1], vector
     inner = beside[1 : len(diagonal)]

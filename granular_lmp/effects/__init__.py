@@ -1,1 +1,1 @@
-"""The physics that a scene calls for, one effect at a time."""
+"""Effects: the physics that a scene calls for, one effect per file."""

@@ -1,4 +1,4 @@
-"""Opening: contacts part and meet again. LAMMPS does that by itself, so that the deck is the same with and without."""
+"""Opening: contacts part and meet again. LAMMPS always allows it, so the deck is the same with and without."""
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def loss(case: Case) -> str:
 
 
 def first_order(scene: Scene) -> bool:
-    """A contact parts inside a step."""
+    """Return True: a contact parts inside a step."""
     return True
 
 

@@ -1,4 +1,4 @@
-"""Damping: contacts dissipate, by a viscosity or by the coefficient of restitution of a Hertz contact."""
+"""Damping: contacts dissipate energy, by a viscosity or by the coefficient of restitution of a Hertz contact."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -44,7 +44,7 @@ def refuse(case: Case) -> str:
 
 
 def first_order(scene: Scene) -> bool:
-    """LAMMPS's dashpots push by the velocity of half a step ago."""
+    """Return True: LAMMPS's dashpots use the velocity of half a step before."""
     return True
 
 

@@ -1,9 +1,9 @@
-"""What an effect is: one record, made once in a file of its own, and the case that its functions judge.
+"""The effect: one record per effect, and the case to which its functions apply.
 
-An effect says with a number whether a scene calls for it, writes its lines into the deck, adds its term to the linear
-problem, names the guard that proves its absence harmless, and says what it costs and what is lost without it. The
-effects are the other files of this room, a file each; `granular_lmp.effects.selection` lists them and chooses. No
-theory holds an effect until its line in `analysis.theory.catalogue` says so.
+An effect decides by a number whether a scene calls for it. It writes its lines into the deck, adds its term to the
+linear problem, and names the guard that proves its absence harmless, its cost, and the loss without it. Each of the
+other files here defines one effect; `granular_lmp.effects.selection` lists them and chooses. A theory covers an effect
+only if its line in `analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,11 +25,11 @@ from granular_lmp.scene.schema import AUTO
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
 # force, which then freezes it.
 FRICTION_PER_AMPLITUDE = 10.0
-NOTHING = 1e-12  # of a number of order 1 that a symmetry makes zero
+NOTHING = 1e-12  # rounding of a number of order 1 that vanishes by symmetry
 
 
 class Finding(NamedTuple):
-    """The verdict of a rule: is the effect called for, the number behind it, the sentence that follows the number."""
+    """Result of a rule: whether the effect is called for, the number behind it, and the text behind the number."""
 
     called_for: bool
     number: float
@@ -45,25 +45,26 @@ class Case:
 
     @cached_property
     def mode(self) -> Mode:
-        """The mode of the lattice with these effects; those that are not decided yet are on."""
+        """Bloch mode of the wave in the lattice with these effects; undecided effects count as on."""
         shear = self.on.get("shear", True)
         return self.mode_with(Physics(shear, self.on.get("rotation", shear), self.rolling))
 
     @property
     def rolling(self) -> float:
-        """Stiffness of the contacts against rolling, N/m; 0 where they roll freely."""
+        """Stiffness of the contacts against rolling, N/m; 0 if spheres roll freely."""
         declared = self.scene.effects.rolling is not False
         return self.scene.effects.rolling_stiffness if self.on.get("rolling", declared) else 0.0
 
     def mode_with(self, physics: Physics) -> Mode:
-        """The mode of the scene's wave in a lattice with other physics."""
+        """Return the mode of the scene's wave in a lattice with the given physics."""
         return mode_of(self.scene, physics)
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
-        """Amplitudes of the normal and the shear displacement of the contacts, in Δ0.
+        """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
 
-        Of a driven row also those to the next row, as if that stood still: more than the waves that it sends out do.
+        For a driven row they include the contacts to the next row as if that were at rest, which exceeds the amplitudes
+        in the emitted wave.
         """
         lattice, sphere = unit_lattice(self.scene.sphere), self.scene.sphere
         parts = [contact_stretches(lattice, sphere, self.mode)]
@@ -75,10 +76,10 @@ class Case:
 
     @property
     def no_slip_friction(self) -> float:
-        """Friction coefficient per amplitude a at which nothing slides: 10/(1 + s), s the share of adhesion.
+        """Friction coefficient per amplitude a at which no contact slides: 10/(1 + s), s the share of adhesion.
 
-        The sliding force at rest is μ(AΔ0^{3/2} + F), and 1 + s that over the force that holds the contact. Dashpots
-        push along with the springs: as much more friction as `shear_stiffness` is above κ.
+        The sliding force at rest is μ(AΔ0^{3/2} + F) = μ(1 + s)AΔ0^{3/2}. Dashpots add to the force of the springs, so
+        the friction is larger by the ratio of `shear_stiffness` to κ.
         """
         return (
             FRICTION_PER_AMPLITUDE
@@ -89,23 +90,23 @@ class Case:
 
     @property
     def shear_stiffness(self) -> float:
-        """|κ + 2(κ+3) i c Ω|, spring and dashpot c of a sheared contact, in k1 (k1 t0²/m = 1/(2(κ+3)))."""
+        """Dynamic shear stiffness |κ + 2(κ+3) i c Ω| of spring and dashpot c, in k1 (k1 t0²/m = 1/(2(κ+3)))."""
         return hypot(self.scene.sphere.stiffness_ratio, self.dashpot)
 
     @property
     def dashpot(self) -> float:
-        """D = 2(κ+3) c Ω: what the dashpot c of a sheared contact pushes with, in k1."""
+        """Force amplitude D = 2(κ+3) c Ω of the dashpot c of a sheared contact, per displacement, in k1."""
         viscosity = self.viscosity if self.on.get("damping", True) else 0.0
         return 2 * (self.scene.sphere.stiffness_ratio + 3) * viscosity * self.mode.frequency
 
     @property
     def adhesive_share(self) -> float:
-        """s = F/(F + F0): how much of the force that holds the contacts at rest is adhesion."""
+        """Share s = F/(F + F0) of adhesion in the force that holds the contacts at rest."""
         return self.scene.sphere.pull_off_force / self.scene.sphere.holding_force
 
     @property
     def friction(self) -> float:
-        """The scene's friction coefficient, or that at which nothing slides."""
+        """Friction coefficient of the scene, or the one at which no contact slides if it is "auto"."""
         given = self.scene.effects.friction
         return self.no_slip_friction * self.scene.wave.amplitude if given == AUTO else float(given)
 
@@ -117,14 +118,14 @@ class Case:
         return dashpot * sphere.time_scale / sphere.mass
 
     def largest_slip(self) -> float:
-        """Largest shear force of the wave over the sliding force of the same contact at the same time.
+        """Return the largest ratio of shear force to sliding force of the same contact at the same time.
 
-        With δ = Δ0(1−x), x = n cos ϑ, and a dashpot D that pushes t D sin ϑ along with the spring, in units of the
-        force that holds a contact at rest, (2/3) k1 Δ0:
+        With δ = Δ0(1−x), x = n cos ϑ, and a dashpot force t D sin ϑ beside that of the spring, in units of the force
+        that holds a contact at rest, (2/3) k1 Δ0, it is
 
             max over contacts and phases ϑ of 1.5 |t| |κ (1−x)^{1/2} cos ϑ − D sin ϑ| / (μ [(1−x)^{3/2} + s])
 
-        Infinite where contacts without adhesion open: they slide before.
+        It is infinite if contacts without adhesion open, because they slide before they open.
         """
         phase = np.linspace(0, 2 * np.pi, 721)[:, None]
         normal, shear = self.stretches
@@ -139,22 +140,22 @@ class Case:
 
     @property
     def wave_words(self) -> str:
-        """The wave with its article: "a TR wave"."""
+        """Name of the wave with its article: "a TR wave"."""
         return f"{'an' if self.mode.name in ('L', 'RT') else 'a'} {self.mode.name} wave"
 
     @property
     def decay_rate(self) -> float:
-        """Rate of the wave's amplitude by the dashpots of the contacts, per τ."""
+        """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
         lattice, sphere = unit_lattice(self.scene.sphere), self.scene.sphere
         return decay_rate(lattice, sphere, self.mode, self.viscosity, shear=self.on.get("shear", True))
 
     @property
     def amplitude_left(self) -> float:
-        """Part of the wave's amplitude that the dashpots leave at the end of the run."""
+        """Share of the wave's amplitude that remains at the end of the run with the dashpots."""
         return exp(-self.decay_rate * self.scene.time.duration)
 
     def frequency_shift(self, physics: Physics) -> str:
-        """Return in words what happens to the frequency of the wave in a lattice with less physics."""
+        """Return a description of the change in the wave's frequency in a lattice with the given physics."""
         if self.scene.wave.mode == "RT":
             return "there is no RT wave"
         full, less = self.mode_with(Physics(rolling=self.rolling)).frequency, self.mode_with(physics).frequency
@@ -180,34 +181,34 @@ class Effect:
     Attributes
     ----------
     name : str
-        Its key in ``[effects]``, unless `switch` says otherwise.
+        Name, and its key in ``[effects]`` unless `switch` names another.
     called_for : callable
-        The rule: Case → Finding.
+        Rule that decides whether a scene calls for the effect, Case → Finding.
     cost : str
-        What it costs in time, measured (docs/effects.md).
+        Cost in time as a factor, measured (docs/effects.md), or the word for a cost that depends on the scene.
     loss : callable
-        Case → what is lost without it, half a sentence.
+        Description of the loss without the effect, Case → half a sentence.
     needs : str
-        The effect without which it is not there.
+        Name of another effect without which this one is off.
     lines, lines_off : mapping
-        What it writes into the slots of the deck (`granular_lmp.lammps.deck`) when it is on, and when it is off though
-        what it needs is on. ``<name>`` stands for a number of the scene.
+        Lines for the slots of the deck (`granular_lmp.lammps.deck`) while the effect is on, and while it is off but the
+        effect that it needs is on. ``<name>`` stands for a number of the scene.
     law : callable
-        (Scene, on) → arguments of `granular_lmp.lammps.contact.model`: its part of the contact law.
+        Part of the contact law, (Scene, on) → arguments of `granular_lmp.lammps.contact.model`.
     refuse : callable
-        Case → why it cannot be as it is chosen; "" if it can.
+        Reason why the choice is not possible, Case → sentence, or "" if it is possible.
     first_order : callable
-        Scene → is LAMMPS's error of first order in the time step while it is on.
+        Scene → True if LAMMPS's error is of first order in the time step while the effect is on.
     guard : Guard, optional
-        What proves that it stayed silent.
+        Guard that proves that the effect did not occur.
     always : bool
-        Whether the guard measures, without judging, also while the effect is on.
+        True if the guard also measures, without judging, while the effect is on.
     in_all : bool
-        Whether ``--all-effects`` switches it on.
+        True if ``--all-effects`` switches the effect on.
     switch : str
-        The key that forces it; where it is no key of ``[effects]``, `declared` says whether the scene has it on.
+        Key that forces the effect, if it is not a key of ``[effects]``.
     declared : callable, optional
-        Scene → bool.
+        Scene → True if the effect is on, for an effect with a `switch`.
     """
 
     name: str
@@ -228,11 +229,11 @@ class Effect:
 
     @property
     def key(self) -> str:
-        """The key of the scene that forces it."""
+        """Key of the scene that forces the effect."""
         return self.switch or f"effects.{self.name}"
 
     def guard_name(self, on: Mapping[str, bool]) -> str:
-        """Return the name of the guard in a deck with these effects on; "" where none is needed."""
+        """Return the title of the guard in a deck with these effects on, or "" if no guard is needed."""
         watched = on.get(self.needs, True) and (self.always or not on[self.name])
         return self.guard.title if self.guard and watched else ""
 
@@ -244,17 +245,17 @@ class Chosen:
     Attributes
     ----------
     name, switch : str
-        And the key of the scene that forces it.
+        Name of the effect, and the key of the scene that forces it.
     on, called_for : bool
-        Is it in the deck; does the scene call for it.
+        True if the effect is in the deck, and if the scene calls for it.
     number, reason : float, str
-        The number behind that, and the sentence that goes with it.
+        Number behind `called_for`, and the text that follows the number.
     guard : str
-        The guard that measures it, and fails the run while it is off; "" if none is needed.
+        Title of the guard in the deck, or "" without one.
     cost : str
-        What it costs in time, measured (docs/effects.md).
+        Cost in time, measured (docs/effects.md).
     loss : str
-        What is lost without it; "nothing" where the scene does not call for it.
+        Loss without the effect; "nothing" if the scene does not call for it.
     """
 
     name: str
@@ -269,10 +270,10 @@ class Chosen:
 
     @property
     def finding(self) -> str:
-        """The number and its sentence; the sentence alone where the number is infinite."""
+        """Number and text in one sentence, or the text alone if the number is infinite."""
         return f"{self.number:.4g} {self.reason}" if isfinite(self.number) else self.reason
 
     @property
     def judged(self) -> bool:
-        """Whether its guard fails the run: only that of an effect that is off and that the scene does not call for."""
+        """True if the guard fails the run: the effect is off and the scene does not call for it."""
         return not self.on and not self.called_for

@@ -1,7 +1,7 @@
-"""One guard: a number that LAMMPS measures to prove that an effect left out of a deck stayed silent.
+"""The guard: a number that LAMMPS measures to prove that an effect left out of a deck did not occur.
 
-Each is defined in the file of its effect. `granular_lmp.lammps.guards` writes them into the deck and judges what they
-measured.
+Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` writes it into the deck and judges its
+result.
 """
 
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from granular_lmp.scene.resolution import farthest_rounding
 from granular_lmp.scene.scene import Scene
 
 LOOKS = 40  # looks in a period of the fastest motion that matters
-BETWEEN = 1 - cos(pi / LOOKS)  # of the swing of a motion: how far it may go beyond what two looks see, 0.31 %
+BETWEEN = 1 - cos(pi / LOOKS)  # share of an oscillation's amplitude that may lie beyond two looks, 0.31 %
 TOP = 1.0  # rad/tau, top of the branches that carry displacements: L and TR at the edge of the zone
-NEVER = 1e20  # tau at which a limit was passed that was not; what LAMMPS takes for the minimum of nothing
+NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty set
 
-# What a symmetry forbids stays at rounding: half of that of the farthest position (spread), 25 times that (torque). For
-# a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is no rounding, and harms nothing yet.
+# A quantity that a symmetry forbids stays at the rounding of the farthest position: 0.5 times (spread), 25 times
+# (torque) that. For a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is far above it, yet harmless.
 BROKEN_SYMMETRY = 1e-6
 ROUNDINGS = 100.0
 
-# The contacts at a look, for guards that judge contacts
+# Contacts at a look, for guards that judge contacts
 CONTACT = (
     "compute      contact inside pair/local dist p4",
     "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
@@ -30,27 +30,27 @@ CONTACT = (
 
 @dataclass(frozen=True)
 class Guard:
-    """One measure.
+    """One guard.
 
     Attributes
     ----------
     title : str
-        Its name in ``run.json``.
+        Name in ``run.json``.
     name : str
-        Variables of the deck begin with it: NAME_now at a look, NAME the largest since the last line of the
-        table, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
+        Prefix of the variables in the deck: NAME_now at a look, NAME the largest since the last line of the table,
+        NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : tuple of str
-        Lines of the deck that give NAME_now; ``<name>`` stands for a number of the scene.
+        Lines of the deck that compute NAME_now; ``<name>`` stands for a number of the scene.
     limit : float
-        The largest value of silence.
+        Value above which the guard triggers.
     meaning : str
-        What a larger value says.
+        Meaning of a larger value, for the message.
     cure : str
-        What to do about it.
+        Advice for the user, for the message.
     roundings : float
-        How many times the rounding of positions (`farthest_rounding`) counts as silence besides.
+        Multiple of the rounding of positions (`farthest_rounding`) that is added to the limit.
     per_contact : bool
-        Whether NAME is only an upper bound, and contacts are written out while it is above the limit.
+        True if NAME is only an upper bound, and contacts are dumped while it is above the limit.
     """
 
     title: str
@@ -67,6 +67,6 @@ class Guard:
         """Name of the thermo column of the extreme."""
         return f"v_{self.name}"
 
-    def largest_silent(self, scene: Scene) -> float:
-        """Return the largest value that counts as silence in a scene."""
+    def limit_in(self, scene: Scene) -> float:
+        """Return the limit above which the guard triggers in a scene, with the rounding of positions."""
         return self.limit + self.roundings * farthest_rounding(scene)

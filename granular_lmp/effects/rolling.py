@@ -27,7 +27,7 @@ def called_for(case: Case) -> Finding:
         return Finding(True, np.inf, "no cap of the rolling force is declared")
     rolls = contact_rolls(unit_lattice(sphere), sphere, case.mode)
     force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
-    cap = effects.rolling_friction * (1 + case.adhesive_share) / 1.5  # of a contact at rest, in k1 Δ0
+    cap = effects.rolling_friction * (1 + case.adhesive_share) / 1.5  # cap of a contact at rest, in k1 Δ0
     ratio = force * case.scene.wave.amplitude / cap
     return Finding(True, ratio, "of the cap of rolling friction is the largest rolling force")
 
@@ -54,7 +54,7 @@ def refuse(case: Case) -> str:
 
 
 def first_order(scene: Scene) -> bool:
-    """LAMMPS's dashpots push by the velocity of half a step ago."""
+    """Return True: LAMMPS's dashpots use the velocity of half a step before."""
     return scene.effects.rolling_viscosity > 0
 
 

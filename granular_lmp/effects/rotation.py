@@ -34,14 +34,14 @@ GUARD = Guard(
 def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
-    said = f"of the kinetic energy of {case.wave_words} is rotation"
+    reason = f"of the kinetic energy of {case.wave_words} is rotation"
     if case.scene.envelope.width > 0:
-        return Finding(True, share, said + ", but at the sides of a beam spheres turn")
-    if case.scene.wave.mode == "RT":  # at K along x it does not turn them, but without rotation there is no such branch
-        return Finding(True, share, said)
+        return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
+    if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation
+        return Finding(True, share, reason)
     if share <= NOTHING and case.mode.name == "TR" and case.scene.shape.ends == "fixed":  # at ξ = π
-        return Finding(True, share, said + ", but the held rows turn their neighbours")
-    return Finding(share > NOTHING, share, said)
+        return Finding(True, share, reason + ", but the held rows turn their neighbours")
+    return Finding(share > NOTHING, share, reason)
 
 
 def loss(case: Case) -> str:

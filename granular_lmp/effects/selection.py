@@ -1,4 +1,4 @@
-"""Which effects a scene carries: the list of them all, and the choice among them."""
+"""The selection of effects: the list of all effects, and the choice among them for a scene."""
 
 from collections.abc import Iterable, Mapping
 
@@ -37,8 +37,8 @@ def select(scene: Scene) -> list[Chosen]:
     Raises
     ------
     SceneError
-        For an effect that is forced on without what it needs: another effect, or a coefficient; for restitution of
-        adhesive contacts, which LAMMPS does not have; for contacts that slide whatever they do.
+        If an effect is forced on without the effect or the coefficient that it needs, if adhesive contacts have a
+        restitution, which LAMMPS does not offer, or if contacts slide at any friction.
     """
     on: dict[str, bool] = {}
     chosen = []
@@ -66,9 +66,9 @@ def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bo
 
 
 def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
-    """Return for each effect whether it is on, and the guard that the deck has for it ("": none).
+    """Return for each effect whether it is on, and the title of its guard in the deck ("" without one).
 
-    The scene is one whose every "auto" is decided (`granular_lmp.problem.prepare`): no rule is asked.
+    Every "auto" of the scene must be decided (`granular_lmp.problem.prepare`), because no rule is evaluated.
     """
     on: dict[str, bool] = {}
     found = {}
@@ -79,7 +79,7 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
 
 
 def lines(on: Mapping[str, bool]) -> dict[str, str]:
-    """Return the lines that the effects write into the slots of the deck; a later effect replaces an earlier one's."""
+    """Return the lines of the effects for the slots of the deck; later effects replace the lines of earlier ones."""
     written: dict[str, str] = {}
     for effect in EFFECTS:
         if on.get(effect.needs, True):
@@ -88,22 +88,22 @@ def lines(on: Mapping[str, bool]) -> dict[str, str]:
 
 
 def order(scene: Scene) -> int:
-    """Return the order of LAMMPS's error in the time step: 2, as of velocity Verlet, or 1 where an effect spoils it."""
-    spoilt = (
+    """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, 1 if an effect lowers it."""
+    lowered = (
         effect.first_order(scene)
         for effect in EFFECTS
         if effect.declared is None and getattr(scene.effects, effect.name) is True
     )
-    return 1 if any(spoilt) else 2
+    return 1 if any(lowered) else 2
 
 
 def with_all(scene: Scene) -> Scene:
-    """Return the scene with everything on that does not change its lattice or need a coefficient, to compare with."""
+    """Return the scene with every effect on that neither changes its lattice nor needs a coefficient, to compare."""
     return scene.with_values({effect.key: True for effect in EFFECTS if effect.declared is None and effect.in_all})
 
 
 def warnings(chosen: Iterable[Chosen]) -> list[str]:
-    """Return a sentence for each effect that is forced off although the scene calls for it: what will be wrong."""
+    """Return a warning for each effect that is forced off although the scene calls for it, with the error it causes."""
     return [
         f"{effect.switch} is off, but {effect.finding}; without it {effect.loss}"
         for effect in chosen

@@ -1,6 +1,6 @@
 """Shear: contacts resist a slip of their spheres by Mindlin's stiffness g = B √δ.
 
-The law says what a change of the overlap does to the shear force: "secant" (the paper's) or "incremental"
+The law, "secant" (the paper's) or "incremental", determines the effect of a changing overlap on the shear force
 (docs/choosing-a-shear-law.md).
 """
 
@@ -32,7 +32,7 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
 
 
 def first_order(scene: Scene) -> bool:
-    """An incremental shear force is summed with the stiffness of the step before."""
+    """Return whether the law is incremental: LAMMPS then sums the shear force with the stiffness of the step before."""
     return scene.effects.shear_law == "incremental"
 
 

@@ -1,6 +1,6 @@
 """Sliding: a contact slides where its shear force reaches the Coulomb limit μ(f_N + 2F).
 
-While contacts must not slide, the deck takes a friction at which none does.
+If the effect is off, the deck has a friction at which no contact slides.
 """
 
 from math import inf
@@ -10,7 +10,7 @@ from granular_lmp.effects.guard import BETWEEN, CONTACT, Guard
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-# The sliding force of two spheres at the overlap <of>
+# Sliding force of two spheres at the overlap <of>, in LAMMPS's syntax
 SLIDING_FORCE = "(v_mu*(<adhesive_force>+<holding_force>*v_overlap_<of>^1.5))"
 
 LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
@@ -64,7 +64,7 @@ def refuse(case: Case) -> str:
 
 
 def first_order(scene: Scene) -> bool:
-    """A contact begins to slide inside a step."""
+    """Return True: a contact begins to slide inside a step."""
     return True
 
 

@@ -1,7 +1,7 @@
 """Twisting resistance: a contact resists that its spheres turn against each other about its normal.
 
-LAMMPS's ``twisting marshall``. In the plane spheres turn about the axis across it, and no contact is twisted: the
-effect is here so that a deck for three dimensions can carry it, and changes no number of a run.
+The law is LAMMPS's ``twisting marshall``. Spheres that move in a plane turn about the axis across it and twist no
+contact, so the effect changes no number of a run; it prepares decks for three dimensions.
 """
 
 from collections.abc import Mapping

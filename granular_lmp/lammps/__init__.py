@@ -1,1 +1,1 @@
-"""Everything that is written for LAMMPS or read from it."""
+"""LAMMPS: its decks, contact laws, units, guards and output files."""

@@ -1,16 +1,16 @@
-"""Contact laws as LAMMPS commands: the one place that writes what follows ``pair_coeff * *`` and ``fix wall/gran``.
+"""Contact laws as LAMMPS commands: the only place that writes the arguments of ``pair_coeff`` and ``fix wall/gran``.
 
 Two equal spheres at an overlap δ and a shear displacement ξ push each other with
 
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
-(`granular_lmp.crystal.sphere`), the torque of f_S on each having the lever arm R − δ/2. Without adhesion F = 0. What
-LAMMPS 22Jul2025 does beyond that, measured in ``tests/validation/test_contact_law.py``:
+(`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
+LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
 
-* The restitution e of ``coeff_restitution`` is obtained, to the error of the step. That of ``tsuji`` is not (asked for
-  0.5, obtained 0.616): it is not offered here. Neither goes with an adhesive law; LAMMPS refuses both.
-* The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, of DMT contacts without it.
-* A wall is taken to be of the spheres' material, E* = E/(2(1−ν²)), G* likewise; Rc is R and the lever arm R.
+* ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
+  requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
+* The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
+* A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html
 """
@@ -21,8 +21,8 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.units import Units
 
 NORMAL_LAWS = ("dmt", "hertz")
-# What a change of the overlap does to the shear force: see docs/choosing-a-shear-law.md. "rescaled" is secant, and on
-# unloading lets the shear displacement shrink with the contact radius.
+# The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
+# "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 SHEAR_LAWS = (*_MINDLIN, "none")
 
@@ -40,33 +40,47 @@ def model(
     rolling: tuple[float, float, float] | None = None,
     twisting: bool = False,
 ) -> str:
-    """The contact model of two equal spheres, as `pair` and `rigid_plane` take it.
+    """Return the contact model of two equal spheres, as `pair` and `wall` take it.
 
     Parameters
     ----------
     sphere : Sphere
+        Material and radius.
     units : Units
-        The unit style of the deck.
+        Unit style of the deck.
     normal : "dmt" or "hertz"
-        With adhesion w, or without (w is not used).
+        Normal law with the work of adhesion w, or without it.
     shear : "secant", "incremental", "rescaled" or "none"
+        Shear law.
     friction : float or str
-        μ, or a LAMMPS variable such as ``${friction}``.
+        Coulomb coefficient μ, or a LAMMPS variable such as ``${friction}``.
     damping : float
-        η, kg/s: the normal force −η v_n of ``damping velocity``.
+        Coefficient η, kg/s, of the normal force −η v_n: ``damping velocity``.
     restitution : float, optional
-        e in (0, 1], instead of `damping`: ``damping coeff_restitution``.
+        Coefficient e in (0, 1], instead of `damping`: ``damping coeff_restitution``.
     shear_damping : float
-        Damping coefficient of the shear over that of the normal motion.
+        Ratio of the damping coefficients of shear and normal motion.
     rolling : (float, float, float), optional
-        Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; free rolling without it.
+        Stiffness, N/m, dashpot, N s/m, and friction of ``rolling sds``; spheres roll freely without it.
     twisting : bool
         Resistance to twisting, ``twisting marshall``, with the stiffness and the friction of the shear force.
+
+    Returns
+    -------
+    str
+        Arguments of ``pair_coeff`` behind the types, over several lines.
 
     Raises
     ------
     ValueError
-        For another law, or a restitution with adhesion, which LAMMPS refuses.
+        If a law is unknown, or a restitution is combined with adhesion, which LAMMPS refuses.
+
+    Notes
+    -----
+    *Good values*: see docs/choosing-a-shear-law.md for `shear`. The law breaks down when the overlap is no longer small
+    (`granular_lmp.scene.validation.LARGEST_OVERLAP_RATIO`).
+
+    https://docs.lammps.org/pair_granular.html
     """
     if normal not in NORMAL_LAWS or shear not in SHEAR_LAWS:
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {SHEAR_LAWS}")
@@ -91,18 +105,18 @@ def _rolling(units: Units, stiffness: float, viscosity: float, friction: float) 
 
 
 def pair(contact: str) -> str:
-    """The commands that let all spheres touch through a `model`."""
+    """Return the commands that give all contacts between spheres a `model`."""
     return f"pair_style   granular\npair_coeff   * * {contact}"
 
 
 def rigid(sphere: Sphere) -> Sphere:
-    """The sphere whose `model` is that of `sphere` on a rigid body.
+    """Return the sphere whose `model` is that of `sphere` on a rigid body.
 
-    Against a rigid body 1/E* and 1/G* have one term instead of two equal ones, so both moduli are doubled: so is E.
+    On a rigid body 1/E* and 1/G* have one term instead of two equal ones. Both moduli are doubled by doubling E.
     """
     return replace(sphere, youngs_modulus=2 * sphere.youngs_modulus)
 
 
 def wall(contact: str, place: str) -> str:
-    """The command that lets all spheres touch a wall, ``xplane NULL 0.0`` say; rigid by the `model` of `rigid`."""
+    """Return the command for a wall, such as ``xplane NULL 0.0``, with a contact `model`; see `rigid`."""
     return f"fix          wall all wall/gran granular {contact} &\n             {place}"

@@ -1,8 +1,8 @@
-"""LAMMPS data files of spheres (``atom_style sphere``, with a direction ``hybrid sphere dipole``), every digit kept.
+"""LAMMPS data files of spheres (``atom_style sphere``, with a direction ``hybrid sphere dipole``), with every digit.
 
 ASE has no sphere style. The writer gives each number in the shortest form that reads back to the same double; the
-reader also takes what LAMMPS's ``write_data`` writes. An extra section ``wave`` carries a field per particle (``fix
-property/atom``).
+reader also takes files of LAMMPS's ``write_data``. An extra section ``wave`` holds the initial fields of each sphere
+(``fix property/atom``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 
-# Of a line of the section Atoms, by the word that LAMMPS writes behind its title
+# Columns of the section Atoms by the atom style that LAMMPS writes behind its title
 COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid": "id type x y z diameter density q mux muy muz",
 }
-_PIECE = 1 << 15  # lines that are text at one time
+_PIECE = 1 << 15  # lines per piece of text, a few MB
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,13 @@ class DataFile:
     kind : (N,) int array
         LAMMPS type: 1 moves, 2 is held.
     position : (N, 3) array
+        Centres at rest.
     diameter, density : (N,) arrays
+        Diameter and density of each sphere.
     wave : (N, 6) array, or (N, 4)
-        ux uy φ (without rotation ux uy) and their velocities for unit amplitude, in D0 and D0/t0.
+        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0.
     directed : bool
-        Whether the spheres carry a direction (a dipole).
+        True if the spheres have a direction (a dipole).
     """
 
     box: NDArray[np.float64]
@@ -50,9 +52,9 @@ class DataFile:
     directed: bool = True
 
     def pieces(self, title: str) -> Iterator[str]:
-        """The file, one line a sphere, in pieces of a few MB: what memory holds of a million spheres at a time.
+        """Yield the file, one line per sphere, in pieces of a few MB, so that a million spheres need little memory.
 
-        Every sphere points along +x (the dipole is the hand of its clock).
+        Every sphere points along +x at rest; its dipole records the angle.
         """
         faces = "\n".join(
             f"{low!r} {high!r} {axis}lo {axis}hi" for axis, (low, high) in zip("xyz", self.box.tolist(), strict=True)
@@ -68,12 +70,12 @@ class DataFile:
         yield from _lines([*self.wave.T], tail="\n")
 
     def text(self, title: str) -> str:
-        """The file in one piece."""
+        """Return the whole file as one string."""
         return "".join(self.pieces(title))
 
 
 def _lines(columns: Sequence[NDArray[Any]], tail: str) -> Iterator[str]:
-    """Lines "number column column … tail", `_PIECE` at a time, numbered from 1."""
+    """Yield lines "number column column … tail", numbered from 1, `_PIECE` at a time."""
     count = len(columns[0])
     for start in range(0, count, _PIECE):
         stop = min(start + _PIECE, count)
@@ -82,10 +84,10 @@ def _lines(columns: Sequence[NDArray[Any]], tail: str) -> Iterator[str]:
 
 
 def _shortest(values: NDArray[Any]) -> list[str]:
-    """Each number in the shortest form that reads back to the same bits.
+    """Return each number in the shortest form that reads back to the same bits.
 
-    Spheres of a row share most of their numbers, and writing a double costs more than finding its equals: each is
-    written once. They are compared as integers, so that −0.0 stays apart from 0.0.
+    Each different number is converted once, because spheres of a row share most of their numbers and the conversion is
+    slower than the search for equal ones. The comparison as integers keeps −0.0 apart from 0.0.
     """
     different, place = np.unique(np.ascontiguousarray(values).view(np.int64), return_inverse=True)
     words = np.array([repr(value) for value in different.view(values.dtype).tolist()], dtype=object)
@@ -95,11 +97,15 @@ def _shortest(values: NDArray[Any]) -> list[str]:
 def read(path: str | Path) -> DataFile:
     """Read a data file of `DataFile.text`, or of LAMMPS's ``write_data`` with the same atom style.
 
+    Returns
+    -------
+    DataFile
+        ``wave`` is an empty array, (0, 0), if the file has no section ``wave``.
+
     Raises
     ------
     RunFolderError
-        When the file cannot be read, a section is missing or a line is malformed. A file without the section ``wave``
-        gives an empty ``wave`` array, (0, 0).
+        If the file cannot be read, a section is missing or a line is malformed.
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -127,7 +133,7 @@ def read(path: str | Path) -> DataFile:
 
 
 def _sections(text: str) -> tuple[list[str], dict[str, list[str]]]:
-    """Header lines, and the lines of each section by the first word of its title."""
+    """Return the header lines, and the lines of each section by the first word of its title."""
     header: list[str] = []
     sections: dict[str, list[str]] = {}
     lines = header

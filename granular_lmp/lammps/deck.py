@@ -1,8 +1,8 @@
-"""From a scene to the text of a LAMMPS deck: ``in.NAME`` and ``data.NAME``.
+"""The LAMMPS deck of a scene: ``in.NAME`` and ``data.NAME``.
 
-The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. What a user would vary without a new lattice
-is an index variable, to be overridden with ``-var``. The blocks of the deck stand below as they are written, with
-``<slots>`` for the numbers of the scene and for the lines of its effects; a line whose slots stay empty is left out.
+The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. Values that can change without a new lattice
+are index variables, which ``-var`` overrides. The blocks of the deck stand below as they are written, with ``<slots>``
+for the numbers of the scene and for the lines of its effects; a line whose slots stay empty is left out.
 """
 
 import re
@@ -26,20 +26,25 @@ from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-CHECKPOINT_INTERVAL = 1e8  # particle-steps: half a minute on one core
+CHECKPOINT_INTERVAL = 1e8  # spheres times steps: half a minute on one core
 
 
 @dataclass(frozen=True, repr=False)
 class Deck:
-    """A deck and the problem that it was made from.
+    """A LAMMPS deck and the problem that it was made from.
 
     Attributes
     ----------
     problem : Problem
+        Prepared scene.
     input_text : str
         Contents of ``in.NAME``.
     data : DataFile
-        What ``data.NAME`` holds.
+        Contents of ``data.NAME``.
+
+    Notes
+    -----
+    To change the text use ``dataclasses.replace(deck, input_text=...)``; `granular_lmp.run` takes the edited deck.
     """
 
     problem: Problem
@@ -48,31 +53,31 @@ class Deck:
 
     @property
     def declared(self) -> Scene:
-        """The scene as it was given."""
+        """Scene as declared."""
         return self.problem.declared
 
     @property
     def scene(self) -> Scene:
-        """The scene with every "auto" decided."""
+        """Scene with every "auto" decided."""
         return self.problem.scene
 
     @property
     def packing(self) -> ase.Atoms:
-        """The spheres at rest."""
+        """Spheres at rest."""
         return self.problem.crystal
 
     @property
     def input_name(self) -> str:
-        """``in.NAME``"""
+        """File name of the input, ``in.NAME``."""
         return f"in.{self.scene.name}"
 
     @property
     def data_name(self) -> str:
-        """``data.NAME``"""
+        """File name of the data, ``data.NAME``."""
         return f"data.{self.scene.name}"
 
     def files(self) -> dict[str, Iterable[str]]:
-        """Name → text, in pieces, of the three files that make a deck folder."""
+        """Return name → text, in pieces, of the three files of a deck folder."""
         title = f"{_title(self.scene)}; units {units_for(self.scene.sphere.radius).style}"
         return {
             SCENE: [self.declared.to_toml()],
@@ -81,24 +86,31 @@ class Deck:
         }
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
-        """Write the three files into `folder`, which is made, or with `force` may be there already.
+        """Write the three files into `folder`, which is created.
+
+        Parameters
+        ----------
+        folder : path
+            Deck folder.
+        force : bool
+            Write into an existing folder.
 
         Raises
         ------
         RunFolderError
-            When the folder is there (without `force`) or cannot be written.
+            If the folder exists (without `force`) or cannot be written.
         """
         folder = Path(folder)
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
-            (folder / STATUS).unlink(missing_ok=True)  # of the run of another deck
+            (folder / STATUS).unlink(missing_ok=True)  # the status of an earlier run of another deck
             for name, pieces in self.files().items():
                 with (folder / name).open("w", encoding="utf-8") as stream:
                     stream.writelines(pieces)
 
 
 def deck_of(problem: Problem) -> Deck:
-    """Return the deck of a problem; nothing is written.
+    """Return the deck of a problem; no file is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
     order in the amplitude.
@@ -106,7 +118,7 @@ def deck_of(problem: Problem) -> Deck:
     Raises
     ------
     SceneError
-        When the scene has a tolerance and no time step: `granular_lmp.accuracy.ladder.build` chooses one.
+        If the scene has a tolerance and no time step; `granular_lmp.accuracy.ladder.build` chooses one.
     """
     units = units_for(problem.scene.sphere.radius)
     return Deck(problem, _text(_blocks(problem.scene), _values(problem, units)), _data(problem, units))
@@ -130,8 +142,8 @@ def _data(problem: Problem, units: Units) -> DataFile:
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
         density=np.full(len(packing), units.number(scene.sphere.density, mass=1, length=-3)),
-        # 13 decimals of D0: finer than a double resolves a position of the lattice, and what is 0 says so. The last of
-        # them depends on the processor's cosine
+        # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal
+        # depends on the processor's cosine
         wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
         directed=scene.effects.tracking is True,
     )
@@ -190,7 +202,7 @@ _CONTACTS = """\
 
 _PRELOAD = """\
 # --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
-#     step without forces, which loads the shear springs; a long step, slow enough for dashpots to stay silent
+#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of dashpots
 variable     slow  equal 1e6*v_step
 timestep     $(v_slow:%.17g)
 compute      u all displace/atom
@@ -241,7 +253,7 @@ _MOTION = """\
 fix          move mobile <motion>"""
 
 _GUARDS = """\
-# --- guards: proof that what this deck leaves out stays silent
+# --- guards: proof that the effects this deck leaves out do not occur
 <guards>"""
 
 _RECORD = """\
@@ -255,7 +267,7 @@ dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle
 
 _RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
 
-# Of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
+# Slots of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
 _PARTICLES = {
     "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
     "variable snapshots index <snapshots>",
@@ -266,7 +278,7 @@ _PARTICLES = {
     "particles_append": "dump_modify  particles append yes",
 }
 
-# What the slots of effects hold that no effect fills
+# Contents of the slots that no effect of a scene fills
 UNCALLED = dict.fromkeys(
     ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
     + ("read_angle", "angle_column", "angle_name"),
@@ -298,17 +310,18 @@ def _resumed(scene: Scene) -> tuple[str, ...]:
 
 
 def resume_text(deck: Deck, checkpoint: str) -> str:
-    """The input that continues a run of `deck` from a checkpoint, to the same bytes as if it had not been stopped.
+    """Return the input that continues a run of `deck` from a checkpoint, to the same bytes as an uninterrupted run.
 
-    LAMMPS keeps neither pair coefficients nor ``comm_modify`` in a restart file, and finds the reference positions of
-    ``compute displace/atom`` by its name: both are given again. https://docs.lammps.org/Howto_restart.html
+    A restart file of LAMMPS holds neither pair coefficients nor ``comm_modify``, and LAMMPS finds the reference
+    positions of ``compute displace/atom`` by its name, so the input repeats these commands.
+    https://docs.lammps.org/Howto_restart.html
     """
     values = _values(deck.problem, units_for(deck.scene.sphere.radius))
     return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"})
 
 
 def _values(problem: Problem, units: Units) -> dict[str, str]:
-    """Return what the slots of the blocks hold: the lines of the effects, and the numbers of the scene."""
+    """Return the contents of the slots: the lines of the effects, and the numbers of the scene."""
     scene = problem.scene
     sphere, time = scene.sphere, scene.time
     lines = guards.line_interval(scene)
@@ -328,7 +341,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "snapshots": PARTICLES,
         "seen": "all" if all_seen else "centre",
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
-        # On a line of the thermo table, so that no look falls between the two
+        # Checkpoints coincide with lines of the thermo table, so that no look falls between the two
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
         "checkpoints": " ".join(CHECKPOINTS),
         "columns": str(scene.shape.columns),
@@ -354,7 +367,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
 
 
 def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
-    """Return the contact law that the effects make together, and the forces that the guards compare with."""
+    """Return the contact law of all effects together, and the reference forces of the guards."""
     scene, sphere, case = problem.scene, problem.scene.sphere, Case(problem.scene, problem.on)
     law: dict[str, Any] = {"friction": "${friction}"}
     for effect in selection.EFFECTS:
@@ -377,9 +390,9 @@ def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
 
 
 def filled(block: str, values: Mapping[str, str]) -> str:
-    """Return a block with its ``<slots>`` replaced by lines, and those in the lines by numbers.
+    """Return a block with its ``<slots>`` replaced by lines, and the slots in these lines by numbers.
 
-    A line that was there for a slot that stays empty is left out.
+    A line that holds only empty slots is left out.
     """
     slot = re.compile(r"<(\w+)>")
 

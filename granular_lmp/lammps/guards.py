@@ -1,12 +1,11 @@
-"""The guards of a deck: how often a run looks, at which spheres, and what it measured.
+"""The guards of a deck: when they measure, on which spheres, and their results.
 
-Each guard is a number that LAMMPS takes from contacts or spheres at every *look*, and the largest value that still
-counts as silent. A guard is in the deck only while its effect is not. A line of the thermo table holds the extremes
-over all looks since the line before, and the first time among them at which a limit was passed.
+A guard is a number that LAMMPS computes from contacts or spheres at regular *looks*, and the limit above which it
+triggers. A guard is in the deck only if its effect is not. A line of the thermo table holds the extremes over all looks
+since the line before, and the first time among them at which a limit was passed.
 
-Looks are frequent enough for the motion that is watched (`fastest`), and a look judges only the spheres whose state can
-still reach what the run records (`_inside`). The guards themselves are defined with their effects
-(`granular_lmp.effects`).
+Looks are frequent enough for the motion (`fastest`), and a look judges only the spheres whose state can still affect
+the record (`_inside`). The guards are defined with their effects (`granular_lmp.effects`).
 """
 
 from collections.abc import Iterator
@@ -30,7 +29,7 @@ from granular_lmp.scene.shape import quiet_rows
 GUARDS = guards()
 LINE = 10.0  # tau between two lines of the thermo table
 
-# Before the first run, which finds the spheres at rest. LAMMPS counts, so that the number is that of the data file
+# Contacts at rest, counted before the first run. LAMMPS counts them, so that the number is that of the data file
 AT_REST = (
     "compute      touching all contact/atom",
     "fix          at_rest all store/state 0 c_touching",
@@ -39,16 +38,16 @@ AT_REST = (
 
 @dataclass(frozen=True)
 class Measured:
-    """What a guard measured in a run.
+    """Result of a guard in a run.
 
     Attributes
     ----------
     value : float
-        The extreme over all looks; of contacts judged one by one, over the looks where the bound does not decide.
+        Extreme over all looks; for contacts judged one by one, over the looks where the bound is above the limit.
     passed_at : float or None
-        tau at which the limit was first passed.
+        Time τ at which the guard first triggered; None if it did not.
     bound : float
-        The extreme of the thermo column, an upper bound of the value.
+        Extreme of the thermo column, an upper bound of the value.
     """
 
     value: float
@@ -56,10 +55,11 @@ class Measured:
     bound: float
 
 
-# Contacts that no longer matter, or do not yet: held ends cut a wave off and shear their neighbours hard
+# Extremes over all contacts, also those that cannot affect the record: held ends cut a wave off and shear their
+# neighbours strongly
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 _ELSEWHERE = (
-    "# for information: the same of all spheres, also those that the record never hears; no run fails by it",
+    "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
     "compute      contact_all all pair/local dist p4",
     "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
     "compute      missing_all all reduce sum v_missed",
@@ -73,19 +73,19 @@ _ELSEWHERE = (
 
 
 def fastest(scene: Scene) -> float:
-    """Return the highest frequency that the extremes of contacts depend on, rad per tau.
+    """Return the highest frequency that the extremes of contacts depend on, rad/t0.
 
         max(2Ω, 1)
 
-    The second harmonic of the wave, or the top of the branches that carry displacements, where free waves are. Higher
-    harmonics are smaller by the amplitude each, and the rotational branch, up to Ω_max, holds a part in a thousand of
-    the contacts' motion where no wall cuts the wave off (docs/effects.md).
+    It is that of the second harmonic, or the top of the branches of displacement waves, which bounds free waves. Each
+    higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand of
+    the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     return max(2 * mode_of(scene).frequency, TOP)
 
 
 def look_interval(scene: Scene) -> int:
-    """Return the steps between two looks: `LOOKS` in a period of `fastest`, and a whole number of them in the run."""
+    """Return the steps between two looks: `LOOKS` looks per period of `fastest`, a whole number of them in the run."""
     most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps)
     return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps % steps == 0)
 
@@ -103,20 +103,20 @@ def _looks_per_line(scene: Scene) -> int:
     return max(1, int(LINE / (look_interval(scene) * scene.time.step) + 1e-9))
 
 
-# --- whom it looks at ------------------------------------------------------------------------------------------------
+# --- the spheres it looks at -----------------------------------------------------------------------------------------
 
 
 def watches_part(scene: Scene) -> bool:
-    """Whether only some spheres matter: in a lattice with walls or a finite wave that is recorded at its centre."""
+    """Return whether only some spheres affect the record: with walls or a finite wave, recorded at the centre."""
     return scene.output.particles == 0 and (scene.shape.ends == "fixed" or scene.envelope.finite)
 
 
 def _inside(scene: Scene) -> list[str]:
-    """Lines for the group of the spheres whose state can still reach the record before the run ends.
+    """Return the lines for the group of the spheres whose state can still affect the record before the run ends.
 
-    All of them, where snapshots record them or all take part alike in a periodic plane wave; else a cone around the
-    centre: at the begin of the run a row less than where walls may stand that the centre does not hear (`quiet_rows`),
-    at its end the next row. The group is drawn anew whenever the cone has lost a row.
+    The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a cone around the
+    centre, which starts one row inside the strip whose echo arrives after the run (`quiet_rows`) and ends one row from
+    the centre. The group is renewed whenever the cone has lost a row.
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
@@ -134,16 +134,16 @@ def _inside(scene: Scene) -> list[str]:
 
 
 def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
-    """Return the lines of some guards, each once, and the thermo output of all.
+    """Return the lines of some guards, each line once, and the thermo output of all.
 
     Parameters
     ----------
     names : list of str
         Keys of `GUARDS`.
     scene : Scene
-        Resolved.
+        Scene with every "auto" decided.
     judged : list of str
-        Those of which a value above the limit fails the run.
+        Keys of the guards that fail the run if they trigger.
     """
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
     text = list(dict.fromkeys(line for guard in watched for line in guard.lines))
@@ -155,11 +155,15 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     ]
     kept, extremes = [], []
     for column, guard in enumerate(watched, start=1):
-        limit = guard.largest_silent(scene)
+        limit = guard.limit_in(scene)
         text.append(f"variable     {guard.name}_when equal ternary({limit!r}>=f_now[{column}],{NEVER:g},v_tau)")
         kept += [f"f_now[{column}]", f"v_{guard.name}_when"]
         extremes += [(guard.name, "max"), (f"{guard.name}_at", "min")]
-    kept += [f"f_now[{len(now)}]", "nmax", str(_looks_per_line(scene) + 1)]  # of a long run it would fill the memory
+    kept += [
+        f"f_now[{len(now)}]",
+        "nmax",
+        str(_looks_per_line(scene) + 1),
+    ]  # unlimited, it would fill the memory in a long run
     text.append(f"fix          looks all vector ${{look}} {' '.join(kept)}")
     for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
         text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
@@ -178,21 +182,21 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
 
 
 def columns(names: list[str], scene: Scene) -> list[str]:
-    """Return the thermo columns behind the step."""
+    """Return the names of the thermo columns behind the step."""
     own = [column for name in names for column in (GUARDS[name].column, f"{GUARDS[name].column}_at")]
     others = ELSEWHERE if watches_part(scene) else ()
     return ["v_tau", *own, "v_overlap", *(name for name in (*others, "v_mu") if _is_there(name, names))]
 
 
 def _is_there(text: str, names: list[str]) -> bool:
-    """Whether a line or column is in the deck: those of slip only where there is shear."""
+    """Return whether a line or column is in the deck; those of slip need shear."""
     return "largest_slip" in names or ("slip" not in text and "mu" not in text)
 
 
 def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str]:
-    """Return a line of the thermo table without its step, from what ``fix looks`` holds; "nan" for the rest.
+    """Return a line of the thermo table without its step from the values in ``fix looks``, with "nan" for the rest.
 
-    LAMMPS itself writes none at a step that is no look, so that an interrupted run would lose its last ones.
+    LAMMPS writes no line at a step without a look, so that an interrupted run would lose its last looks.
     """
     least = [name == "v_overlap" or name.endswith("_at") for name in names]
     found = iter(looks.T)
@@ -203,59 +207,59 @@ def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str
 
 
 def _written_out(guard: Guard, column: int, scene: Scene) -> list[str]:
-    """Lines that write each contact out while the upper bound is above the limit, so that it is judged by itself."""
+    """Return the lines that dump each contact while the upper bound is above the limit, to judge it by itself."""
     return [
         f"# each contact, distance and shear force, at the looks where the bound v_{guard.name} does not decide",
-        f"variable     {guard.name}_holds equal {guard.largest_silent(scene)!r}>=f_now[{column}]",
+        f"variable     {guard.name}_holds equal {guard.limit_in(scene)!r}>=f_now[{column}]",
         "dump         contacts all local ${look} ${dump}.contacts c_contact[1] c_contact[2]",
         f'dump_modify  contacts skip v_{guard.name}_holds format line "%.17g %.9g"<contacts_append>',
     ]
 
 
 def header(names: list[str], scene: Scene) -> str:
-    """Return the comment at the top of a deck: which thermo column above which value invalidates the run."""
-    said = [
-        f"#   {GUARDS[name].column} is above {GUARDS[name].largest_silent(scene):.4g}: "
+    """Return the comment at the top of a deck: the thermo columns and the limits above which the run is invalid."""
+    limits = [
+        f"#   {GUARDS[name].column} is above {GUARDS[name].limit_in(scene):.4g}: "
         + GUARDS[name].meaning.rpartition(": ")[2]
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
-    return "\n".join([top, *said]) if said else ""
+    return "\n".join([top, *limits]) if limits else ""
 
 
-# --- what a run measured ---------------------------------------------------------------------------------------------
+# --- results of a run ------------------------------------------------------------------------------------------------
 
 
 def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, folder: Path) -> Measured:
-    """Return what a guard measured in a run.
+    """Return the result of a guard in a run.
 
     Parameters
     ----------
     name : str
-        A key of `GUARDS`.
+        Key of `GUARDS`.
     table : dict
-        Thermo table of the run, by column.
+        Thermo table of the run by column.
     scene : Scene
-        Resolved.
+        Scene with every "auto" decided.
     folder : Path
-        The run folder: where the table only bounds the value, it may hold single contacts.
+        Run folder, which may hold single contacts if the table only bounds the value.
     """
     guard = GUARDS[name]
-    limit = guard.largest_silent(scene)
+    limit = guard.limit_in(scene)
     value = np.abs(table.get(guard.column, np.empty(0)))
     at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
     bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
-    loud = ~((value <= limit) & (at >= NEVER))  # also what is not a number
-    if not loud.any():
+    triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
+    if not triggered.any():
         return Measured(bound, None, bound)
     if guard.per_contact and (folder / CONTACTS).is_file():
         ratios = list(slip_ratios(folder / CONTACTS, scene, float(table["v_mu"][0])))
         worst = max((ratio for _, ratio in ratios), default=0.0)
         first = next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None)
         return Measured(worst, first, bound)
-    first = float(np.min(at[loud]))
-    return Measured(bound, first if first < NEVER else float(table["v_tau"][np.argmax(loud)]), bound)
+    first = float(np.min(at[triggered]))
+    return Measured(bound, first if first < NEVER else float(table["v_tau"][np.argmax(triggered)]), bound)
 
 
 def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int, float]]:
@@ -263,7 +267,7 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
 
         F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2}))
 
-    It is infinite where a contact without adhesion has just opened.
+    The ratio is infinite if a contact without adhesion has just opened.
     """
     sphere, units = scene.sphere, units_for(scene.sphere.radius)
     diameter, rest = units.number(2 * sphere.radius, length=1), units.number(sphere.static_overlap, length=1)

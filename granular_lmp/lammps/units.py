@@ -5,7 +5,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Units:
-    """A LAMMPS unit style: its mass, length and time as powers of ten of kg, m, s. https://docs.lammps.org/units.html"""
+    """A LAMMPS unit style: its mass, length and time as powers of ten of kg, m, s. https://docs.lammps.org/units.html
+
+    Attributes
+    ----------
+    style : str
+        Argument of the command ``units``.
+    mass, length, time : int
+        Exponents of ten in kg, m, s.
+    names : str
+        Names of the units, for the comment in the deck.
+    """
 
     style: str
     mass: int
@@ -14,7 +24,7 @@ class Units:
     names: str
 
     def number(self, value: float, *, mass: int = 0, length: int = 0, time: int = 0) -> float:
-        """An SI quantity of dimension kg^mass m^length s^time as a number of this style.
+        """Return an SI quantity of dimension kg^mass m^length s^time in units of this style.
 
         Powers of ten up to 22 are exact in floating point, so 0.5e-6 m becomes 500.0 nm and not 499.99999999999994.
         """
@@ -28,5 +38,5 @@ SI = Units("si", 0, 0, 0, "kg, m, s, Pa, J/m2")
 
 
 def units_for(radius: float) -> Units:
-    """The style for spheres of this radius (m): ``nano`` below 10 µm, ``micro`` below 1 mm, else ``si``."""
+    """Return the style for spheres of this radius (m): ``nano`` below 10 µm, ``micro`` below 1 mm, else ``si``."""
     return NANO if radius < 1e-5 else MICRO if radius < 1e-3 else SI

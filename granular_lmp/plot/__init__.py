@@ -1,1 +1,1 @@
-"""Pictures and movies of runs and sweeps."""
+"""Plots: pictures and movies of runs and sweeps."""

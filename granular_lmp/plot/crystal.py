@@ -1,7 +1,7 @@
-"""The crystal of a run with p, q and φ of its centre sphere beside it, still or moving.
+"""The crystal of a run with p, q and φ of its centre sphere beside it, as a picture or a movie.
 
-Displacements of a wave are 1e-4 of a radius: they are drawn magnified, and so are the angles, by one factor that stands
-in the picture. A wave along y runs up. A cell of 3 columns is periodic: it is drawn again and again beside itself.
+Displacements of a wave are 1e-4 of a radius, so displacements and angles are magnified by one factor, which stands in
+the picture. A wave along y runs upward. A narrow periodic cell is drawn several times side by side.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -27,20 +27,32 @@ from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, ti
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Particles, Spheres
 
-ROWS = 25  # that are drawn unless told otherwise: three wavelengths of the paper's first case
-LARGEST_SHIFT = 0.5  # radii, of an amplitude D0 that is magnified as the picture chooses
-FEWEST_DRAWN = 8  # columns
-MOST_WITH_EDGES = 1500  # spheres; of more, edges and hands would hide the colours
+ROWS = 25  # rows drawn by default: three wavelengths of the paper's first case
+LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
+FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
+MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
 FRAMES_PER_SECOND = 10
 MOVIES = (".gif", ".mp4")
 _MOVIE_DPI = 80
 _MARK = "tab:red"
-_DARK = 0.6  # of the largest value: from there on the colours of both maps are darker than a grey line can be seen on
+_DARK = 0.6  # share of the largest value above which both colour maps are too dark for a grey line
 
 
 @dataclass(frozen=True)
 class Colouring:
-    """Which number of a sphere, given the wave vector, is its colour; its name, its map, and is 0 in the middle."""
+    """Colouring of the spheres.
+
+    Attributes
+    ----------
+    value : callable
+        (Spheres, WaveVector) → number of each sphere, (N,).
+    label : str
+        Label of the colour bar.
+    colours : str
+        Colour map of matplotlib.
+    symmetric : bool
+        True if 0 is in the middle of the map.
+    """
 
     value: Callable[[Spheres, WaveVector], NDArray[np.float64]]
     label: str
@@ -74,26 +86,29 @@ def run_figure(
     magnify: float | None = None,
     rows: int | None = None,
 ) -> Picture:
-    """The crystal at one moment, and p, q, φ of its centre sphere over all of the run.
+    """Return a picture of the crystal at one moment, and of p, q, φ of its centre sphere over the run.
 
     Parameters
     ----------
     record : Record
+        Record of the run.
     particles : Particles
+        Snapshots of the run.
     tau : float, optional
-        The snapshot nearest to it; the last one when not given.
+        Time in units of t0, of which the nearest snapshot is drawn; by default the last one.
     colour : "rotation", "energy", "p" or "q", optional
-        p and q are the displacements along and across the wave vector. Rotation, where spheres turn, when not given.
+        Quantity of the colours. p and q are the displacements along and across the wave vector. The default is the
+        rotation if spheres turn.
     magnify : float, optional
-        By which displacements and angles are multiplied; when not given 1, 2 or 5 times a power of ten, by which D0
-        becomes at most half a radius.
+        Factor of displacements and angles; by default 1, 2 or 5 times a power of ten with which D0 is at most half a
+        radius.
     rows : int, optional
-        That are drawn, around the centre row: 25, or all where there are fewer.
+        Number of rows around the centre row; by default 25, or all if there are fewer.
 
     Raises
     ------
     ViewError
-        For a τ beyond the snapshots, a colour that the run does not hold, a magnification that is not above 0.
+        If τ is beyond the snapshots, the run does not hold the quantity, or the factor is not above 0.
     """
     moment = particles[_nearest(particles, tau)]
     scenery = _Scenery(record, particles, [moment], colour, magnify, rows)
@@ -110,14 +125,14 @@ def run_movie(
     magnify: float | None = None,
     rows: int | None = None,
 ) -> None:
-    """Every snapshot of a run as a frame of a movie, GIF or MP4; colours and options as in `run_figure`.
+    """Write a movie, GIF or MP4, with a frame for each snapshot of a run; parameters as in `run_figure`.
 
     Raises
     ------
     ViewError
-        As `run_figure`, and for an MP4 without the program ffmpeg.
+        As in `run_figure`, and if an MP4 needs the program ffmpeg, which is missing.
     RunFolderError
-        When the file cannot be written.
+        If the file cannot be written.
     """
     path = Path(path)
     gif = path.suffix.lower() == ".gif"
@@ -149,7 +164,10 @@ def run_movie(
 
 
 def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
-    """One palette, without dither, for all frames: half the size of what matplotlib's own writer gives, no flicker."""
+    """Write a GIF with one palette, without dither, for all frames.
+
+    The file is half as large as that of matplotlib's writer and does not flicker.
+    """
     shades = [colormaps[colours](np.linspace(0, 1, 216)), colormaps["gray"](np.linspace(0, 1, 32))]
     shades.append(LinearSegmentedColormap.from_list("", [_MARK, "white"])(np.linspace(0, 1, 8)))
     palette = Image.new("P", (1, 1))
@@ -176,7 +194,7 @@ def _nearest(particles: Particles, tau: float | None) -> int:
 
 
 class _Scenery:
-    """A figure of a run whose spheres, clock and marks `show` moves to another snapshot."""
+    """Figure of a run; `show` moves its spheres, clock and marks to another snapshot."""
 
     def __init__(
         self,
@@ -223,9 +241,9 @@ def _colouring(particles: Particles, colour: str | None) -> Colouring:
 
 
 class _Crystal:
-    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one number.
+    """Spheres in their axes, lengths in radii: discs with a diameter that turns, coloured by one quantity.
 
-    Spheres that are held have a thick edge.
+    Held spheres have a thick edge.
     """
 
     def __init__(
@@ -265,7 +283,7 @@ class _Crystal:
         for moment in moments:
             largest = max(largest, float(np.max(np.abs(self._values(moment)))))
             reach = max(reach, self.stretch * float(np.max(np.abs(moment.displacement[self.drawn]))))
-        self.largest = largest or 1.0  # where all are at rest
+        self.largest = largest or 1.0  # avoids a range of zero if all spheres are at rest
         self.discs.set_clim(-self.largest if colouring.symmetric else 0.0, self.largest)
         axes.add_collection(self.discs, autolim=False)
         self.hands = LineCollection([], linewidths=0.6)
@@ -301,7 +319,7 @@ class _Crystal:
 
 
 def _magnification(amplitude: float) -> float:
-    """1, 2 or 5 times a power of ten by which an amplitude, in radii, becomes at most `LARGEST_SHIFT`."""
+    """Return 1, 2 or 5 times a power of ten that magnifies an amplitude, in radii, to at most `LARGEST_SHIFT`."""
     wanted = LARGEST_SHIFT / amplitude
     power = 10.0 ** floor(log10(wanted))
     return float(max(step for step in (1, 2, 5) if step * power <= wanted) * power)

@@ -1,4 +1,4 @@
-"""Figures of the package, drawn without pyplot."""
+"""Figures of signals and of the dispersion, drawn without pyplot."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -17,7 +17,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
-# Told apart by colour, and without it by the dashes.
+# The dashes distinguish the modes in print without colour
 LINES = {
     "L": {"color": "black", "linestyle": "-"},
     "TR": {"color": "tab:blue", "linestyle": "--"},
@@ -39,7 +39,7 @@ class Picture(Figure):
 
 
 def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Names of the signals that are worth a panel: those that move; p always."""
+    """Return the names of the signals to draw: p, and those that are not zero by symmetry."""
     worth = {"p", *moving(signals)}
     return [name for name in signals if name in worth]
 
@@ -51,7 +51,7 @@ def draw_signals(
     names: Sequence[str],
     scene: Scene,
 ) -> None:
-    """A signal over τ in each panel."""
+    """Draw one signal over τ in each panel."""
     labels = ALONG_Y if scene.along == "y" else OBLIQUE
     for panel, name in zip(panels, names, strict=True):
         panel.plot(tau, signals[name], color="black", linewidth=0.9)
@@ -62,7 +62,7 @@ def draw_signals(
 
 
 def title(scene: Scene) -> str:
-    """Name, mode and kind of wave, ξ and direction that are used, and amplitude."""
+    """Return a title: name, mode and kind of the wave, ξ and direction that are used, and amplitude."""
     wave = scene.wave
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
@@ -73,7 +73,7 @@ def title(scene: Scene) -> str:
 
 
 def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], scene: Scene) -> Picture:
-    """p, q, φ of the centre sphere over τ, those that move."""
+    """Return a figure of p, q, φ of the centre sphere over τ, without signals that are zero by symmetry."""
     names = signals_to_draw(signals)
     figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(names)), layout="constrained")
     panels = list(figure.subplots(len(names), squeeze=False, sharex=True)[:, 0])
@@ -83,9 +83,10 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
 
 
 def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
-    """Ω(ξ) of the modes in the scene's direction with its wave marked; a second axis in Hz, kHz, MHz or GHz.
+    """Return a figure of Ω(ξ) in the scene's direction with its wave marked, and a second axis in Hz to GHz.
 
-    Along y and x the branches have their names; in between these pass from branch to branch, and they are drawn alike.
+    Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
+    are drawn alike.
     """
     vector, physics = scene.vector, physics_of(scene)
     edge = zone_edge(vector.direction)
@@ -117,19 +118,19 @@ def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
 
 
 def _unit_of_frequency(largest: float) -> tuple[float, str]:
-    """Return the largest of Hz, kHz, MHz, GHz, and its size in Hz, in which `largest`, in Hz, is not below 1."""
+    """Return size in Hz and name of the largest unit from Hz to GHz in which `largest`, in Hz, is at least 1."""
     sizes = {1.0: "Hz", 1e3: "kHz", 1e6: "MHz", 1e9: "GHz"}
     size = max((size for size in sizes if size <= largest), default=1.0)
     return size, sizes[size]
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Write the figure in the format of the file's ending; its folder is made.
+    """Write the figure in the format of the file's suffix; its folder is created.
 
     Raises
     ------
     RunFolderError
-        When the ending is none that matplotlib writes, or the file cannot be written.
+        If matplotlib does not write this format, or the file cannot be written.
     """
     path = Path(path)
     known = figure.canvas.get_supported_filetypes()

@@ -1,4 +1,4 @@
-"""Draw what came out: a run as its crystal (`granular_lmp.plot.crystal`) or its trajectory, a sweep as a curve."""
+"""The picture of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
 
 from pathlib import Path
 from typing import Any
@@ -32,27 +32,30 @@ def view(
     rows: int | None = None,
     column: str | None = None,
 ) -> list[str]:
-    """Draw a run folder or a sweep folder into a file, by its ending a picture or (of a run) a movie.
+    """Draw a run folder or a sweep folder into a picture, or a run folder into a movie.
 
     Parameters
     ----------
-    folder, path : path
+    folder : path
+        Run folder or sweep folder.
+    path : path
+        File whose suffix sets the format.
     tau, colour, magnify, rows
-        Of a run: as in `run_figure`.
+        Options for a run, as in `run_figure`.
     column : str, optional
-        Of a sweep: as in `sweep_figure`.
+        Option for a sweep, as in `sweep_figure`.
 
     Returns
     -------
     list of str
-        What the picture lacks, a sentence each.
+        A warning for each thing that is missing in the picture.
 
     Raises
     ------
     RunFolderError
-        When the folder holds neither, or the file cannot be written.
+        If the folder holds neither a run nor a sweep, or the file cannot be written.
     ViewError
-        When the run does not hold what is asked for, or this machine cannot draw it.
+        If the run does not hold the requested data, or a program is missing on this machine.
     """
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
@@ -90,14 +93,14 @@ def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
 
 
 def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
-    """A column of a sweep over the key with most values, a curve for each combination of the others.
+    """Return a figure of a column over the key with most values, with a curve for each combination of the others.
 
-    Runs that are not finished leave gaps, and are counted in the title.
+    Runs that are not finished leave gaps, and the title counts the finished ones.
 
     Raises
     ------
     ViewError
-        For a column that does not hold numbers, a sweep over pairs of numbers, or one of which nothing is finished.
+        If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
     allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
     if column not in allowed:

@@ -1,1 +1,1 @@
-"""One deck in one run folder: launch, manifest, record, snapshots."""
+"""Runs: one deck in one run folder, from the launch to the record."""

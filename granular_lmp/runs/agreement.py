@@ -1,7 +1,7 @@
-"""Whether the files of a run folder belong together: ``scene.toml``, ``run.json``, ``trajectory.csv``, ``dump.centre``.
+"""Agreement of the files of a run folder: ``scene.toml``, ``run.json``, ``trajectory.csv``, ``dump.centre``.
 
-A folder may have been edited, copied together from two runs, or written by something else. Each function here compares
-two of the files and raises a RunFolderError that names the file, the value and what disagrees with it.
+A folder may have been edited, copied together from two runs, or written by another program. Each function compares two
+of the files and raises a RunFolderError that names the file, its value and the value of the other file.
 """
 
 import hashlib
@@ -21,45 +21,45 @@ from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
 from granular_lmp.scene.scene import Scene
 
 Signals = dict[str, NDArray[np.float64]]
-Pair = tuple[str, Any, Any]  # a dotted key of run.json, what it says there, and what the scene makes of it
+Pair = tuple[str, Any, Any]  # a dotted key of run.json, its value there, and the value that follows from the scene
 
-# The same dozen operations on the same numbers; on another processor some end on a neighbouring double (1e-16)
+# Both files come from a dozen operations on the same numbers, whose results differ by 1e-16 between processors
 SAME = 1e-12
 _CURE = "run it again with --force"
 _NO_SUCH = "no such name"
 
 
 def scene_digest(text: str) -> str:
-    """Return what ``run.json`` keeps of the ``scene.toml`` that was run: the SHA-256 of its text."""
+    """Return the digest of a ``scene.toml`` for ``run.json``: the SHA-256 of its text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
     """Raise RunFolderError unless ``run.json`` holds the digest of the folder's scene."""
-    said = info.get("scene_sha256")
-    if said is None:
+    digest = info.get("scene_sha256")
+    if digest is None:
         raise RunFolderError(f"{folder / STATUS}: scene_sha256 is missing, so that {SCENE} may be any; {_CURE}")
     try:
         text = (folder / SCENE).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{folder / SCENE}: cannot be read: {error}") from error
-    if said != scene_digest(text):
+    if digest != scene_digest(text):
         raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
 
 
 def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> None:
-    """Raise RunFolderError if ``run.json`` says of wave, effects or guards what ``scene.toml`` does not.
+    """Raise RunFolderError if wave, effects or guards in ``run.json`` do not follow from ``scene.toml``.
 
-    A run that is not finished may say less, but nothing else.
+    Entries may be missing only in a run that is not finished.
     """
     for key in ("effects", "guards"):
         if key not in info and info.get("status") == "finished":
             raise RunFolderError(f"{folder / STATUS}: {key} is missing; {_CURE}")
-    for key, said, declared in chain(_wave(info, scene), _effects(info, scene), _guards(info, scene)):
-        number = isinstance(declared, float) and isinstance(said, int | float)
-        if not (isclose(said, declared, rel_tol=SAME, abs_tol=SAME) if number else said == declared):
-            said, declared = json.dumps(said), json.dumps(declared)
-            raise RunFolderError(f"{folder / STATUS}: {key} = {said}, but {declared} by {SCENE}; {_CURE}")
+    for key, found, declared in chain(_wave(info, scene), _effects(info, scene), _guards(info, scene)):
+        number = isinstance(declared, float) and isinstance(found, int | float)
+        if not (isclose(found, declared, rel_tol=SAME, abs_tol=SAME) if number else found == declared):
+            found, declared = json.dumps(found), json.dumps(declared)
+            raise RunFolderError(f"{folder / STATUS}: {key} = {found}, but {declared} by {SCENE}; {_CURE}")
 
 
 def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
@@ -98,16 +98,21 @@ def _guards(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
 
 
 def refuse_other_trajectory(path: Path, read: Signals, dumped: Signals, *, whole: bool) -> None:
-    """Raise RunFolderError if the columns of ``trajectory.csv`` are not those that follow from ``dump.centre``.
+    """Raise RunFolderError if the columns of ``trajectory.csv`` do not follow from ``dump.centre``.
 
     Parameters
     ----------
     path : Path
-        Of ``trajectory.csv``.
+        Path of ``trajectory.csv``.
     read, dumped : dict of str to (T,) arrays
-        tau, p, q, phi of both.
+        Columns tau, p, q, phi of both.
     whole : bool
-        Whether both must end with the same record; of a run that was stopped, what both hold is compared.
+        True if both must end with the same record; for a stopped run only the common records are compared.
+
+    Raises
+    ------
+    RunFolderError
+        If a number differs by more than `SAME` of the largest, or with `whole` the lengths differ.
     """
     rows, there = len(read["tau"]), len(dumped["tau"])
     if whole and rows != there:

@@ -1,4 +1,4 @@
-"""The folder of a run, or of many: what it may be called, who holds it, and what an earlier run left in it."""
+"""The folder of a run or of a study: its name, its lock, and the removal of an earlier run's files."""
 
 import fcntl
 import os
@@ -24,7 +24,7 @@ from granular_lmp.lammps.outputs import (
 )
 from granular_lmp.scene.schema import NOT_TOML, checked_name, file_text, shown
 
-# All that a run, a kicked sheet, a collision, or a comparison of one with theory writes beside its deck
+# Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
 _FILES = (
     *(SCENE, STATUS, LOG, DUMP, PARTICLES, CONTACTS, "trajectory.csv", *CHECKPOINTS),
     *("dump.everything", "dump.everything.bin"),
@@ -32,18 +32,26 @@ _FILES = (
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study"}
-_BELOW = 300  # bytes that runs/HASH/N_per_sample/in.NAME.resume takes with the longest name of a scene
+_BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 
 
 @contextmanager
 def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator[int]:
-    """Hold the folder for one run or sweep; gives the descriptor of the lock.
+    """Lock the folder for one run or sweep and yield the descriptor of the lock.
+
+    Parameters
+    ----------
+    folder : Path
+    make : bool
+        Create the folder.
+    force : bool
+        Accept an existing folder.
 
     Raises
     ------
     RunFolderError
-        When the folder is held already; with `make` also when its name is too long, it cannot be made, or, without
-        `force`, is there already.
+        If the folder is locked already; with `make` also if its name is too long, it cannot be created, or it exists
+        (without `force`).
     """
     if make:
         refuse_long(folder)
@@ -62,7 +70,7 @@ def locked(folder: Path, *, make: bool = False, force: bool = False) -> Iterator
 
 
 def is_held(folder: Path) -> bool:
-    """Return whether a run is at work in the folder, or cannot be told not to be; one that was killed is not."""
+    """Return whether a run is at work in the folder; if the lock cannot be tested, assume that one is."""
     try:
         with locked(folder):
             return False
@@ -71,12 +79,12 @@ def is_held(folder: Path) -> bool:
 
 
 def clear(folder: Path) -> None:
-    """Delete what an earlier run left in a folder that is held; whatever is not a run's stays.
+    """Delete the files of an earlier run in a locked folder; all other files are kept.
 
     Raises
     ------
     RunFolderError
-        When the folder is that of a sweep or a cost study, or something in it cannot be deleted.
+        If the folder holds a sweep or a cost study, or a file cannot be deleted.
     """
     for name, study in _STUDIES.items():
         if (folder / name).exists():
@@ -94,14 +102,14 @@ def clear(folder: Path) -> None:
 
 
 def _scene_name(folder: Path) -> list[str]:
-    """The name of the scene that a folder holds, after which its deck is called; nothing if there is none."""
+    """Return the name of the scene in a folder, which is part of the deck's file names; an empty list without one."""
     with suppress(SceneError, *NOT_TOML):
         return [checked_name(tomllib.loads(file_text(folder / SCENE)), folder.name, "the deck")]
     return []
 
 
 def refuse_long(folder: Path) -> None:
-    """Raise RunFolderError for a path that the system, or a file of a run below it, would find too long."""
+    """Raise RunFolderError if the path, with the files of a run below it, is longer than the system allows."""
     longest_part, longest = os.pathconf("/", "PC_NAME_MAX"), os.pathconf("/", "PC_PATH_MAX") - _BELOW
     part, whole = max(len(os.fsencode(part)) for part in folder.parts), len(os.fsencode(folder))
     if part > longest_part or whole > longest:

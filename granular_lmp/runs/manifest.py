@@ -1,4 +1,4 @@
-"""What ``run.json`` says of a run: what is known before it, and what came out."""
+"""The contents of ``run.json``: the description of a run before its start, and its outcome."""
 
 import platform
 from pathlib import Path
@@ -17,7 +17,7 @@ from granular_lmp.scene.scene import Scene
 
 
 def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
-    """What is known before the run."""
+    """Return the entries of ``run.json`` that are known before the run."""
     problem, scene, sphere, time_ = deck.problem, deck.scene, deck.scene.sphere, deck.scene.time
     return {
         "name": scene.name,
@@ -52,14 +52,14 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
 
 
 def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]) -> dict[str, Any]:
-    """What is known after the run, or after a part of it that adds to what `before` says."""
+    """Return the entries of ``run.json`` after the run, or after a part of it that continues the one in `before`."""
     table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
     total = seconds + before.get("wall_seconds", {}).get("total", 0.0)
     return {
         "samples": len(record.tau),
         "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
         "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
-        # Of all spheres, also of those that nothing recorded depends on
+        # Extremes over all spheres, also those that cannot affect the record
         "elsewhere": {
             name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
             for name in ELSEWHERE
@@ -82,16 +82,17 @@ def _outcome_of(
     scene: Scene,
     folder: Path,
 ) -> dict[str, Any]:
-    """What one guard measured; it judges only an effect that is off and that the scene does not call for.
+    """Return the result of one guard.
 
-    Of an effect that is on it is no news, whatever it says.
+    It judges only an effect that is off and that the scene does not call for. While the effect is on, a value above the
+    limit is expected and the guard counts as quiet.
     """
     found = measured(guard, table, scene, folder)
     return {
         "effect": name,
         "value": _finite(found.value),
         "bound": _finite(found.bound),
-        "limit": GUARDS[guard].largest_silent(scene),
+        "limit": GUARDS[guard].limit_in(scene),
         "quiet": found.passed_at is None or effect["on"],
         "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],
@@ -101,21 +102,21 @@ def _outcome_of(
 
 
 def triggered(info: dict[str, Any]) -> list[str]:
-    """A sentence for each effect that was left out, rightly by the rules, and was there after all."""
+    """Return a sentence for each guard that triggered although the scene does not call for its effect."""
     return [
-        f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_said(guard['value'])}, "
+        f"{guard['effect']} triggered its guard at tau = {guard['passed_at']:.6g}: {name} = {_shown(guard['value'])}, "
         f"above {guard['limit']:.3g}: {guard['meaning']}; {guard['cure']}"
         for name, guard in info["guards"].items()
         if guard["judges"] and not guard["quiet"]
     ]
 
 
-def _said(value: float | None) -> str:
+def _shown(value: float | None) -> str:
     return "not finite" if value is None else f"{value:.4g}"
 
 
 def _finite(value: float) -> float | None:
-    """JSON has no inf and no nan."""
+    """Return the value, or None for inf and nan, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
 
 

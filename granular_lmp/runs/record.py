@@ -1,9 +1,9 @@
-"""The run folder: what a run leaves behind, and how to read it.
+"""The record of a run: the trajectory of the centre sphere, read from its run folder.
 
-``dump.*`` and ``log.lammps`` are LAMMPS's, in the units of the deck; ``trajectory.csv`` holds p, q and φ of the centre
-sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along y) and Rθ, in D0;
-``run.json`` says how the run went. This module and `granular_lmp.crystal.sphere` are what post-processing
-scripts may import.
+LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. ``trajectory.csv`` holds p, q and φ of the centre
+sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along y) and Rθ, in D0.
+``run.json`` holds the course of the run. Post-processing scripts may import only this module and
+`granular_lmp.crystal.sphere`.
 """
 
 import csv
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from granular_lmp.plot.signals import Picture
 
 TRAJECTORY = "trajectory.csv"
-# The objects of run.json, and what each of their entries holds at least
+# The objects of run.json and the keys that each of their entries must have
 _ENTRIES: dict[str, set[str]] = {
     "effects": {"on", "called_for", "guard"},
     "guards": {"effect", "quiet", "value", "meaning", "judges"},
@@ -44,17 +44,27 @@ HEADER = ["tau", "p", "q", "phi"]
 
 @dataclass(frozen=True, repr=False)
 class Record:
-    """Trajectory of the centre sphere, and where it comes from.
+    """Trajectory of the centre sphere with its scene and run folder.
 
     Attributes
     ----------
-    tau, p, q, phi : (T,) arrays
-        Dimensionless time; displacement along the wave and across it (along ẑ × k), v/D0 and −u/D0 for a wave along y;
-        rotation Rθ/D0, which is 0 where spheres do not turn and nan where they turn but are not tracked.
+    tau : (T,) array
+        Time in units of t0.
+    p, q : (T,) arrays
+        Displacement along the wave vector k and along ẑ × k in units of D0: v/D0 and −u/D0 for a wave along y.
+    phi : (T,) array
+        Rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked.
     scene : Scene
+        Scene of the run with every "auto" decided.
     info : dict
         Contents of ``run.json``.
     folder : Path or None
+        Run folder; None for an extrapolated record.
+
+    Notes
+    -----
+    p, q and φ are those of one sphere. They are those of the infinite lattice until the echo of the walls arrives
+    (`Scene.echo_time`).
     """
 
     tau: NDArray[np.float64]
@@ -67,13 +77,20 @@ class Record:
 
     @classmethod
     def load(cls, folder: str | Path, *, unfinished: bool = False) -> Self:
-        """Read a run folder.
+        """Read the record of a run folder.
+
+        Parameters
+        ----------
+        folder : path
+            Run folder.
+        unfinished : bool
+            Read a run that was stopped or failed too.
 
         Raises
         ------
         RunFolderError
-            When a file is missing or malformed, files disagree with each other (`runs.agreement`), or the run
-            did not finish, unless `unfinished` runs are wanted too.
+            If a file is missing or malformed, files disagree with each other (`runs.agreement`), or the run is not
+            finished (without `unfinished`).
         """
         folder = Path(folder)
         info = read_status(folder)
@@ -106,7 +123,7 @@ class Record:
 
     @classmethod
     def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
-        """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
+        """Make the record of a run folder from its dump, dimensionless with the scene's D0 and R."""
         table = read_dump(Path(folder) / dump)
         displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
@@ -130,50 +147,50 @@ class Record:
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:
-        """p, q, φ by name."""
+        """Signals p, q, φ by name."""
         return {"p": self.p, "q": self.q, "phi": self.phi}
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
-        """τ, p, q, φ by name: the columns of ``trajectory.csv``."""
+        """Columns τ, p, q, φ of ``trajectory.csv`` by name."""
         return {"tau": self.tau} | self.signals
 
     def particles(self) -> Particles:
-        """The snapshots of all spheres.
+        """Return the snapshots of all spheres.
 
         Raises
         ------
         RunFolderError
-            When the run holds none (``output.particles``).
+            If the run has no snapshots (``output.particles``).
         """
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
         return Particles.load(self.folder)
 
     def plot(self) -> "Picture":
-        """p, q, φ over τ, those that move; a notebook shows it."""
+        """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
         from granular_lmp.plot.signals import trajectory_figure  # matplotlib takes longer to load than most runs
 
         return trajectory_figure(self.tau, self.signals, self.scene)
 
     def to_pandas(self) -> Any:
-        """Table (``pandas.DataFrame``) of p, q, phi over tau.
+        """Return a ``pandas.DataFrame`` of p, q, phi over tau.
 
         Raises
         ------
         PackageMissingError
-            Without pandas.
+            If pandas is not installed.
         """
         pandas = optional_package("pandas")
         return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
 
     def to_xarray(self) -> Any:
-        """``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
+        """Return an ``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
 
         Raises
         ------
         PackageMissingError
-            Without xarray.
+            If xarray is not installed.
         """
         variables = {name: ("tau", values) for name, values in self.signals.items()}
         return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
@@ -184,12 +201,12 @@ class Record:
 
 
 def optional_package(name: str) -> Any:
-    """A package that the user may have installed.
+    """Return an optional package.
 
     Raises
     ------
     PackageMissingError
-        When it is not.
+        If it is not installed.
     """
     try:
         return import_module(name)
@@ -198,17 +215,17 @@ def optional_package(name: str) -> Any:
 
 
 def read_status(folder: str | Path) -> dict[str, Any]:
-    """Return the contents of ``run.json``; a run that was killed while it was "running" is "interrupted".
+    """Return the contents of ``run.json``; a killed run, whose status is still "running", is "interrupted".
 
     Raises
     ------
     RunFolderError
-        When the folder holds none, or it is not of the form that a run writes.
+        If the folder holds no ``run.json``, or it is malformed.
     """
     folder = Path(folder)
     info = _status(folder)
     if info.get("status") == "running" and not is_held(folder):
-        info = _status(folder)  # it may have ended between the two looks
+        info = _status(folder)  # the run may have ended since the file was read
         if info.get("status") == "running":
             info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, and no process does"}
     return info

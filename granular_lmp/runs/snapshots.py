@@ -1,10 +1,9 @@
-"""Snapshots of all spheres of a run, read when they are asked for: ``dump.particles`` of a scene with
-``output.particles``.
+"""Snapshots of all spheres of a run: the file ``dump.particles`` of a scene with ``output.particles``.
 
-The file is LAMMPS's own text dump, every digit kept, in the units of the deck. Its columns carry the names by which
-OVITO knows them (Particle Identifier ← id, Particle Type ← type: 1 moves, 2 is held; Position, Radius, Displacement,
-Velocity, Angular Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-text`` and keeps
-positions, velocities, types and ``v_theta``. Here it comes back dimensionless, like `granular_lmp.runs.record`.
+The file is a text dump of LAMMPS with every digit, in the units of the deck. OVITO knows the names of its columns
+(Particle Identifier ← id, Particle Type ← type: 1 moves, 2 is held; Position, Radius, Displacement, Velocity, Angular
+Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-text`` and keeps positions, velocities,
+types and ``v_theta``. Here a snapshot is read when it is used, and is dimensionless like `granular_lmp.runs.record`.
 """
 
 from dataclasses import dataclass
@@ -30,10 +29,11 @@ class Spheres:
     Attributes
     ----------
     tau : float
+        Time in units of t0.
     displacement, velocity : (N, 2) arrays
-        From the lattice at rest.
+        Displacement from the lattice at rest and velocity, columns x and y, in D0 and D0/t0.
     rotation, spin : (N,) arrays
-        Rθ/D0 and its rate Rω t0/D0; 0 where spheres do not turn, and the rotation nan where they turn untracked.
+        Rθ/D0 and its rate Rω t0/D0. Both are 0 if spheres do not turn; the rotation is nan if they turn untracked.
     """
 
     tau: float
@@ -50,16 +50,16 @@ class Spheres:
 
 @dataclass(frozen=True, repr=False)
 class Particles:
-    """The snapshots of a run: ``particles[i]`` reads one, ``particles.tau`` says when each was taken.
+    """Snapshots of a run: ``particles[i]`` reads one, ``particles.tau`` holds their times.
 
     Attributes
     ----------
     path : Path
-        The dump.
+        Path of the dump.
     scene : Scene
-        Of the run that wrote it.
+        Scene of the run that wrote it.
     index : list of Snapshot
-        Where each snapshot stands in the file.
+        Place of each snapshot in the file.
     """
 
     path: Path
@@ -68,12 +68,12 @@ class Particles:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Find the snapshots of a run folder; of a run to a tolerance, those with the finest step.
+        """Find the snapshots of a run folder; for a run with a tolerance those of its finest step.
 
         Raises
         ------
         RunFolderError
-            When the run has none.
+            If the run has no snapshots.
         """
         folder = Path(folder)
         finer = sorted(folder.glob(f"*{PER_SAMPLE}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
@@ -89,21 +89,21 @@ class Particles:
 
     @cached_property
     def rest(self) -> NDArray[np.float64]:
-        """Positions at rest in radii, (N, 2)."""
+        """Positions at rest, (N, 2), in radii."""
         return hexagonal(self.scene.sphere, self.scene.shape).positions[:, :2]
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
-        """Spheres that do not move, (N,)."""
+        """True for the spheres that are held, (N,)."""
         return np.asarray(hexagonal(self.scene.sphere, self.scene.shape).arrays["fixed"])
 
     @property
     def tau(self) -> NDArray[np.float64]:
-        """When the snapshots were taken, (T,)."""
+        """Times of the snapshots, (T,), in units of t0."""
         return np.array([each.step for each in self.index], dtype=float) * self.scene.time.step
 
     def stack(self, name: str) -> NDArray[np.float64]:
-        """One attribute of `Spheres` over all snapshots: ``stack("displacement")`` is (T, N, 2)."""
+        """Return one attribute of `Spheres` over all snapshots: ``stack("displacement")`` is (T, N, 2)."""
         return np.array([getattr(each, name) for each in map(self.__getitem__, range(len(self)))])
 
     def __len__(self) -> int:

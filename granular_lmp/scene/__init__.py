@@ -1,1 +1,1 @@
-"""The user's declaration of a simulation, checked value by value."""
+"""The scene: the user's declaration of a simulation, checked value by value."""

@@ -4,11 +4,11 @@ A plane wave is one Bloch mode. A wave with a Gaussian envelope is a sum of Bloc
 
     Σ_k' w(k') Re[U(k') e^{i(k'·r − Ω(k')τ + phase)}],    w ∝ exp(−½ length² κ∥² − ½ width² κ⊥²),    κ = k' − k,
 
-each with its own shape and frequency, so that all of it runs forward and no other branch is excited: an envelope that
-is just multiplied to the mode would send the rest, of relative order 1/(k length), everywhere.
+each with its own shape and frequency, so that all of it runs forward and no other branch is excited. An envelope that
+only multiplies the mode would radiate the rest, of relative order 1/(k length), in all directions.
 
-Breaks where a packet is shorter than 4/ξ (refused: part of it would run backward), and where the branch touches another
-within the envelope: which of the two a wave vector then belongs to is not defined.
+The sum breaks down for a packet shorter than 4/ξ (refused, because part of it would run backward), and where the branch
+touches another within the envelope, because the assignment of wave vectors to branches is then undefined.
 """
 
 from dataclasses import dataclass
@@ -27,23 +27,29 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
 Floats = NDArray[np.float64]
-FARTHEST = 7.0  # standard deviations of w that are summed: what is beyond is 2e-11
+FARTHEST = 7.0  # standard deviations of w that are summed: beyond them w is below 2e-11
 NOTHING = 1e-9  # rad per row: rounding of a difference of wave vectors
 
 
 @dataclass(frozen=True)
 class Fields:
-    """Displacement and velocity, one row a sphere: columns (ux, uy, φ), φ = Rθ; in D0 and D0/t0."""
+    """Displacement and velocity of N spheres for unit amplitude.
+
+    Attributes
+    ----------
+    displacement, velocity : (N, 3) arrays
+        Columns (ux, uy, φ) with φ = Rθ, in D0 and D0/t0.
+    """
 
     displacement: Floats
     velocity: Floats
 
 
 def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
-    """The wave of a scene at τ = 0; zero on the rows that are held.
+    """Return the wave of a scene at τ = 0, which is zero on the held rows.
 
-    Of a standing wave the displacement of the running one, and no velocity. Of a driven one nothing but the first row:
-    its displacement at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, and no rotation.
+    A standing wave has the displacement of the running one and no velocity. A driven wave has only the displacement of
+    its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, without rotation.
 
     Parameters
     ----------
@@ -51,7 +57,12 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     packing : ase.Atoms
         From `granular_lmp.crystal.lattices`.
     mode : Mode
-        The mode of the scene's wave.
+        Bloch mode of the scene's wave.
+
+    Returns
+    -------
+    Fields
+        For unit amplitude; the deck multiplies them by D0.
     """
     if scene.wave.form == "driven":
         return _driven_row(packing, mode, scene.envelope)
@@ -62,7 +73,7 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
 
 
 def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
-    """The wave Re[U e^{i(k·r − Ωτ + phase)}] at τ = 0, r = 0 at the centre sphere; zero on the rows that are held.
+    """Return the wave Re[U e^{i(k·r − Ωτ + phase)}] at τ = 0 with r = 0 at the centre sphere, zero on the held rows.
 
     Parameters
     ----------
@@ -75,7 +86,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
 
     Notes
     -----
-    Held rows cut the wave off: what that does reaches the centre at `Scene.echo_time`.
+    Held rows cut the wave off. The disturbance reaches the centre at `Scene.echo_time`.
     """
     along_x, along_y = offsets(packing)
     angle = mode.vector.per_row * along_y + mode.vector.per_column * along_x + phase
@@ -90,14 +101,14 @@ def _fields(packing: ase.Atoms, wave: NDArray[np.complex128], rate: NDArray[np.c
 
 
 def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
-    """The sum of the module's equation over the wave vectors that the packing, taken as a periodic cell, holds."""
+    """Return the sum of the module's equation over the wave vectors of the packing, taken as a periodic cell."""
     envelope, (x, y) = scene.envelope, mode.vector.unit
-    per_column, per_row = _around(mode.vector, envelope, scene.shape)  # of κ
+    per_column, per_row = _around(mode.vector, envelope, scene.shape)  # κ
     kx, ky = ROW_SPACING * per_column[:, None], per_row[None, :]  # rad per row
     along, across = x * kx + y * ky, x * ky - y * kx
     exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
     inside = exponent <= FARTHEST**2
-    # In the direction in which the wave has no end there is its own wave vector only
+    # A direction without an envelope has only the wave vector of the wave itself
     inside &= (envelope.length > 0) | (np.abs(along) < NOTHING)
     inside &= (envelope.width > 0) | (np.abs(across) < NOTHING)
     weight = np.exp(-exponent[inside] / 2)
@@ -115,7 +126,7 @@ def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
 
 
 def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Floats, Floats]:
-    """Phase advances per column and per row, from those of the wave, of the wave vectors that may count."""
+    """Return the differences in phase advance, per column and per row, of the wave vectors that may contribute."""
     x, y = (abs(part) for part in vector.unit)
     narrow = [1 / size if size else 0.0 for size in (envelope.length, envelope.width)]  # rad per row
     reach = [np.hypot(narrow[0] * x, narrow[1] * y) / ROW_SPACING, np.hypot(narrow[0] * y, narrow[1] * x)]
@@ -130,9 +141,9 @@ def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Float
 
 
 def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
-    """Frequencies (M,) and shapes (M, 3) (ux, uy, i f) of the branch of a mode at phase advances (M, 2) around its own.
+    """Return frequencies (M,) and shapes (M, 3), (ux, uy, i f), of a mode's branch at phase advances (M, 2).
 
-    At each wave vector the mode that is most like it is taken: names would change hands where branches come near.
+    The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
     """
     sphere = scene.sphere
     k = vectors / [1, ROW_SPACING] / lattice_constant(sphere)
@@ -147,20 +158,20 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
 def _sum_of_waves(
     packing: ase.Atoms, per_column: Floats, per_row: Floats, amplitude: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), of a grid of wave vectors: along y, then along x."""
+    """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x."""
     along_x, along_y = offsets(packing)
     rows, columns = packing.arrays["row"], packing.arrays["column"]
     x = along_x.reshape(rows.max() + 1, columns.max() + 1)
     y = along_y.reshape(x.shape)[:, 0]
     by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
     result = np.empty((*x.shape, 3), dtype=complex)
-    for parity in (0, 1):  # of the row, which is what its shift depends on
+    for parity in (0, 1):  # the shift of a row depends on its parity
         result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
     return result.reshape(-1, 3)
 
 
 def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
-    """What the first row moves by, for unit amplitude; a Gaussian along it where the envelope has a width."""
+    """Return the displacement of the driven first row for unit amplitude, a Gaussian if the envelope has a width."""
     along_x, _ = offsets(packing)
     first = packing.arrays["row"] == 0
     profile = np.ones(len(packing))

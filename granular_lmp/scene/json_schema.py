@@ -1,7 +1,7 @@
-"""The keys of a scene file as JSON Schema, for completion in editors, and as the table of the reference page.
+"""Keys of a scene file as a JSON Schema, for completion in editors, and as the table of the reference page.
 
-Both are made from the declarations in `granular_lmp.scene.sections`, so that neither can say something else than the
-reader checks. What values mean together is checked by `Scene` alone.
+Both are generated from the declarations in `granular_lmp.scene.sections`, so neither can differ from what the reader
+checks. Only `Scene` checks combinations of values.
 """
 
 from collections.abc import Iterator
@@ -37,7 +37,7 @@ class Key:
 
 
 def keys() -> Iterator[Key]:
-    """Every key of a scene file, section by section."""
+    """Yield every key of a scene file, section by section."""
     for section, kind in SECTIONS.items():
         for item, rule in declared_fields(kind, SECTION_RULES.get(section)):
             required = item.default is MISSING
@@ -58,7 +58,7 @@ def json_schema() -> dict[str, Any]:
             needed[key.section].append(key.name)
     for section, inner in sections.items():
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
-        if section == "wave":  # a wave vector says what wave number and direction say
+        if section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
             inner["wavevector"] = pair | {"description": _WAVEVECTOR}
             needed["wave"].remove("wavenumber")
@@ -81,7 +81,7 @@ def _value(key: Key) -> dict[str, Any]:
 
 
 def _values(rule: Rule) -> dict[str, Any]:
-    """What a rule allows."""
+    """Return the JSON Schema of the values that a rule allows."""
     if rule.kind is str:
         return {"enum": list(rule.words)}
     numbers: dict[str, Any] = {"type": _KINDS[rule.kind]}
@@ -94,7 +94,7 @@ def _values(rule: Rule) -> dict[str, Any]:
 
 
 def reference() -> str:
-    """Return the table of all keys in Markdown: key, unit, default, what is allowed, meaning; a heading a section."""
+    """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
     lines: list[str] = []
     section = ""
     for key in keys():

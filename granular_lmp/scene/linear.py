@@ -1,4 +1,4 @@
-"""The linear wave of a scene: which degrees of freedom its lattice has, and the Bloch mode of its wave."""
+"""The linear wave of a scene: the degrees of freedom of its lattice, and the Bloch mode of its wave."""
 
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, bloch_mode
@@ -11,6 +11,6 @@ def physics_of(scene: Scene) -> Physics:
 
 
 def mode_of(scene: Scene, physics: Physics | None = None) -> Mode:
-    """Return the mode of a scene's wave in its lattice, or in one with other physics."""
+    """Return the Bloch mode of a scene's wave in its lattice, or in a lattice with the given physics."""
     sphere = scene.sphere
     return bloch_mode(unit_lattice(sphere), sphere, scene.vector, scene.wave.mode, physics or physics_of(scene))

@@ -1,4 +1,4 @@
-"""How finely the positions of a scene's spheres resolve its wave: LAMMPS adds displacements to positions."""
+"""Resolution of a scene's wave: LAMMPS adds displacements to positions, whose rounding limits them."""
 
 import numpy as np
 
@@ -7,11 +7,11 @@ from granular_lmp.scene.scene import Scene
 
 
 def position_rounding(scene: Scene, lattice_constants: float) -> float:
-    """Return the rounding of a position so many lattice constants from the origin, in D0: ½ eps of it."""
+    """Return the rounding, in D0, of a position at a distance in lattice constants from the origin: ½ eps of it."""
     distance = lattice_constants * scene.sphere.lattice_constant
     return float(np.finfo(float).eps / 2 * distance / (scene.wave.amplitude * scene.sphere.static_overlap))
 
 
 def farthest_rounding(scene: Scene) -> float:
-    """Return `position_rounding` of the farthest row."""
+    """Return the `position_rounding` of the farthest row, in D0."""
     return position_rounding(scene, scene.shape.rows / 2 * ROW_SPACING)

@@ -1,9 +1,9 @@
-"""What the user declares: a scene, read from TOML, checked value by value, written back with every default filled in.
+"""The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[envelope]``, ``[time]``, ``[effects]`` and
 ``[output]`` (`granular_lmp.scene.sections`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
-units of the static overlap Δ0. What is declared "auto" is decided here where it concerns the packing (`Scene.shape`),
-and in `granular_lmp.effects` where it concerns the physics.
+units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics in
+`granular_lmp.effects`.
 """
 
 import tomllib
@@ -52,8 +52,8 @@ SECTIONS: dict[str, type] = {
     "output": Output,
 }
 SECTION_RULES = {"sphere": SPHERE_RULES}
-_ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
-# Keys that a scene does not hold beside another; `with_values` of one takes the others out.
+_ATTRIBUTES = {"sphere": "material"}  # tables that a scene holds under another name
+# A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
 EXCLUSIVE = {
     "time.tolerance": ("time.timestep",),
     "time.timestep": ("time.tolerance",),
@@ -61,12 +61,12 @@ EXCLUSIVE = {
     "wave.wavenumber": ("wave.frequency",),
     "wave.frequency": ("wave.wavenumber",),
 }
-FAR = 0.1  # of the wave vector: what snaps farther is another wave
-DEVIATIONS = 10.0  # standard deviations of an envelope for which "auto" has room: what is cut off is below 4e-6
+FAR = 0.1  # relative change of the wave vector by snapping, beyond which the scene warns that it is another wave
+DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
 
 def note(key: str) -> str:
-    """What a value of a scene is, by its dotted key: the comment behind it in a scene file, mostly a unit."""
+    """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
         return "kx, ky, rad per lattice constant"
     table, _, name = key.rpartition(".")
@@ -80,15 +80,19 @@ def note(key: str) -> str:
 class Scene:
     """One simulation: spheres, packing, wave and its envelope, time, effects and output.
 
-    `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
-    ``packing.contact_force``, and without work of adhesion where ``effects.adhesion`` is off.
+    `material` is the table ``[sphere]`` as declared; `sphere` is the sphere of the deck: pressed by
+    ``packing.contact_force``, and without work of adhesion if ``effects.adhesion`` is off.
 
     Raises
     ------
     SceneError
-        When the values do not go together: nothing holds the lattice, even rows between fixed ends, odd rows in a
-        periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap that is no
-        longer small, D0 beyond R/10, snapshots that fall between two records.
+        If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd
+        rows in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap
+        that is not small, D0 beyond R/10, snapshots that fall between two records.
+
+    Notes
+    -----
+    A scene is frozen: `with_values` returns a changed copy.
     """
 
     name: str
@@ -105,9 +109,18 @@ class Scene:
 
     @classmethod
     def load(cls, source: str | Path) -> Self:
-        """Scene from a TOML file, a folder that holds ``scene.toml``, or the name of a folder of ``lammps_inputs``.
+        """Read a scene from a TOML file, a folder with a ``scene.toml``, or by the name of a shipped scene.
 
-        Its name, if it declares none, is the stem of the file, for ``scene.toml`` that of its folder.
+        Parameters
+        ----------
+        source : path
+            File, folder, or name of a folder of ``lammps_inputs``. A scene that declares no name takes the stem of the
+            file, or the name of the folder of its ``scene.toml``.
+
+        Raises
+        ------
+        SceneError
+            If there is no such file, it is not a scene, or a value is out of range.
         """
         path = Path(source)
         found = first_file(source, (path, path / "scene.toml", SHIPPED / path / "scene.toml"))
@@ -122,7 +135,7 @@ class Scene:
 
     @classmethod
     def loads(cls, text: str, default: str = "scene") -> Self:
-        """Scene from TOML text; `default` is its name if the text holds none."""
+        """Read a scene from TOML text; `default` is its name if the text declares none."""
         try:
             tables = tomllib.loads(text)
         except NOT_TOML as error:
@@ -152,7 +165,7 @@ class Scene:
         return cls(name=name, description=checked_description(tables), **records)
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in; of two keys that exclude each other the one declared."""
+        """Return nested plain values with every default; either the time step or the tolerance, as declared."""
         tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), SECTION_RULES.get(key)) for key in SECTIONS}
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
@@ -184,7 +197,13 @@ class Scene:
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> "Scene":
-        """Copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``."""
+        """Return a copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``.
+
+        Raises
+        ------
+        SceneError
+            If a key is unknown or a value is not allowed.
+        """
         tables = self.to_dict()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
@@ -192,7 +211,7 @@ class Scene:
                 raise SceneError(unknown_key(table, SECTIONS))
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
-                break  # an earlier change put a value in the table's place, which is what is wrong
+                break  # an earlier change replaced the table by a value, which is the error to report
             for other in EXCLUSIVE.get(key, ()):
                 if other not in changes:
                     inner.pop(other.rpartition(".")[2], None)
@@ -206,7 +225,7 @@ class Scene:
             f"tau 0..{self.time.duration:g}>"
         )
 
-    # --- what follows from the values ---
+    # --- derived values ---
 
     @cached_property
     def sphere(self) -> Sphere:
@@ -215,7 +234,7 @@ class Scene:
 
     @cached_property
     def shape(self) -> Shape:
-        """Rows, columns and ends, every "auto" decided."""
+        """Rows, columns and ends of the packing with every "auto" decided."""
         packing = self.packing
         return decide(
             packing.rows,
@@ -229,11 +248,11 @@ class Scene:
 
     @property
     def _room(self) -> Room:
-        """What the envelope takes: between walls with its offset, in a periodic cell with the way that it runs."""
+        """Room for the envelope: with its offset between walls, with the distance it travels in a periodic cell."""
         envelope, (x, y) = self.envelope, self.wave.vector.unit
         rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.wave.vector))
         way = FASTEST_ROWS_PER_TAU * self.time.duration if envelope.length else 0.0
-        way *= 2 if self.wave.form == "standing" else 1  # its two halves part, and are not to meet again
+        way *= 2 if self.wave.form == "standing" else 1  # its two halves run apart and must not meet again
         return Room(
             strip=rows + 2 * abs(envelope.offset),
             rows=rows + way * abs(y),
@@ -243,53 +262,53 @@ class Scene:
 
     @cached_property
     def vector(self) -> WaveVector:
-        """The wave vector that is used: as declared between fixed ends, the nearest one that a periodic cell holds."""
+        """Wave vector that is used: as declared between fixed ends, else the nearest one of the periodic cell."""
         if self.shape.ends == "fixed":
             return self.wave.vector
         return self.wave.vector.snapped(self.shape.rows, self.shape.columns)
 
     @property
     def wavenumber(self) -> float:
-        """ξ that is used, rad per row."""
+        """Wave number ξ that is used, rad per row."""
         return self.vector.wavenumber
 
     @property
     def direction(self) -> float:
-        """The direction that is used, degrees from x towards y."""
+        """Direction that is used, degrees from x towards y."""
         return self.vector.direction
 
     @property
     def plane_along_y(self) -> bool:
-        """Whether the wave is the paper's: a running plane wave up the rows."""
+        """True if the wave is the paper's, a running plane wave along y."""
         running = self.wave.form == "running" and not self.envelope.finite
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property
     def uniform_rows(self) -> bool:
-        """Whether all spheres of a row move alike, so that 3 columns stand for any number."""
+        """True if all spheres of a row move alike, so that 3 columns stand for any number."""
         return self.vector.axis == "y" and self.envelope.width == 0
 
     @property
     def along(self) -> str:
-        """Where the wave runs, in words: "y", "x", "-y", or "49.1066 degrees"."""
+        """Direction of the wave in words: "y", "x", "-y", or "49.1066 degrees"."""
         return {0.0: "x", 90.0: "y", -90.0: "-y", 180.0: "-x"}.get(self.direction, f"{self.direction:.6g} degrees")
 
     @property
     def wave_label(self) -> str:
-        """The wave in the fewest words, for a repr: "TR xi=0.802 a=0.2"."""
+        """Shortest name of the wave, for a repr: "TR xi=0.802 a=0.2"."""
         along = "" if self.along == "y" else f" along {self.along}"
         return f"{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
     @property
     def wave_words(self) -> str:
-        """The wave in a few words, for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
+        """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
         return (
             f"{self.wave.words} {self.envelope.kind} along {self.along}, xi = {self.wavenumber!r} rad per row, "
             f"D0 = {self.wave.amplitude!r} Delta0"
         )
 
     def remarks(self) -> list[str]:
-        """What was changed to make the scene fit, a sentence each; nothing when it is used as declared."""
+        """Return a sentence for each change that made the scene fit; an empty list if it is used as declared."""
         said, shape = [], self.shape
         if self.wave.frequency is not None:
             said.append(self._frequency_remark())
@@ -328,14 +347,14 @@ class Scene:
 
     @property
     def _how_far(self) -> str:
-        """A warning where the wave that is used is quite another one than was asked for."""
+        """Return a warning if the wave that is used differs much from the declared one, else an empty string."""
         (x, y), (declared_x, declared_y) = self.vector.components, self.wave.vector.components
         share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)
         return f"; that is {share:.0%} away: take more rows or columns" if share > FAR else ""
 
     @property
     def echo_time(self) -> float:
-        """τ until which the centre sphere does not hear the walls (`echo_time`); infinite in a periodic cell."""
+        """Time τ at which the echo of the walls reaches the centre sphere; infinite in a periodic cell."""
         return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:
@@ -360,5 +379,5 @@ def _wavenumbers(wave: Wave, sphere: Sphere, effects: Effects) -> tuple[float, .
 
 
 def _default(item: Field[Any]) -> Any:
-    """Return what a field holds if it is not given; MISSING if it must be given."""
+    """Return the default of a field; MISSING if the field must be given."""
     return item.default if item.default_factory is MISSING else item.default_factory()

@@ -1,4 +1,4 @@
-"""One declared value: its range, in words and as a check; TOML tables to frozen records and back.
+"""Rules of declared values, as text and as a check, and the conversion of TOML tables to frozen records and back.
 
 Each field of a record carries its own rule in its metadata, so that this one description serves reading, checking,
 writing and the error messages.
@@ -18,8 +18,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.not_there import not_supported
 
 AUTO = "auto"
-# What tomllib raises: a plain ValueError for whole numbers of more than 4300 digits; and it follows brackets in
-# brackets as deep as Python's stack
+# tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
+# Python's stack ends
 NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
@@ -28,7 +28,7 @@ LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 
 @dataclass(frozen=True)
 class Interval:
-    """The numbers from `low` to `high`; without `low` itself where it is open, with 0 besides where `or_zero`."""
+    """Numbers from `low` to `high`, without `low` itself if `open_low`, and with 0 in addition if `or_zero`."""
 
     low: float
     high: float
@@ -45,22 +45,22 @@ class Interval:
 
 @dataclass(frozen=True)
 class Rule:
-    """What a key of a scene may hold, and what it means.
+    """Allowed values of one key of a scene, and its meaning.
 
     Attributes
     ----------
     kind : type
         float, int, bool or str.
     unit : str
-        "" for a number without a unit, and for what is not a number.
+        Empty for a dimensionless number and for a value that is not a number.
     meaning : str
-        Half a sentence: the comment behind the key in a scene file, its entry in the reference.
+        Half a sentence: the comment behind the key in a scene file and its entry in the reference.
     interval : Interval, optional
-        For numbers.
+        Allowed range of a number.
     words : tuple of str
-        Words that are allowed: beside numbers and switches, or alone.
+        Allowed words, beside numbers and switches or alone.
     because : str
-        Why the interval ends where it does, for the error message.
+        Reason for the end of the interval, for the error message.
     """
 
     kind: type
@@ -72,12 +72,12 @@ class Rule:
 
     @property
     def note(self) -> str:
-        """The comment behind a value in a scene file: its unit and its meaning."""
+        """Comment behind a value in a scene file: its unit and its meaning."""
         return ", ".join(filter(None, (self.unit, self.meaning)))
 
     @property
     def allowed(self) -> str:
-        """The values that are allowed, in words."""
+        """Allowed values in words."""
         words = [f'"{word}"' for word in self.words]
         if self.kind is str:
             return "one of " + ", ".join(words)
@@ -93,18 +93,18 @@ class Rule:
         return f"{'0 or ' if self.interval.or_zero else ''}a number in {self.interval}{unit}"
 
     def value(self, value: Any, key: str) -> Any:
-        """Return `value` as this rule's kind.
+        """Return `value` converted to the kind of this rule.
 
         Raises
         ------
         SceneError
-            With the key, the value and what is allowed, if it is not.
+            If the value is not allowed; the message names key, value and allowed values.
         """
         if isinstance(value, str) and value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value) if abs(value) < 1e300 else inf  # TOML writes 120 for 120.0
-        right = isinstance(value, self.kind) and self.kind is not str  # words are dealt with above
+        right = isinstance(value, self.kind) and self.kind is not str  # words are handled above
         right = right and not (self.kind is int and isinstance(value, bool))
         if right and self.kind is float:
             right = isfinite(value)
@@ -113,7 +113,7 @@ class Rule:
         return value
 
 
-Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules of their own
+Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules
 
 
 def number(
@@ -127,33 +127,33 @@ def number(
     words: tuple[str, ...] = (),
     **default: Any,
 ) -> Any:
-    """A dataclass field that holds a number of an interval."""
+    """Return a dataclass field for a number in an interval."""
     interval = Interval(low, high, open_low, or_zero)
     return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
 def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any) -> Any:
-    """A dataclass field that holds a whole number."""
+    """Return a dataclass field for a whole number."""
     return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, because)}, **default)
 
 
 def choice(meaning: str, options: tuple[str, ...], **default: Any) -> Any:
-    """A dataclass field that is one of some words."""
+    """Return a dataclass field for one of several words."""
     return field(metadata={"rule": Rule(str, "", meaning, words=options)}, **default)
 
 
 def flag(meaning: str, **default: Any) -> Any:
-    """A dataclass field that is true or false."""
+    """Return a dataclass field that is true or false."""
     return field(metadata={"rule": Rule(bool, "", meaning)}, **default)
 
 
 def switch(meaning: str) -> Any:
-    """A dataclass field that is true, false or "auto", the default."""
+    """Return a dataclass field that is true, false or "auto", the default."""
     return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,))}, default=AUTO)
 
 
 def short(value: float) -> str:
-    """A number as a person writes it: 1e-9, 0.05, 10000000."""
+    """Return a number in its usual short form: 1e-9, 0.05, 10000000."""
     if isinstance(value, int):
         return str(value)
     mantissa, e, exponent = f"{value:g}".partition("e")
@@ -161,12 +161,12 @@ def short(value: float) -> str:
 
 
 def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any:
-    """The record of type `kind` from the TOML table `name`, each value checked.
+    """Return the record of type `kind` from the TOML table `name` with every value checked.
 
     Raises
     ------
     SceneError
-        For a missing table or key, an unknown key, and a value out of range, each named.
+        If the table or a key is missing, a key is unknown, or a value is out of range; the message names it.
     """
     items = declared_fields(kind, rules)
     names = [item.name for item, _ in items]
@@ -187,12 +187,12 @@ def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any
 
 
 def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
-    """The declared values of a record by name."""
+    """Return the declared values of a record by name."""
     return {item.name: getattr(record, item.name) for item, _ in declared_fields(type(record), rules)}
 
 
 def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
-    """``key = value  # note`` for each of the values, which are some of a record's of type `kind`."""
+    """Return a line ``key = value  # note`` for each of the values, which belong to a record of type `kind`."""
     notes = {item.name: rule.note for item, rule in declared_fields(kind, rules)}
     lines = ((f"{name} = {toml(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
@@ -204,14 +204,14 @@ def head_lines(name: str, description: str) -> list[str]:
 
 
 def toml(value: str | bool | int | float) -> str:
-    """A scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
+    """Return a scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
         return f"{Decimal(repr(value)).normalize():e}"
     return json.dumps(value, ensure_ascii=False)
 
 
 def assignment(text: str) -> tuple[str, Any]:
-    """``("wave.wavenumber", 1.2)`` from ``"wave.wavenumber=1.2"``; a value that is not TOML is taken as a bare word."""
+    """Return ``("wave.wavenumber", 1.2)`` for ``"wave.wavenumber=1.2"``; a value that is not TOML is a bare word."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip() or not value.strip():
         raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
@@ -223,7 +223,7 @@ def assignment(text: str) -> tuple[str, Any]:
 
 
 def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
-    """The first of the candidates that is a file; SceneError where no file can be of that name."""
+    """Return the first candidate that is a file, or raise SceneError if no file can have that name."""
     try:
         return next((path for path in candidates if path.is_file()), None)
     except (OSError, ValueError) as error:
@@ -231,7 +231,7 @@ def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
 
 
 def file_text(path: Path) -> str:
-    """The text of a scene file; SceneError when it cannot be read, is not UTF-8, or is far too large for one."""
+    """Return the text of a scene file, or raise SceneError if it cannot be read, is not UTF-8, or is too large."""
     try:
         with path.open("rb") as stream:
             raw = stream.read(LARGEST_FILE + 1)
@@ -244,7 +244,7 @@ def file_text(path: Path) -> str:
 
 
 def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:
-    """SceneError for the first key that is none of `names`."""
+    """Raise SceneError for the first key that is not in `names`."""
     for key in table:
         if key not in names:
             raise SceneError(unknown_key(key, names, prefix))
@@ -267,7 +267,10 @@ def checked_description(tables: Mapping[str, Any]) -> str:
 
 
 def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
-    """Return ``name`` of what was read, or `default`; it becomes that of files on any system, `what` says of which."""
+    """Return the declared ``name``, or `default`, if it is allowed in file names on every system.
+
+    `what` is the kind of file, for the error message.
+    """
     name = tables.get("name", default)
     plain = isinstance(name, str) and name.isascii() and name.replace("_", "").replace("-", "").isalnum()
     if not plain or len(name) > LONGEST_NAME:
@@ -280,19 +283,19 @@ def checked_name(tables: Mapping[str, Any], default: str, what: str) -> str:
 
 
 def default_name(file: Path) -> str:
-    """Return the name of a scene whose file declares none: the file's stem, of ``scene.toml`` that of its folder."""
+    """Return the name of a scene whose file declares none: the stem of the file, or the folder of ``scene.toml``."""
     file = file.absolute()
     return file.parent.name if file.name == "scene.toml" else file.stem
 
 
 def allowed_names(key: str, names: Iterable[str]) -> str:
-    """The name that was meant, if one is close; else all that are allowed."""
+    """Return the closest allowed name for an error message, or all allowed names if none is close."""
     close = get_close_matches(key, list(names), n=1)
     return f"did you mean '{close[0]}'?" if close else f"allowed: {', '.join(names)}"
 
 
 def shown(value: Any) -> str:
-    """A value for an error message, cut to one line of 60 characters."""
+    """Return a value for an error message, cut to one line of 60 characters."""
     try:
         return cut(repr(value))
     except ValueError:  # Python writes no whole number of more than 4300 digits
@@ -300,16 +303,16 @@ def shown(value: Any) -> str:
 
 
 def cut(text: str) -> str:
-    """The first 60 characters of a text."""
+    """Return the first 60 characters of a text."""
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def one_line(error: Exception) -> str:
-    """The text of an error without line breaks."""
+    """Return the text of an error without line breaks."""
     return " ".join(str(error).split())
 
 
 def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
-    """The fields of a record that a scene file holds, each with its rule."""
+    """Return the fields of a record that a scene file holds, each with its rule."""
     known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in fields(kind)]
     return [(item, rule) for item, rule in known if rule is not None]

@@ -1,7 +1,7 @@
 """The tables of a scene file: frozen records whose fields carry their own range (`granular_lmp.scene.schema`).
 
-Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. What the values
-mean together is checked by `granular_lmp.scene.scene`.
+Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0.
+`granular_lmp.scene.scene` checks combinations of values.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Packing:
 
 @dataclass(frozen=True)
 class Wave:
-    """Wave cos(k·r − Ωτ + phase) in one Bloch mode, r = 0 at the centre sphere, amplitude D0/Δ0; how it starts.
+    """Wave cos(k·r − Ωτ + phase) in one Bloch mode, r = 0 at the centre sphere, with amplitude D0/Δ0.
 
     A "running" wave is there at τ = 0 and runs along k. A "standing" one is that and its time reversal, half of each:
     the spheres start from rest, displaced by the same field. Where it is "driven" all is at rest and the first row is
@@ -62,17 +62,17 @@ class Wave:
 
     @property
     def words(self) -> str:
-        """Mode and form: "TR", "TR standing"."""
+        """Mode and form in words: "TR", "TR standing"."""
         return self.mode if self.form == "running" else f"{self.mode} {self.form}"
 
     @property
     def degrees(self) -> float:
-        """The direction in degrees from x towards y."""
+        """Direction in degrees from x towards y."""
         return DIRECTIONS[self.direction] if isinstance(self.direction, str) else self.direction
 
     @property
     def vector(self) -> WaveVector:
-        """The wave vector as declared."""
+        """Wave vector as declared."""
         return WaveVector.of(self.wavenumber, self.degrees)
 
 
@@ -84,8 +84,8 @@ def _size(meaning: str) -> Any:
 class Envelope:
     """Gaussian envelope exp(−s²/2 length² − t²/2 width²) of the wave, s along k and t across it, in row spacings.
 
-    With a length the wave is a packet, with a width a beam, with both a pulse; 0 means that there is no end to it. A
-    driven row has a width only; it is switched on within the `ramp`, by r(s) = s³(10 − 15s + 6s²), s = τ/ramp.
+    With a length the wave is a packet, with a width a beam, with both a pulse; 0 stands for a wave without end. A
+    driven row has only a width; it is switched on during the `ramp` by r(s) = s³(10 − 15s + 6s²), s = τ/ramp.
     """
 
     length: float = _size("standard deviation along the wave; 0: none")
@@ -97,17 +97,17 @@ class Envelope:
 
     @property
     def finite(self) -> bool:
-        """Whether the wave ends anywhere."""
+        """True if the wave ends in any direction."""
         return self.length > 0 or self.width > 0
 
     @property
     def kind(self) -> str:
-        """What it makes of a wave: "packet", "beam", "pulse", or "wave"."""
+        """Name of a wave with this envelope: "packet", "beam", "pulse", or "wave"."""
         kinds = {(True, False): "packet", (False, True): "beam", (True, True): "pulse"}
         return kinds.get((self.length > 0, self.width > 0), "wave")
 
     def spread(self, vector: WaveVector) -> tuple[float, float]:
-        """Rows and columns of its standard deviation along y and along x, for a wave vector."""
+        """Return the standard deviation along y in rows and along x in columns for a wave vector."""
         x, y = vector.unit
         rows, columns = hypot(self.length * y, self.width * x), hypot(self.length * x, self.width * y)
         return rows, columns * ROW_SPACING
@@ -118,9 +118,9 @@ FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and 
 
 @dataclass(frozen=True)
 class Time:
-    """Duration, sampling, and step of the run in τ, or instead of the step the accuracy that is asked for.
+    """Duration and sampling of the run in τ, and either its time step or the required accuracy.
 
-    With a `tolerance` the steps are chosen by `granular_lmp.accuracy.tolerance`; until then there is none.
+    With a `tolerance` the scene has no step until `granular_lmp.accuracy.tolerance` chooses one.
     """
 
     duration: float = number("tau", "of the run", 1e-3, 1e7)
@@ -129,16 +129,16 @@ class Time:
         "", "relative L2 error of p, q and phi each, in place of a timestep", 1e-9, 0.1, default=None
     )
     sample: float = number("tau", "between records", FINEST, 1e7, default=0.5)
-    allow_echo: bool = flag("run on when the walls are heard at the centre", default=False)
+    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)
 
     @property
     def steps_per_sample(self) -> int:
-        """Whole steps between two records; the step is rounded down so that they fit.
+        """Number of steps between two records; the step is rounded down to fit.
 
         Raises
         ------
         SceneError
-            With a tolerance: `granular_lmp.accuracy.ladder.with_step` gives the scene that has a step.
+            If the scene has a tolerance: `granular_lmp.accuracy.ladder.with_step` returns the scene with a step.
         """
         if self.tolerance is not None:
             raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
@@ -146,26 +146,26 @@ class Time:
 
     @property
     def step(self) -> float:
-        """Step that is used, in τ: ``sample / steps_per_sample``, at most ``timestep``."""
+        """Time step that is used, in τ: ``sample / steps_per_sample``, at most ``timestep``."""
         return self.sample / self.steps_per_sample
 
     @property
     def samples(self) -> int:
-        """Records after the one at τ = 0."""
+        """Number of records after the one at τ = 0."""
         return floor(self.duration / self.sample + 1e-9)
 
     @property
     def steps(self) -> int:
-        """Time steps of the whole run."""
+        """Number of time steps of the whole run."""
         return self.samples * self.steps_per_sample
 
 
 @dataclass(frozen=True)
 class Effects:
-    """Which physics the deck carries, each true, false or "auto", and the numbers that some of it needs.
+    """Effects in the deck, each true, false or "auto", and the coefficients that some of them need.
 
-    What "auto" comes to, and why, is the business of `granular_lmp.effects`. Walls and width of the packing are
-    effects too; their switches are ``packing.ends`` and ``packing.columns``.
+    `granular_lmp.effects` decides each "auto" and gives the reason. Walls and width of the packing are effects too;
+    their switches are ``packing.ends`` and ``packing.columns``.
     """
 
     adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")
@@ -197,13 +197,13 @@ class Effects:
 
 @dataclass(frozen=True)
 class Output:
-    """What a run records beside the centre sphere."""
+    """Output of a run in addition to the record of the centre sphere."""
 
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
 
 
-# The ranges of the sphere stand here and not in `Sphere`, which is plain physics and used by `analysis` too. They are
-# those in which the numbers of the deck stay far from under- and overflow.
+# The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the
+# deck stay far from underflow and overflow.
 SPHERE_RULES = {
     "radius": Rule(float, "m", "", Interval(1e-9, 1)),
     "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),

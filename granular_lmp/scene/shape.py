@@ -1,9 +1,9 @@
-"""How large a packing must be for its wave: rows, columns and ends that are left to us.
+"""The size of a packing: rows, columns and ends that a scene leaves to "auto".
 
-What costs time is particles and steps, so the fewest spheres that give the same answer are taken. A plane wave along y
-moves all spheres of a row alike: 3 columns, the fewest that LAMMPS does right, stand for any number. Between fixed ends
-the walls must be farther from the centre than the wave runs; a periodic cell has none, but carries phase advances of
-2πk/rows and 2πk/columns only.
+The time of a run is proportional to spheres times steps, so "auto" takes the fewest spheres that give the same answer.
+A plane wave along y moves all spheres of a row alike: 3 columns, the fewest that LAMMPS simulates correctly, stand for
+any number. Between fixed ends the walls must be farther from the centre than the wave travels; a periodic cell has no
+walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from granular_lmp.scene.schema import AUTO
 # A long wave of the L mode runs ½ row per τ (Ω = sin(ξ/2)); no branch of the lattice is faster.
 FASTEST_ROWS_PER_TAU = 0.5
 FEWEST_COLUMNS = 3
-# A periodic cell that is "auto" is the smallest whose 2πk/N is this near to the phase advance, rad.
+# An "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance, rad.
 SNAP = 1e-3
-LARGEST_CELL = 200  # rows or columns, beyond those that an envelope takes
+LARGEST_CELL = 200  # rows or columns, in addition to those of an envelope
 EXACT = 1e-12  # rad: rounding of 2πk/N
 
 Auto = Literal["auto"]
@@ -27,7 +27,10 @@ Auto = Literal["auto"]
 
 @dataclass(frozen=True)
 class Room:
-    """What the envelope of a wave takes: rows between walls, rows and columns of a periodic cell; has it a length."""
+    """Room for the envelope of a wave: rows between walls, rows and columns of a periodic cell.
+
+    `along` is true if the envelope has a length.
+    """
 
     strip: float = 0.0
     rows: float = 0.0
@@ -48,25 +51,31 @@ def decide(
     room: Room = NOTHING,
     driven: bool = False,
 ) -> Shape:
-    """What the declared rows, columns and ends come to.
+    """Return rows, columns and ends of a packing with every "auto" decided.
 
-    ``columns = "auto"`` is 3, the fewest that LAMMPS does right, as the spheres of a row all move alike in a plane wave
-    along y; in another direction the fewest that carry the wave to 1e-3. ``rows = "auto"`` is, between fixed ends, the
-    fewest whose walls the centre does not hear, and in a periodic cell the fewest that carry the wave to 1e-3. ``ends =
-    "auto"`` is what the number of rows allows; where that is auto too, a periodic cell if one with fewer rows than the
-    strip carries the wave exactly, else fixed ends; a wave that is not along y has a periodic cell, a driven one and a
-    packet along y have ends.
+    ``columns = "auto"`` is 3, the fewest that LAMMPS simulates correctly, for a plane wave along y, in which all
+    spheres of a row move alike; in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed
+    ends ``rows = "auto"`` is the fewest whose echo reaches the centre after the run, and in a periodic cell the fewest
+    that carry the wave to 1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell
+    is periodic if one with fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave
+    that is not along y gets a periodic cell; a driven wave and a packet along y get fixed ends.
 
     Parameters
     ----------
     rows, columns, ends
         As declared.
     vector : WaveVector
+        Declared wave vector.
     duration : float
-        τ.
+        Duration of the run, τ.
     room : Room
+        Room for the envelope.
     driven : bool
-        Whether the first row is the source.
+        True if the first row is the source.
+
+    Returns
+    -------
+    Shape
     """
     fewest_rows, fewest_columns = ceil(room.rows), max(FEWEST_COLUMNS, ceil(room.columns))
     quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
@@ -93,28 +102,31 @@ def decide(
 
 
 def echo_time(rows: int, *, driven: bool = False) -> float:
-    """τ until which the centre of a strip of this many rows does not hear its walls.
+    """Return the time τ at which the echo of the walls reaches the centre of a strip of this many rows.
 
-    The wall disturbs the wave from τ = 0 on and the disturbance runs at most ½ row per τ. Ahead of that front the
+    A wall disturbs the wave from τ = 0 on, and the disturbance runs at most ½ row per τ. Ahead of that front the
     lattice response falls like an Airy function of width d^{1/3} rows after d rows; 3.5 widths ahead it is below 1e-6
-    of the wave. Of a driven row the centre hears the echo from the other end, which has come all that way first.
+    of the wave. If the first row drives the wave, the echo comes from the other end, which the wave reaches first.
     """
     distance = (rows - 1) // 2 + (rows - 1 if driven else 0)
     return max(0.0, distance - 3.5 * distance ** (1 / 3)) / FASTEST_ROWS_PER_TAU
 
 
 def quiet_rows(duration: float, *, driven: bool = False) -> int:
-    """Fewest rows, an odd number, whose `echo_time` is at least the duration (τ)."""
+    """Return the fewest rows, an odd number, whose `echo_time` is at least the duration (τ)."""
     share = 3 if driven else 1
     rows = 2 * ceil(FASTEST_ROWS_PER_TAU * duration / share) + 1
     while echo_time(rows, driven=driven) < duration:
-        # the missing distance, of which a part is lost again to the wider front
+        # A part of the added distance is lost to the wider front, hence the loop
         rows += 2 * max(1, floor(FASTEST_ROWS_PER_TAU * (duration - echo_time(rows, driven=driven)) / share))
     return max(rows, 5)
 
 
 def smallest_cell(advance: float, tolerance: float, counts: range) -> int:
-    """The first of these numbers of rows (columns) with a 2πk/count this near to a phase advance; else the nearest."""
+    """Return the first count of rows or columns with a 2πk/count within `tolerance` of a phase advance.
+
+    If there is none, the count with the nearest 2πk/count is returned.
+    """
 
     def distance(count: int) -> float:
         return abs(snapped(advance, count) - advance)

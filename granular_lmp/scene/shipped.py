@@ -6,12 +6,12 @@ from shutil import copytree
 
 from granular_lmp.errors import RunFolderError
 
-# In a checkout a link to the folder beside the package; a path, as LAMMPS opens files by their names
+# In a checkout this is a link to the folder beside the package. It is a path because LAMMPS opens files by name
 SHIPPED = Path(str(files("granular_lmp") / "lammps_inputs"))
 
 
 def copy_shipped(folder: str | Path) -> list[str]:
-    """Copy all of it into a new folder and return the names of what is there now.
+    """Copy all shipped scenes into a new folder and return the names of its entries.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""What does not go together in a scene: a function a subject; SceneError names key, value and what is allowed."""
+"""Checks of combinations of values in a scene, one function per subject.
+
+Each raises a SceneError that names the key, the value and the allowed values.
+"""
 
 import sys
 from math import ceil, pi
@@ -11,17 +14,20 @@ from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
 
-# Rigid spheres with contact springs: LAMMPS's DEM contact laws are small-overlap laws.
+# LAMMPS's DEM contact laws hold for rigid spheres with a small overlap.
 LARGEST_OVERLAP_RATIO = 0.05
 MOST_SPHERES = 10_000_000
 EPSILON = sys.float_info.epsilon
-FEWEST_ROUNDINGS = 100.0  # that the wave is above, or the record is noise, or nothing at all, without a sign of it
-FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing must have room for
-FEWEST_RADIANS = 4.0  # of the wave in a standard deviation of a packet: 3e-5 of it then run backward
+FEWEST_ROUNDINGS = 100.0  # roundings of a position in D0; with fewer the record would be noise or zero without warning
+FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing must hold
+FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3e-5 of the packet then run backward
 
 
 def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> None:
-    """`material` as declared makes a lattice of `sphere`, whose static overlap is small, and the wave's D0 too."""
+    """Check that something holds the lattice together, and that its static overlap and the wave's D0 are small.
+
+    `material` is the sphere as declared, `sphere` that of the lattice.
+    """
     if sphere.holding_force == 0:
         raise SceneError(
             "packing.contact_force = 0.0: must be above 0 where no adhesion holds the spheres together "
@@ -45,7 +51,7 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
 
 
 def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
-    """The wave vector is in the zone, and direction, form and envelope fit each other and the ends."""
+    """Check that the wave vector is in the Brillouin zone, and that direction, form, envelope and ends agree."""
     edge = zone_edge(wave.degrees)
     if wave.wavenumber > edge * (1 + 8 * EPSILON):
         raise SceneError(
@@ -76,7 +82,7 @@ def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -
 
 
 def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
-    """A driven row is the first of a strip."""
+    """Check that a driven wave runs along y between fixed ends and is not a packet."""
     needed = {
         "wave.direction": (wave.direction, wave.degrees == 90, '"y"'),
         "packing.ends": (packing.ends, shape.ends == "fixed", '"fixed" or "auto"'),
@@ -88,7 +94,7 @@ def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape)
 
 
 def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, vector: WaveVector) -> None:
-    """The packing is a lattice, has room for the envelope, and carries the wave as the vector that is used."""
+    """Check that the packing is a lattice, has room for the envelope, and carries the wave vector."""
     rows, columns, declared = shape.rows, shape.columns, wave.vector
     missed = {
         "rows": abs(vector.per_row - declared.per_row) if packing.rows == AUTO else 0.0,
@@ -134,8 +140,8 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
 
 
 def check_size(sphere: Sphere, shape: Shape, amplitude: float) -> None:
-    """The wave is above what the rounding of positions leaves."""
-    # Half the packing is farther from the origin than a quarter of its length; there the wave has to be seen
+    """Check that the wave is above the rounding of positions."""
+    # Half the packing is farther from the origin than a quarter of its length, and must resolve the wave
     length = max(shape.rows, shape.columns)
     smallest = FEWEST_ROUNDINGS * EPSILON * length / 4 * sphere.lattice_constant / sphere.static_overlap
     if amplitude < smallest:
@@ -146,17 +152,17 @@ def check_size(sphere: Sphere, shape: Shape, amplitude: float) -> None:
 
 
 def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:
-    """Records and snapshots fit into the run, and its end comes before the echo."""
+    """Check that records and snapshots fit into the run, and that it ends before the echo."""
     if time.sample > time.duration:
         raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
     if time.duration > echo and not time.allow_echo:
         raise SceneError(
-            f"time.duration = {time.duration!r}: the walls are heard at the centre of {shape.rows} rows from "
-            f"tau = {echo:.4g} on; must be at most that, or set time.allow_echo = true, "
+            f"time.duration = {time.duration!r}: the echo of the walls reaches the centre of {shape.rows} rows at "
+            f"tau = {echo:.4g}; must be at most that, or set time.allow_echo = true, "
             'or packing.rows = "auto"'
         )
     snapshot = output.particles / time.sample
-    # The slack is that of the deck, where the spacing of the snapshots is rounded up to whole samples
+    # The deck rounds the spacing of the snapshots up to whole samples with the same slack
     if abs(snapshot - round(snapshot)) > 1e-9 or output.particles > time.duration:
         raise SceneError(
             f"output.particles = {output.particles!r}: must be 0 or a whole multiple of time.sample = "

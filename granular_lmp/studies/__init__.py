@@ -1,1 +1,1 @@
-"""Many runs: sweeps, a kicked sheet, collisions, cost."""
+"""Studies: sweeps, kicked sheets, collisions, and the cost of accuracy."""

@@ -1,4 +1,4 @@
-"""Run a collision, and what it comes to: how deep, how hard, how long, and what comes back."""
+"""The run of a collision and its results: overlap, force, contact time and restitution."""
 
 import csv
 import json
@@ -20,7 +20,7 @@ from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
 
 COURSE = "collision.csv"
 RESULT = "collision.json"
-FEWEST_RECORDS = 4  # of a contact: the cubic of `Result.contact_time`
+FEWEST_RECORDS = 4  # records of a contact that the cubic of `Result.contact_time` needs
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,17 +30,17 @@ class Result:
     Attributes
     ----------
     time : (T,) array
-        s, 0 at first touch.
+        Time since first touch, s.
     overlap : (T,) array
-        δ, m; negative once the bodies have parted.
+        Overlap δ, m; negative after the bodies have parted.
     normal_force, tangential_force : (T,) arrays
-        N, on the first sphere: repulsion is positive, and so is a push along +y.
+        Force on the first sphere, N; repulsion and a push along +y are positive.
     velocity : (T, B, 2) array
-        m/s, normal (x) and tangential (y).
+        Normal (x) and tangential (y) velocity, m/s.
     spin : (T, B) array
-        rad/s.
+        Angular velocity, rad/s.
     folder : Path
-        The run folder.
+        Run folder.
     """
 
     collision: Collision
@@ -54,7 +54,7 @@ class Result:
 
     @cached_property
     def largest_overlap(self) -> float:
-        """δ_m, m: the top of the parabola through the three highest records."""
+        """Largest overlap δ_m, m: the maximum of the parabola through the three highest records."""
         return _peak(self.overlap)
 
     @cached_property
@@ -66,7 +66,7 @@ class Result:
     def contact_time(self) -> float:
         """Time from first touch until the overlap is 0 again, s: the root of the cubic through the last four records.
 
-        Those of the contact: where adhesion ends, the acceleration jumps.
+        Only records in contact are used, because the acceleration jumps where adhesion ends.
         """
         parted = int(np.argmax(self.overlap < 0))
         last = slice(parted - 4, parted)
@@ -75,13 +75,13 @@ class Result:
 
     @property
     def restitution(self) -> float:
-        """e: velocity of parting over that of meeting, along x."""
+        """Coefficient of restitution e: the ratio of the velocities after and before the collision, along x."""
         normal = self.velocity[:, :, 0]
         closing = normal[:, 0] - (normal[:, 1] if normal.shape[1] > 1 else 0.0)
         return float(-closing[-1] / closing[0])
 
     def numbers(self) -> dict[str, float]:
-        """What the collision comes to, by name with the unit; velocities and spins are those after it."""
+        """Return the results of the collision, by name with the unit; velocities and spins are those after it."""
         named = {
             "largest_overlap_m": self.largest_overlap,
             "largest_force_N": self.largest_force,
@@ -95,11 +95,11 @@ class Result:
         return named
 
     def errors(self) -> dict[str, float]:
-        """The difference of each of `numbers` from a run with twice the step.
+        """Return the difference of each of `numbers` from a run with twice the step.
 
-        That is three times the error of a number of second order in the step, and the error of one of first order
-        (damping, adhesion, the law "incremental"). Where it breaks: an adhesive contact ends at once, at any moment of
-        a step, so that the parting velocity errs by up to F Δt/m* whatever two runs say.
+        The difference is three times the error of a number of second order in the step, and the error of one of first
+        order (damping, adhesion, the law "incremental"). It breaks down for the final velocity of adhesive spheres: the
+        contact ends abruptly at any moment of a step, so the velocity errs by up to F Δt/m* whatever the difference is.
         """
         impact = self.collision.collision
         coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
@@ -115,17 +115,18 @@ def _peak(values: NDArray[np.float64]) -> float:
 
 
 def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Result:
-    """Run a collision in `folder`, which is made here, and return its course.
+    """Run a collision in `folder`, which is created, and return its course.
 
     The folder holds ``scene.toml``, ``in.NAME``, ``log.lammps``, ``dump.collision`` and ``collision.csv``.
 
     Raises
     ------
     RunFolderError
-        When the folder is there (without `force`) or cannot be written.
+        If the folder exists (without `force`) or cannot be written.
     SceneError
-        When the bodies have not parted by the end of the run, or touch for too few steps; its folder is kept.
+        If the bodies have not parted by the end of the run, or touch for too few steps; the folder is kept.
     LammpsMissingError, LammpsError
+        As in `granular_lmp.run`.
     """
     folder = Path(folder).absolute()
     name = f"in.{collision.name}"
@@ -161,7 +162,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
 
 
 def _refuse_defects(result: Result, input_name: str) -> None:
-    """LammpsError for a course of which LAMMPS did not complain, but which is none."""
+    """Raise LammpsError if the course is incomplete or not finite although LAMMPS reported success."""
     signals = (result.overlap, result.normal_force, result.tangential_force, result.velocity, result.spin)
     if not all(np.isfinite(x).all() for x in signals):
         raise LammpsError("the course holds numbers that are not finite", input_name, "")
@@ -178,12 +179,12 @@ def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
 
 
 def _course(collision: Collision, folder: Path) -> Result:
-    """What the dump says, in SI units."""
+    """Return the course of a collision from its dump, in SI units."""
     units = units_for(collision.sphere.radius)
     metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
     bodies = 1 if collision.on_plane else 2
     lines = (folder / DUMP).read_text(encoding="utf-8").split("\n")[:-1]
-    size = 9 + bodies  # lines of a snapshot, nine before the atoms
+    size = 9 + bodies  # lines of a snapshot, nine of them before the spheres
     table = np.array([lines[start + 9 : start + size] for start in range(0, len(lines), size)])
     values = np.array([[row.split() for row in snapshot] for snapshot in table], dtype=float)
     at = {name: values[:, :, column] for column, name in enumerate(COLUMNS)}

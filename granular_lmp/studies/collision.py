@@ -1,8 +1,8 @@
-"""A collision of two equal spheres, or of a sphere with a rigid plane: what the user declares, and its LAMMPS deck.
+"""A collision of two equal spheres, or of a sphere with a rigid plane: its declaration and its LAMMPS deck.
 
-For those who want to see one contact at work before they trust ten thousand. The contact is written by the function
-that writes it for the wave decks (`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal
-of the first sphere at the contact is +x, its tangent +y, spins are about z. `granular_lmp.studies.collide` runs it.
+A collision tests one contact. The contact law is written by the same function as in the wave decks
+(`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal of the first sphere at the contact
+is +x, its tangent +y, and spins are about z. `granular_lmp.studies.collide` runs it.
 """
 
 import tomllib
@@ -38,8 +38,8 @@ from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
 
 DUMP = "dump.collision"
-COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump
-RECORDS = 500  # a contact time, at least
+COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump
+RECORDS = 500  # fewest records in a contact time
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
 _SHIPPED = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
@@ -48,7 +48,7 @@ _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
 
 @dataclass(frozen=True)
 class Contact:
-    """The contact law, as `granular_lmp.lammps.contact.model` takes it."""
+    """Contact law with the arguments of `granular_lmp.lammps.contact.model`."""
 
     normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", contact.SHEAR_LAWS, default="secant")
@@ -59,7 +59,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Impact:
-    """How the bodies meet."""
+    """Initial velocities and spins of the bodies."""
 
     partner: str = choice("an equal sphere, or a rigid plane", ("sphere", "plane"))
     normal_velocity: float = number("m/s", "of each sphere towards the contact", 1e-9, 1e4)
@@ -76,13 +76,13 @@ _RULES = {"sphere": SPHERE_RULES}
 
 @dataclass(frozen=True)
 class Collision:
-    """One collision: what meets, by which law, and how.
+    """One collision: its sphere, contact law and impact.
 
     Raises
     ------
     SceneError
-        When the values do not go together: a restitution below 1 with the law "dmt", a spin of the plane, an impact so
-        hard that the overlap is no longer small.
+        If the values contradict each other: a restitution below 1 with the law "dmt", a spin of the plane, an impact so
+        fast that the overlap is no longer small.
     """
 
     name: str
@@ -120,7 +120,7 @@ class Collision:
 
     @classmethod
     def load(cls, source: str | Path) -> Self:
-        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
+        """Read a collision from a TOML file, or by its name in ``lammps_inputs/collisions``."""
         found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
@@ -160,27 +160,27 @@ class Collision:
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:
-        """Copy with some values changed, named by dotted keys: ``{"collision.spin": 1.2}``."""
+        """Return a copy with some values changed, named by dotted keys: ``{"collision.spin": 1.2}``."""
         tables = self.to_dict()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             refuse_unknown({table: None} if table else {}, _TABLES, "")
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
-                break  # an earlier change put a value in the table's place, which is what is wrong
+                break  # an earlier change replaced the table by a value, which is the error to report
             inner[name] = value
         return self.from_dict(tables)
 
-    # --- what follows from the values ---
+    # --- derived values ---
 
     @property
     def on_plane(self) -> bool:
-        """Whether the partner is the rigid plane."""
+        """True if the partner is the rigid plane."""
         return self.collision.partner == "plane"
 
     @property
     def effective_mass(self) -> float:
-        """m against a plane, m/2 between two spheres, kg."""
+        """Effective mass m*: m against a plane, m/2 between two spheres, kg."""
         return self.sphere.mass * (1.0 if self.on_plane else 0.5)
 
     @property
@@ -190,7 +190,7 @@ class Collision:
 
     @property
     def effective_radius(self) -> float:
-        """Rc: R on a plane, R/2 between two spheres, m."""
+        """Effective radius Rc: R on a plane, R/2 between two spheres, m."""
         return self.sphere.radius * (1.0 if self.on_plane else 0.5)
 
     @property
@@ -215,7 +215,7 @@ class Collision:
 
     @property
     def _speed(self) -> float:
-        """v, m/s; with what adhesion adds on the way to the overlap of rest: m* (v² − v_closing²)/2 = (3/5) F Δ0."""
+        """Speed v, m/s, with the work of adhesion up to the overlap at rest: m* (v² − v_closing²)/2 = (3/5) F Δ0."""
         rest = (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
         return sqrt(self.closing_speed**2 + 6 / 5 * self.pull_off_force * rest / self.effective_mass)
 
@@ -224,7 +224,7 @@ class Collision:
 
 
 def deck_text(collision: Collision) -> str:
-    """The LAMMPS input of a collision; complete, it runs with plain ``lmp``."""
+    """Return the LAMMPS input of a collision, which runs with plain ``lmp``."""
     sphere, law, impact = collision.sphere, collision.contact, collision.collision
     units = units_for(sphere.radius)
     radius = units.number(sphere.radius, length=1)

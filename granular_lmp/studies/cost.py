@@ -1,12 +1,12 @@
-"""A work–precision study: what each knob of a run costs in seconds, and what it gives in accuracy.
+"""A work–precision study: the cost of each setting of a run in seconds, and its accuracy.
 
-Every setting of `granular_lmp.studies.cost_settings` is run several times, in rounds, so that whatever else the machine
-does falls on all of them. Its time is the median of the rounds; its errors are relative L2 errors of p, q, φ against
+Every setting of `granular_lmp.studies.cost_settings` is run in several rounds, so that other load on the machine
+affects all settings alike. The time is the median of the rounds; the errors are relative L2 errors of p, q, φ against
 LAMMPS itself, extrapolated from fine steps.
 
 A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
-the extrapolated one), and made from those ``cost.json`` and ``cost.csv``. A study that was stopped, or is asked for
-again, does what is missing; a run that was cut off is done again from its start, for half a run has no time.
+the extrapolated one), and ``cost.json`` and ``cost.csv``, which are made from those. A study that was stopped, or is
+started again, runs only what is missing; an interrupted run starts anew, because only a complete run has a time.
 """
 
 import json
@@ -34,7 +34,7 @@ from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
 TABLE = "cost.csv"
-_WARM_UP = 2e5  # particle-steps of the warm-up: 50 ms
+_WARM_UP = 2e5  # spheres times steps of the warm-up: 50 ms
 _PROGRAM = 0.5  # s to start mpiexec and lmp
 
 Progress = Callable[[int, int, float], None]
@@ -42,26 +42,28 @@ Progress = Callable[[int, int, float], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What a study is going to do.
+    """Plan of a study.
 
     Attributes
     ----------
     folder : Path
+        Study folder.
     scene : Scene
-        `granular_lmp.studies.cost_settings.base` of the one that was given.
+        Scene of the study, `granular_lmp.studies.cost_settings.base` of the declared one.
     points : list of Point
-        The reference first.
+        Settings to run, the reference first.
     left_out : dict
-        Settings that are not run → why.
+        Setting → reason why it is not run.
     repeats : int
+        Number of rounds.
     budget : float
-        s; infinite without one.
+        Time for the study, s; infinite if unlimited.
     started : float
-        Where the budget begins, on the clock `time.monotonic`: the warm-up counts.
+        Start of the budget on the clock `time.monotonic`, before the warm-up.
     rate, overhead : float
-        Particle-steps a second and seconds a run, of a short run of the scene just now.
+        Spheres times steps per second, and seconds per run beside the time loop, from a short run of the scene.
     took : dict
-        Name of a run → seconds of each of its rounds that were done before.
+        Name of a run → seconds of each of its earlier rounds.
     """
 
     folder: Path
@@ -76,46 +78,47 @@ class Plan:
     took: dict[str, list[float]]
 
     def todo(self) -> list[tuple[Run, Path]]:
-        """The runs that are not done, round by round."""
+        """Return the runs that are not done with their folders, round by round."""
         return _missing(self.folder, self.points, self.repeats)
 
     def estimate(self, run: Run) -> float:
-        """Seconds that a run takes as the warm-up has it."""
+        """Return the time of a run by the rates of the warm-up, s."""
         return self.overhead + run.work / self.rate + _PROGRAM * (run.ranks > 1)
 
     def price(self, run: Run, slower: float = 1.0) -> float:
-        """Seconds that a run is expected to take: those of its own rounds, or `slower` times the estimate."""
+        """Return the expected time of a run, s: that of its earlier rounds, or `slower` times the estimate."""
         own = self.took.get(run.name)
         return median(own) if own else slower * self.estimate(run)
 
     @property
     def seconds(self) -> float:
-        """Seconds that all of it is expected to take."""
+        """Expected time of all runs that are not done, s."""
         return sum(self.price(run) for run, _ in self.todo())
 
 
 def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
-    """Find out what a study takes, from a short run of the scene; nothing is written into the folder.
+    """Return the plan of a study with its expected time, from a short run of the scene; the folder is not touched.
 
     Parameters
     ----------
     scene : Scene
+        Running plane wave along y.
     folder : path
-        The study folder, new or that of the same study.
+        Study folder, new or of the same study.
     repeats : int
-        Rounds. The reference is run once.
+        Number of rounds; the reference is run once. *Good values*: 5 or more, because times scatter.
     budget : float
-        s, of this call and its `measure`, whatever earlier ones have spent. Of the settings that do not fit in, those
-        that take longest are left out first. A run that has begun is not cut off.
+        Time in seconds for this call and its `measure`, without that of earlier calls. If the settings do not fit, the
+        longest are left out first. A run that has started is not stopped.
 
     Raises
     ------
     SceneError
-        For a scene that cannot be run.
+        If the scene cannot be run.
     RunFolderError
-        When the folder is there and is not that of a study of this scene.
+        If the folder exists and is not that of a study of this scene.
     LaunchError
-        When the budget is not enough for the reference and one setting more.
+        If the budget is too small for the reference and one setting.
     """
     started = monotonic()
     folder, scene = Path(folder).absolute(), base(scene)
@@ -130,7 +133,7 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
 
 
 def _within_budget(whole: Plan) -> Plan:
-    """The plan without the dearest settings, so many that the rest fits into the budget."""
+    """Return the plan without its longest settings, as many as needed for the rest to fit into the budget."""
     fitting, gone = whole, monotonic() - whole.started
     while gone + fitting.seconds > whole.budget:
         alone = {
@@ -153,30 +156,30 @@ def _within_budget(whole: Plan) -> Plan:
 
 
 def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
-    """Run what is missing, and return what ``cost.json`` holds.
+    """Run the missing runs of a study and return the contents of ``cost.json``.
 
     Parameters
     ----------
     plan : Plan
     progress : callable, optional
-        Called as ``progress(runs done, runs, seconds left)``.
+        Callback ``progress(runs done, runs, seconds left)``.
 
     Raises
     ------
     RunFolderError
-        When another study is at work in the folder.
+        If another study is at work in the folder.
     RunInterrupted
-        On Ctrl-C; what was run is kept, and the tables are made of it.
+        On Ctrl-C; complete runs are kept, and the tables are made from them.
 
     Notes
     -----
-    A run that fails has its message in the table and the others go on. When runs take longer than was planned, those
-    that do not fit into the rest of the budget are left out, and ``left_out`` says so. The errors mean what they say
-    where the error of a run is of second order in the step, as the reference is extrapolated so: not with sliding or
-    opening contacts, the incremental law or dashpots.
+    If a run fails, its message stands in the table and the others continue. If runs take longer than planned, those
+    that do not fit into the rest of the budget are left out and listed in ``left_out``. The errors are valid if the
+    error of a run is of second order in the step, which the extrapolation of the reference assumes. They are not valid
+    with sliding or opening contacts, the incremental law or dashpots.
     """
     with locked(plan.folder, make=True, force=True):
-        _save(plan)  # makes the folder that of this study, whatever happens to this process
+        _save(plan)  # marks the folder as that of this study, even if this process is killed
         todo, cut = plan.todo(), set[Path]()
         plan = replace(plan, took={name: list(seconds) for name, seconds in plan.took.items()})
         spent = estimated = 0.0
@@ -204,7 +207,7 @@ def measure(plan: Plan, *, progress: Progress | None = None) -> dict[str, Any]:
 
 
 def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
-    """The settings that lack rounds as their runs were left out on the way → how many rounds."""
+    """Return setting → number of missing rounds, for settings whose runs were left out during the study."""
     reasons = {}
     for point in plan.points:
         rounds = 1 if point.knob == REFERENCE else plan.repeats
@@ -216,7 +219,7 @@ def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
 
 
 def _save(plan: Plan) -> dict[str, Any]:
-    """Make the tables from what is there."""
+    """Write the tables from the complete runs and return the contents of ``cost.json``."""
     result: dict[str, Any] = {"scene": plan.scene.to_dict(), "cores": core_count(), "left_out": plan.left_out}
     result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
@@ -226,7 +229,7 @@ def _save(plan: Plan) -> dict[str, Any]:
 
 
 def _check_folder(folder: Path, scene: Scene) -> None:
-    """Refuse a folder that is there and is not that of a study of this scene."""
+    """Raise RunFolderError if the folder exists and is not that of a study of this scene."""
     refuse_long(folder)
     if not folder.exists():
         return
@@ -242,7 +245,7 @@ def _check_folder(folder: Path, scene: Scene) -> None:
 
 
 def _warm_up(scene: Scene) -> tuple[float, float]:
-    """Particle-steps a second and the seconds beside the time loop, of a short run in a warm process."""
+    """Return spheres times steps per second, and the seconds beside the time loop, of a short run in a warm process."""
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
@@ -253,7 +256,7 @@ def _warm_up(scene: Scene) -> tuple[float, float]:
 
 
 def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:
-    """Runs that are not done and their folders, round by round; those of about one length stand side by side."""
+    """Return the runs that are not done and their folders, round by round, sorted by their length."""
     once = {run.name: run for point in points if point.knob == REFERENCE for run in point.runs}
     often = {run.name: run for point in points if point.knob != REFERENCE for run in point.runs}
     by_work = attrgetter("work")
@@ -264,7 +267,7 @@ def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[
 
 
 def _run(run: Run, folder: Path) -> None:
-    """Do one run; one that fails leaves a folder that says so."""
+    """Do one run; if it fails, its folder holds the message."""
     try:
         if run.output == "probe":
             tolerance.run(run.scene, folder, ranks=run.ranks, force=True)

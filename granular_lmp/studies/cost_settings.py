@@ -1,7 +1,7 @@
-"""The knobs of a run that cost time, and the settings of each that a work–precision study takes.
+"""The settings of a run that cost time, in groups, for a work–precision study.
 
-A knob is a row of `KNOBS`: a name, and a function from the scene to its settings, each the runs that it takes: one, or
-two whose records are extrapolated. All else is as the scene says, so that many settings share one run, the scene's own.
+A group is a row of `KNOBS`: a name, and a function from the scene to its settings. A setting consists of one run, or of
+several whose records are extrapolated. All other values are those of the scene, and many settings share its run.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ from granular_lmp.studies.output_variants import OUTPUTS
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
-HALVINGS = 5  # of the longest stable step, of one run
+HALVINGS = 5  # a single run halves the longest stable step at most five times
 COLUMNS = (3, 4, 8, 20, 100)
 RANKS = (1, 2)
 SHEET = 100  # columns: half as wide as the paper's 201 rows are long
@@ -30,7 +30,7 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 @dataclass(frozen=True)
 class Run:
-    """One run of LAMMPS, with a tolerance those of `granular_lmp.accuracy.tolerance`: scene, `OUTPUTS`, MPI ranks."""
+    """One run of LAMMPS, or with a tolerance its runs: a scene, a name in `OUTPUTS`, and the number of MPI ranks."""
 
     scene: Scene
     output: str = "probe"
@@ -38,20 +38,20 @@ class Run:
 
     @cached_property
     def name(self) -> str:
-        """16 hexadecimal digits, of all that makes the run."""
+        """Name of the run: 16 hexadecimal digits of a hash of scene, output and ranks."""
         words = f"{scene_hash(self.scene)} {self.output} {self.ranks}"
         return hashlib.sha256(words.encode()).hexdigest()[:16]
 
     @cached_property
     def work(self) -> float:
-        """Particle-steps, with those that the time for the output is worth."""
+        """Spheres times steps, with the equivalent of the time for the output."""
         output = OUTPUTS[self.output].work * (self.scene.time.samples + 1)
         return self.scene.shape.spheres * (planned_steps(self.scene) + output)
 
 
 @dataclass(frozen=True)
 class Point:
-    """A setting of a knob: one run, or several, each with half the step of the one before; the last two count."""
+    """One setting: a run, or several, each with half the step of the one before, of which the last two count."""
 
     knob: str
     setting: str
@@ -62,14 +62,14 @@ class Point:
 
 
 def base(scene: Scene) -> Scene:
-    """The scene that every setting changes: a step in place of a tolerance, and ξ as its periodic cell snaps it.
+    """Return the scene that every setting changes: with a step instead of a tolerance, and the snapped ξ.
 
-    It has no snapshots of all spheres: what a run writes down is one of the knobs.
+    It has no snapshots of all spheres, because the output is one of the settings.
 
     Raises
     ------
     SceneError
-        For a wave that is not a running plane wave along y.
+        If the wave is not a running plane wave along y.
     """
     prepare(scene)
     if not scene.plane_along_y:
@@ -82,28 +82,28 @@ def base(scene: Scene) -> Scene:
 
 
 def reference(scene: Scene) -> Point:
-    """What all others are measured against: three runs of steps finer still than those of the time step's knob.
+    """Return the reference of all settings: three runs with steps finer than those of the time-step settings.
 
-    The two finer runs are extrapolated; with the two coarser ones they tell how good that is.
+    The two finer runs are extrapolated; the extrapolation of the two coarser ones gives the error of the reference.
     """
     step = _steps(scene)[-1] / 2
     return Point(REFERENCE, f"{step:.3g} + half + quarter", tuple(_stepped(scene, step / 2**k) for k in range(3)))
 
 
 def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
-    """The settings of all knobs, and those that the scene or the machine cannot have, with the reason.
+    """Return all settings, and those that the scene or the machine excludes with the reason.
 
     Parameters
     ----------
     scene : Scene
-        As `base` gives it.
+        Scene from `base`.
     """
     made, refused = [], {}
     for knob, settings in KNOBS.items():
         for setting, changed in settings(scene).items():
             try:
                 runs = changed()
-                _ = [run.name for run in runs]  # a scene shows all that is wrong with it when it is resolved
+                _ = [run.name for run in runs]  # the name needs a prepared scene, which raises every SceneError now
                 made.append(Point(knob, setting, runs))
             except GranularError as error:
                 refused[f"{knob}: {setting}"] = str(error)
@@ -124,7 +124,7 @@ def _pair(scene: Scene, step: float) -> tuple[str, tuple[Run, ...]]:
 
 
 def _steps(scene: Scene) -> list[float]:
-    """The longest stable step that fits a sample, and its halves."""
+    """Return the longest stable step that fits a sample, and its halves, τ."""
     longest = scene.time.sample / (int(scene.time.sample / largest_step(scene)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
@@ -134,7 +134,7 @@ def _changed(scene: Scene, values: Mapping[str, Any], **how: Any) -> Make:
 
 
 def _strip(scene: Scene) -> dict[str, Any]:
-    """The fewest spheres; the rows of a periodic cell decide the wave number, and stay."""
+    """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number."""
     fewer_rows = {"packing.rows": "auto"} if scene.shape.ends == "fixed" else {}
     return {"packing.columns": "auto", **fewer_rows}
 
@@ -189,7 +189,7 @@ def _effects(scene: Scene) -> dict[str, Make]:
 
         return run
 
-    # Against a scene that forces off what it calls for, it is that one whose error would be taken for a mistake
+    # If a scene forces off an effect that it calls for, the difference would be its own error and not that of a setting
     every = "all: another model" if warnings(chosen) else "all"
     return {
         "as declared": _changed(scene, {}),
@@ -213,7 +213,7 @@ def _ranks(scene: Scene) -> dict[str, Make]:
 
 
 def _sheet(scene: Scene) -> dict[str, Make]:
-    """The fewest spheres, against a sheet with every effect whose positions LAMMPS dumps unless told otherwise."""
+    """Return the fewest spheres, and a sheet with every effect and LAMMPS's default dump of all positions."""
     sheet = {"packing.columns": SHEET}
     return {
         "strip": _changed(scene, _strip(scene)),
@@ -232,5 +232,5 @@ KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "ranks": _ranks,
     "strip or sheet": _sheet,
 }
-# Those whose settings go from little work to much, so that it means something how the error falls
+# Groups whose settings are ordered by work, so that the slope of the error has a meaning
 ORDERED = frozenset({"time step", "Richardson pair", "tolerance, strip", "columns"})

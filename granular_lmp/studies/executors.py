@@ -1,8 +1,8 @@
 """Processes of this machine that stay warm between calls, as a `concurrent.futures.Executor`.
 
-`concurrent.futures.ProcessPoolExecutor` gives up all its calls when one process dies, starts the caller's script again
-in each process (hence the ``__main__`` guard), and its processes hear the Ctrl-C of the terminal. Here a process that
-dies fails its own call alone and is replaced, only the package is imported, and Ctrl-C is the caller's to pass on.
+`concurrent.futures.ProcessPoolExecutor` drops all its calls when one process dies, starts the caller's script again in
+each process (hence the ``__main__`` guard), and passes the terminal's Ctrl-C to its processes. Here a process that dies
+fails only its own call and is replaced, only the package is imported, and the caller handles Ctrl-C.
 """
 
 import os
@@ -19,20 +19,20 @@ from typing import Any
 
 from granular_lmp.errors import LaunchError, RunInterrupted, WorkerError
 
-_STOP = b""  # said instead of a call
-_served: Connection | None = None  # in a worker: the line to the caller
+_STOP = b""  # message that asks for a stop instead of a call
+_served: Connection | None = None  # connection of a worker to the caller
 
 
 class Workers(Executor):
-    """Runs calls in `count` processes, each started at its first call by a new interpreter (never by a fork).
+    """Executor with `count` processes, each a new interpreter that starts at its first call (never a fork).
 
-    What is called must be importable, a function of a module and not of a script. Leaving a ``with`` block by an
-    exception, Ctrl-C for one, asks the calls under way to stop (see `stop_requested`) and drops those that wait.
+    A called function must belong to an importable module, not to a script. An exception that leaves a ``with`` block,
+    such as Ctrl-C, asks the running calls to stop (see `stop_requested`) and drops the waiting ones.
 
     Raises
     ------
     LaunchError
-        When `count` is not at least 1.
+        If `count` is not at least 1.
     """
 
     def __init__(self, count: int):
@@ -44,11 +44,11 @@ class Workers(Executor):
         self._stopping = False
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
-        """Schedule a call; its future raises WorkerError when the process dies."""
+        """Schedule a call and return its future, which raises WorkerError if the process dies."""
         return self._threads.submit(self._call, function, args, kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Let the calls that wait be done, or drop them; then the processes end."""
+        """End the processes after the waiting calls, or with `cancel_futures` without them."""
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
         if wait:
             for line in self._processes:
@@ -86,16 +86,16 @@ class Workers(Executor):
 
 
 def mpi_workers() -> Executor:
-    """The ranks of ``mpiexec -n RANKS python -m mpi4py.futures …``; the first one gives out the calls.
+    """Return an executor on the ranks of ``mpiexec -n RANKS python -m mpi4py.futures …``; the first rank submits.
 
     Raises
     ------
     LaunchError
-        When there is no mpi4py, or the program was not started so.
+        If mpi4py is missing, or the program was not started in this way.
     """
     try:
         from mpi4py import MPI, futures  # noqa: PLC0415 (starts MPI)
-    except (ImportError, RuntimeError) as error:  # no such module; no MPI library
+    except (ImportError, RuntimeError) as error:  # mpi4py or its MPI library is missing
         raise LaunchError(f"workers = 'mpi': mpi4py cannot be loaded: {error}") from error
     if MPI.COMM_WORLD.size < 2:
         raise LaunchError("workers = 'mpi': start at least 2 ranks: mpiexec -n RANKS python -m mpi4py.futures ...")
@@ -104,20 +104,20 @@ def mpi_workers() -> Executor:
 
 
 def stop_requested() -> bool:
-    """Whether the caller wants this worker's call to stop, or is gone; False in any other process."""
+    """Return whether the caller asks this worker's call to stop or has ended; False in any other process."""
     return _served is not None and _served.poll()
 
 
 def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":
     ours, theirs = Pipe()
-    package = str(Path(__file__).parents[2])  # also where the package is not installed but run from a checkout
+    package = str(Path(__file__).parents[2])  # for a package that runs from a checkout without installation
     path = os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")]))
     process = subprocess.Popen(
         [sys.executable, "-c", f"from {__name__} import serve; serve({theirs.fileno()})"],
         stdin=subprocess.DEVNULL,
         env={"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": path},  # one core each
         pass_fds=[theirs.fileno()],
-        start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
+        start_new_session=True,  # this process passes Ctrl-C of the terminal on
     )
     theirs.close()
     return ours, process
@@ -126,7 +126,7 @@ def _start() -> "tuple[Connection, subprocess.Popen[bytes]]":
 def _send(line: Connection, message: bytes) -> bool:
     try:
         line.send_bytes(message)
-    except OSError:  # the other side has gone
+    except OSError:  # the other process has ended
         return False
     return True
 
@@ -136,7 +136,7 @@ def _end(status: int) -> str:
 
 
 def serve(descriptor: int) -> None:
-    """Answer calls until the caller closes the line, asks to stop, or is gone: the whole life of a worker."""
+    """Run the calls of the caller until it closes the connection, asks to stop, or ends: the main loop of a worker."""
     global _served
     line = _served = Connection(descriptor)
     while True:
@@ -152,5 +152,5 @@ def _answer(call: bytes) -> bytes:
     try:
         function, args, kwargs = pickle.loads(call)
         return pickle.dumps((function(*args, **kwargs), None))
-    except Exception as error:  # whatever it is, it is the caller's
+    except Exception as error:  # every exception of a call belongs to the caller
         return pickle.dumps((None, error))

@@ -1,4 +1,4 @@
-"""A periodic sheet kicked at random: one run that holds every wave of the lattice, and the record of all its spheres.
+"""A periodic sheet kicked at random: one run that excites every wave of the lattice, with a record of all spheres.
 
 The deck is that of the scene; in place of the wave its data file holds random velocities, small enough to stay linear.
 A second input includes the deck with a duration of 0, which makes the sheet and kicks it, then records and runs: the
@@ -25,9 +25,9 @@ from granular_lmp.scene.scene import Scene
 INPUT = "in.sheet"
 DUMP = "dump.sheet"
 SHEET = "sheet.npz"
-FEWEST_SAMPLES = 8  # beside that at tau = 0; below, the window of a spectrum leaves next to nothing
+FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum leaves hardly any data
 
-# Guards of the deck, at what value they say that the sheet is not linear, and why
+# Guards of the deck, the values from which on the sheet is not linear, and the reasons
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
 
 _INPUT = """\
@@ -43,14 +43,14 @@ run      {steps}
 
 
 def kicked(deck: Deck, seed: int = 0) -> Deck:
-    """The deck with random velocities in place of its wave: ẋ, ẏ and Rθ̇ uniform in ±½ D0/t0, no displacement.
+    """Return the deck with random velocities instead of its wave: ẋ, ẏ and Rθ̇ uniform in ±½ D0/t0, no displacement.
 
-    Every mode gets the same energy in the mean; the mean velocity, which would carry the sheet away, is taken out.
+    Every mode gets the same mean energy. The mean velocity is subtracted, because it would carry the sheet away.
 
     Raises
     ------
     EffectError
-        When the spheres of the deck do not turn.
+        If the spheres of the deck do not turn.
     """
     if deck.data.wave.shape[1] != 6:
         raise EffectError(
@@ -67,30 +67,32 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Parameters
     ----------
     scene : Scene
-        Periodic along y; its wave says how hard (D0), its time how long, and how often all spheres are recorded.
+        Periodic sheet. The amplitude D0 of its wave sets the velocities, its times the duration and the interval of the
+        records of all spheres.
     folder : path
-        Made here.
+        Run folder, which is created.
     seed : int
-        Of the kick.
+        Seed of the random velocities.
     force : bool
-        Run again in a folder that is there.
+        Run again in an existing folder.
 
     Returns
     -------
     Path
-        ``tau`` (T,); ``velocity`` (T, N, 3): ẋ, ẏ, Rθ̇ in D0/t0; ``position`` (N, 2) at rest and ``box`` (2,), in
-        lattice constants; ``poisson_ratio``, ``overlap_ratio`` and ``contact_force``; ``effects``, the names of those
-        that are on.
+        Path of ``sheet.npz`` with ``tau`` (T,); ``velocity`` (T, N, 3): ẋ, ẏ, Rθ̇ in D0/t0; ``position`` (N, 2) at rest
+        and ``box`` (2,), in lattice constants; ``poisson_ratio``, ``overlap_ratio`` and ``contact_force``; ``effects``,
+        the names of the effects that are on.
 
     Raises
     ------
     SceneError
-        For a strip between fixed ends, columns that are no multiple of 3, and records too few or too far apart.
+        If the scene has fixed ends, its columns are not a multiple of 3, or its records are too few or too far apart.
     RunFolderError
-        When the folder is there (without `force`).
+        If the folder exists (without `force`).
     EffectError
-        When spheres do not turn, or contacts slid or opened: the kick was too hard.
+        If spheres do not turn, or contacts slid or opened because the velocities were too large.
     LammpsMissingError, LammpsError
+        As in `granular_lmp.run`.
     """
     _refuse_unfit(scene)
     folder = Path(folder).absolute()
@@ -123,7 +125,7 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
 
 
 def _refuse_unfit(scene: Scene) -> None:
-    """Raise SceneError for a sheet that does not show its branches from Γ to M and K, however long it runs."""
+    """Raise SceneError if the sheet cannot show its branches from Γ to M and K."""
     time, shape = scene.time, scene.shape
     if shape.ends != "periodic":
         raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
@@ -146,7 +148,7 @@ def _refuse_unfit(scene: Scene) -> None:
 
 
 def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-    """Write ``sheet.npz`` from what LAMMPS recorded, in the units of the deck."""
+    """Write ``sheet.npz`` from LAMMPS's dump, which is in the units of the deck."""
     scene, sphere = deck.scene, deck.scene.sphere
     units, constant = units_for(sphere.radius), lattice_constant(sphere)
     radius = units.number(sphere.radius, length=1)
@@ -165,12 +167,12 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
 
 
 def read_sheet(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Steps (T,) and columns vx, vy, omegaz (T, N, 3) of a dump of all spheres, sorted.
+    """Return steps (T,) and columns vx, vy, omegaz (T, N, 3) of a dump of all spheres, sorted.
 
     Raises
     ------
     RunFolderError
-        When the file is not such a dump.
+        If the file is not such a dump.
     """
     steps, frames = [], []
     try:
@@ -179,7 +181,7 @@ def read_sheet(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
                 steps.append(int(stream.readline()))
                 stream.readline()
                 count = int(stream.readline())
-                for _ in range(5):  # of the box, and the names of the columns
+                for _ in range(5):  # lines of the box, and the names of the columns
                     stream.readline()
                 lines = "".join(stream.readline() for _ in range(count))
                 frames.append(np.fromstring(lines, sep=" ").reshape(count, 4)[:, 1:])

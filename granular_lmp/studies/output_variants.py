@@ -1,8 +1,7 @@
-"""Ways to write down a run, to compare what they cost and what they lose: the centre sphere or all, text or binary.
+"""Variants of a run's output, to compare their cost and accuracy: the centre sphere or all spheres, text or binary.
 
 The record of a run is always made from one sphere at full precision (`granular_lmp.lammps.deck`). Here the deck's text
-is edited so that LAMMPS writes more, or fewer digits, and the trajectory is made from what it then wrote, as someone
-would who has nothing else.
+is edited so that LAMMPS writes more spheres or fewer digits, and the trajectory is made from that output alone.
 """
 
 import struct
@@ -23,22 +22,23 @@ Floats = NDArray[np.float64]
 
 EVERYTHING = "dump.everything"
 _FULL = "format float %.17g"
-_LINES_BEFORE_ATOMS = 9  # of a snapshot of a LAMMPS text dump
+_LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump
 
 
 @dataclass(frozen=True)
 class Output:
-    """What LAMMPS is told to write.
+    """One variant of LAMMPS's output.
 
     Attributes
     ----------
     everything : bool
-        Positions (and dipoles, where spheres turn) of all spheres, beside the record of the centre sphere.
+        True for positions (and dipoles, if spheres turn) of all spheres, beside the record of the centre sphere.
     binary : bool
+        True for a binary dump.
     all_digits : bool
-        17 digits, or the six that LAMMPS writes unless told otherwise.
+        True for 17 digits instead of LAMMPS's default of six.
     work : float
-        Time that one sphere takes in one record, in particle-steps.
+        Time of one sphere in one record, in units of the time of one sphere in one step.
     """
 
     everything: bool
@@ -48,11 +48,11 @@ class Output:
 
     @property
     def file(self) -> str:
-        """The name of the file of all spheres."""
-        return EVERYTHING + ".bin" * self.binary  # by this ending LAMMPS knows that it is to be binary
+        """Name of the file of all spheres."""
+        return EVERYTHING + ".bin" * self.binary  # LAMMPS writes a binary dump to a name with this suffix
 
 
-# The work is from 415 to 560 µs as text and 42 µs as binary for 603 spheres, of which each takes 0.22 µs a step
+# The work follows from 415 to 560 µs (text) and 42 µs (binary) for 603 spheres, each of which takes 0.22 µs per step
 OUTPUTS = {
     "probe": Output(everything=False, binary=False, all_digits=True, work=0.0),
     "probe, 6 digits": Output(everything=False, binary=False, all_digits=False, work=0.0),
@@ -63,12 +63,12 @@ OUTPUTS = {
 
 
 def edited(deck: Deck, output: Output) -> Deck:
-    """The deck whose run writes this.
+    """Return the deck edited for a variant of the output.
 
     Raises
     ------
     ValueError
-        When the text of the deck is not one that `granular_lmp.lammps.deck` writes.
+        If the text of the deck is not that of `granular_lmp.lammps.deck`.
     """
     text = deck.input_text
     head, run, tail = text.rpartition("\nrun ")
@@ -86,13 +86,13 @@ def edited(deck: Deck, output: Output) -> Deck:
 
 
 def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
-    """Make ``trajectory.csv`` from what a run wrote of all spheres, which is then deleted, and return it as a record.
+    """Return the record from a run's dump of all spheres, write it to ``trajectory.csv``, and delete the dump.
 
-    p = (y − y₀)/D0, q = −(x − x₀)/D0, φ = atan2(μy, μx) R/D0, with x₀ and y₀ the positions at rest. Where nothing was
-    written of all spheres, or it is gone already, the record is returned as it is.
+    p = (y − y₀)/D0, q = −(x − x₀)/D0, φ = atan2(μy, μx) R/D0, with x₀ and y₀ the positions at rest. Without such a dump
+    the record is returned unchanged.
 
-    Positions are dumped in units of the box, as ``dump atom`` does: those of our decks are so small at the centre, next
-    to the origin, that six digits of them would look better than they are anywhere else.
+    Positions are dumped in units of the box, as by ``dump atom``. In units of length the centre sphere lies so close to
+    the origin that six digits would be more accurate there than anywhere else.
     """
     assert record.folder is not None
     path = record.folder / output.file
@@ -111,13 +111,13 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     phi = np.arctan2(rows[:, 3], rows[:, 2]) * radius / d0 if rows.shape[1] == 4 else record.phi
     kept = replace(record, p=y, q=-x, phi=phi)
     kept.write_csv(record.folder / TRAJECTORY)
-    for stale in (path, record.folder / DUMP):  # the trajectory is no longer that of the dump of the centre sphere
+    for stale in (path, record.folder / DUMP):  # the trajectory no longer belongs to the dump of the centre sphere
         stale.unlink()
     return kept
 
 
 def _text_rows(path: Path, spheres: int, number: int) -> Floats:
-    """The numbers behind the id of one sphere, snapshot by snapshot, of a text dump."""
+    """Return the numbers behind the id of one sphere in a text dump, one row per snapshot."""
     rows, start = [], f"{number} "
     with path.open(encoding="utf-8") as stream:
         while len(list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
@@ -127,16 +127,17 @@ def _text_rows(path: Path, spheres: int, number: int) -> Floats:
 
 
 def _binary_rows(path: Path, spheres: int, number: int) -> Floats:
-    """The same of a binary dump of one rank, whose snapshots all have one size.
+    """Return the numbers behind the id of one sphere in a binary dump of one rank, one row per snapshot.
 
-    A snapshot ends with the number of doubles (int) and the doubles; before them stand the names of the columns, from
-    whose count the size of the rest follows. https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS.
+    All snapshots have the same size. Each ends with the number of doubles (int) and the doubles; the names of the
+    columns stand before them and give the size of the rest. https://docs.lammps.org/dump.html, tools/binary2txt.cpp of
+    LAMMPS.
     """
     content = path.read_bytes()
     names = content.index(b"id xs ys")
     (length,) = struct.unpack_from("=i", content, names - 4)
     columns = len(content[names : names + length].split())
-    body = names + length + 2 * 4  # behind the number of chunks, here 1, and that of its doubles
+    body = names + length + 2 * 4  # the data follow the number of chunks, here 1, and the number of doubles
     size = body + 8 * columns * spheres
     if len(content) % size:
         raise ValueError(f"{path}: {len(content)} bytes are no whole number of snapshots of {size}")

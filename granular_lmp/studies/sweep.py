@@ -1,8 +1,8 @@
-"""Many runs of one scene: the outer product of lists of values, on any executor, each run once.
+"""A sweep: runs of one scene for the outer product of lists of values, on any executor.
 
-A sweep folder holds ``sweep.json`` (what was asked for), ``runs/HASH`` (a run folder for each scene, named by what the
-scene says) and ``sweep.csv`` (a line for each run). The run folders are the only memory: a sweep that was stopped, or
-is asked for again, reads them, runs what is missing, and continues what was cut off.
+A sweep folder holds ``sweep.json`` (the request), ``runs/HASH`` (a run folder for each scene, named by a hash of the
+scene) and ``sweep.csv`` (a line for each run). The run folders are its only memory: a sweep that was stopped, or is
+started again, reads them, runs what is missing, and continues interrupted runs.
 """
 
 import csv
@@ -34,14 +34,14 @@ Point = dict[str, Any]
 
 TABLE = "sweep.csv"
 RUNS = "runs"
-# What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
+# Columns of the table beside the swept values: entries of run.json, and the largest |p|, |q|, |phi| of the record
 COLUMNS = (
     *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
     *("largest_p", "largest_q", "largest_phi", "guards"),
 )
-_LOOK = 0.02  # s between two looks at what is done
+_LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
-_OVERHEAD = 1e5  # particle-steps that take as long as starting a warm run and reading its record, 20 ms
+_OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to start and to read its record
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,14 +51,15 @@ class Sweep:
     Attributes
     ----------
     folder : Path
+        Sweep folder.
     scene : Scene
-        What was varied.
+        Scene whose values are varied.
     over : dict of str to list
-        Dotted key → the values that it takes.
+        Dotted key → its values.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
-        is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
-        names those that were not quiet.
+        Swept values and `COLUMNS` for each point of the outer product, the last key running fastest. ``status`` is
+        "finished", "failed" or "unfinished"; unknown values are None. ``frequency`` is in rad/t0, and ``guards`` names
+        the guards that triggered.
     """
 
     folder: Path
@@ -68,14 +69,14 @@ class Sweep:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Read a sweep folder, from its run folders.
+        """Read a sweep from its run folders.
 
         Raises
         ------
         RunFolderError
-            When the folder holds no sweep, or in the folder of a run is that of another scene.
+            If the folder holds no sweep, or a run folder holds the run of another scene.
         SceneError
-            When its scene is not one of this version.
+            If the scene is not valid in this version.
         """
         folder = Path(folder).absolute()
         request = _read_request(folder)
@@ -87,29 +88,29 @@ class Sweep:
         return cls(folder, scene, over, _table(grid, rows))
 
     def column(self, name: str) -> NDArray[Any]:
-        """One column of the table, in the order of `rows`; numbers that are not known are nan."""
+        """Return one column of the table in the order of `rows`; unknown numbers are nan."""
         values = [row[name] for row in self.rows]
         numbers = all(value is None or isinstance(value, (int, float)) for value in values)
         return np.array(values, dtype=float if numbers else None)
 
     def record(self, row: Point) -> Record:
-        """The record of the run of a row.
+        """Return the record of the run of a row.
 
         Raises
         ------
         RunFolderError
-            When the folder holds no finished run, or that of another scene.
+            If the folder holds no finished run, or the run of another scene.
         """
         folder = self.folder / row["run"]
         _refuse_other_point(folder)
         return Record.load(folder)
 
     def having(self, status: str) -> list[Point]:
-        """Rows of this status."""
+        """Return the rows with this status."""
         return [row for row in self.rows if row["status"] == status]
 
     def to_csv(self) -> str:
-        """The table, each number in the shortest form that reads back to the same double."""
+        """Return the table as CSV, each number in the shortest form that reads back to the same double."""
         stream = io.StringIO()
         writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
         writer.writeheader()
@@ -117,22 +118,22 @@ class Sweep:
         return stream.getvalue()
 
     def to_pandas(self) -> Any:
-        """The table as a ``pandas.DataFrame``.
+        """Return the table as a ``pandas.DataFrame``.
 
         Raises
         ------
         PackageMissingError
-            Without pandas.
+            If pandas is not installed.
         """
         return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
 
     def to_xarray(self) -> Any:
-        """The table as an ``xarray.Dataset``, a dimension for each key that is swept.
+        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key.
 
         Raises
         ------
         PackageMissingError
-            Without pandas or xarray.
+            If pandas or xarray is not installed.
         """
         optional_package("xarray")
         return self.to_pandas().set_index([*self.over]).to_xarray()
@@ -155,36 +156,37 @@ def sweep(
     force: bool = False,
     progress: Progress | None = None,
 ) -> Sweep:
-    """Run `scene` with every combination of the values in `over`; runs that are there are not done again.
+    """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
 
-    A run that fails says so in its row and the others go on; asked for again, failed runs are tried again and those
-    that were cut off continue from their last checkpoint.
+    A run that fails has its message in its row, and the others continue. If the sweep is started again, failed runs
+    are repeated and interrupted ones continue from their last checkpoint.
 
     Parameters
     ----------
     scene : Scene
+        Scene whose values are varied.
     over : mapping of str to iterable
         Dotted key → values: ``{"wave.wavenumber": np.linspace(0.05, 3.1, 62), "wave.mode": ["TR", "RT"]}``.
     folder : path
-        The sweep folder, made here. Processes on other machines must see it under the same absolute path.
+        Sweep folder, which is created. Processes on other machines must see it under the same absolute path.
     executor : concurrent.futures.Executor, optional
-        Where the runs are done, one at a time in a process; in this process when not given. Whatever has
-        ``submit(function, *arguments)`` and gives things that have ``done()``, ``result()`` and ``cancel()`` will do.
+        Executor of the runs, one at a time in each process; by default this process. Any object with a method
+        ``submit(function, *arguments)`` will do, whose results have ``done()``, ``result()`` and ``cancel()``.
     force : bool
-        Make a folder that is there, or holds another sweep, that of this one: ``sweep.json`` and ``sweep.csv`` are
-        replaced, its runs are kept and used.
+        Use an existing folder, even of another sweep: ``sweep.json`` and ``sweep.csv`` are replaced, runs are kept and
+        used.
     progress : callable, optional
-        Called as ``progress(runs done, runs, seconds left)``.
+        Callback ``progress(runs done, runs, seconds left)``.
 
     Raises
     ------
     SceneError
-        For a key or a value that does not fit, before anything is written.
+        If a key or a value is not allowed, before anything is written.
     RunFolderError
-        When the folder is there and is not that of this sweep (without `force`), when another sweep is at work in it,
-        or in the folder of a run is that of another scene.
+        If the folder exists and is not that of this sweep (without `force`), another sweep is at work in it, or a run
+        folder holds the run of another scene.
     RunInterrupted
-        On Ctrl-C; what is finished is kept.
+        On Ctrl-C; finished runs are kept.
     """
     folder = Path(folder).absolute()
     asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
@@ -213,7 +215,7 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some may have ended since
+            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some runs may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -225,14 +227,14 @@ def sweep(
 
 
 def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
-    """Make the folder that of this sweep, or refuse."""
+    """Write the request into the folder, or raise RunFolderError if it belongs to another sweep or run."""
     there = _read_request(folder)
     if there is not None and not force and _identity(there) != _identity(request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
     if there is None and not force and any(folder.iterdir()):
         raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
-    if there is None and (folder / STATUS).exists():  # it was the folder of one run
+    if there is None and (folder / STATUS).exists():  # the folder is that of a single run
         clear(folder)
     if there != request:
         with writable(folder):
@@ -244,7 +246,7 @@ def _identity(request: dict[str, Any]) -> str:
 
 
 def _read_request(folder: Path) -> dict[str, Any] | None:
-    """Contents of ``sweep.json``; None where there is none."""
+    """Return the contents of ``sweep.json``, or None without the file."""
     path = folder / SWEEP
     try:
         request = json.loads(path.read_text(encoding="utf-8"))
@@ -258,7 +260,10 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
 
 
 def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
-    """Name and row of each run, as they are done. The futures are asked: not those of every executor call back."""
+    """Yield name and row of each run as it ends.
+
+    The futures are polled, because the futures of some executors have no callbacks.
+    """
     waiting: dict[Future[Point], str] = {}
     look_at = 0.0
 
@@ -266,7 +271,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
         nonlocal look_at
         started = time.monotonic()
         ready = [future for future in waiting if future.done()]
-        look_at = started + max(_LOOK, 20 * (time.monotonic() - started))  # not more than 5 % of the time is looking
+        look_at = started + max(_LOOK, 20 * (time.monotonic() - started))  # polling takes at most 5 % of the time
         for future in ready:
             name = waiting.pop(future)
             yield name, _result(folder / name, future)
@@ -285,7 +290,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
 
 
 class _Here(Executor):
-    """Runs each call at once, in this thread; what stops it stops the caller."""
+    """Executor that runs each call at once in this thread, so that Ctrl-C stops the caller too."""
 
     def submit(self, function: Callable[..., Any], /, *args: Any, **kwargs: Any) -> "Future[Any]":
         future: Future[Any] = Future()
@@ -299,45 +304,47 @@ class _Here(Executor):
 
 
 def run_point(scene: Scene, folder: Path) -> Point:
-    """Do one run of a sweep, or what is left of it, and return its row; this is what an executor is given.
+    """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
     ------
     RunInterrupted
-        When it is stopped.
+        If the run is stopped.
     """
 
     def heed(step: int, steps: int) -> None:
-        if step < steps and stop_requested():  # a run that has ended says so once more
+        if step < steps and stop_requested():  # the last report comes after the end of the run
             raise KeyboardInterrupt
 
     try:
         record = _continued(scene, folder, heed)
     except RunInterrupted:
         raise
-    except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
+    except (
+        GranularError
+    ) as error:  # a row, because an exception with several arguments cannot be sent between processes
         return _row(folder) | {"status": "failed", "message": str(error)}
     return _summary(record.info, record)
 
 
 def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
     if _status(folder).get("status") in ("running", "interrupted"):
-        with suppress(RunFolderError):  # it has no checkpoint
+        with suppress(RunFolderError):  # the run has no checkpoint
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
 
 
 def _result(folder: Path, future: "Future[Point]") -> Point:
-    """The row of a run; whatever ended it otherwise than by itself is written into its folder."""
+    """Return the row of a run; if its process died, write the reason into its folder."""
     try:
         return future.result()
     except RunInterrupted:
         return _row(folder)
-    except Exception as error:  # of the executor or of the machine: this run failed, the others go on
+    except Exception as error:  # an error of the executor or of the machine fails this run, and the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
     info = _status(folder)
-    if info.get("status") == "finished":  # only its answer was lost
+    if info.get("status") == "finished":  # the run is complete and only its row was lost
         return _row(folder)
     if info:
         with suppress(OSError):
@@ -345,7 +352,7 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
     return _row(folder) | {"status": "failed", "message": message}
 
 
-# --- what came out ---------------------------------------------------------------------------------------------------
+# --- the results -----------------------------------------------------------------------------------------------------
 
 
 def _status(folder: Path) -> dict[str, Any]:
@@ -356,14 +363,14 @@ def _status(folder: Path) -> dict[str, Any]:
 
 
 def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
-    """A line for each point of the grid; points of the same scene share a run."""
+    """Return a row for each point of the grid; points of the same scene share a run."""
     return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
 
 
 def _refuse_other_point(folder: Path) -> None:
-    """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
+    """Raise RunFolderError if the hash of the scene in a run folder is not the name of the folder.
 
-    A scene that cannot be read is left to `Record.load`.
+    A scene that cannot be read is reported by `Record.load`.
     """
     try:
         scene = Scene.load(folder / SCENE)
@@ -378,12 +385,12 @@ def _refuse_other_point(folder: Path) -> None:
 
 
 def _row(folder: Path) -> Point:
-    """What the table says of a run folder, or of one that is not there.
+    """Return the row of a run folder, also of one that does not exist yet.
 
     Raises
     ------
     RunFolderError
-        When it holds the run of another scene: to run it again would destroy that.
+        If it holds the run of another scene, which a new run would destroy.
     """
     info = _status(folder)
     if info:
@@ -392,7 +399,7 @@ def _row(folder: Path) -> Point:
         return _summary(info, None)
     try:
         return _summary(info, Record.load(folder))
-    except GranularError as error:  # its files are damaged
+    except GranularError as error:  # the files of the run are damaged
         return _summary(info | {"status": "failed", "message": str(error)}, None)
 
 
@@ -413,5 +420,5 @@ def _largest(record: Record | None, name: str) -> float | None:
 
 
 def _cost(scene: Scene) -> float:
-    """Particle-steps, which the time of a run is proportional to, with those that its start is worth."""
+    """Return spheres times steps, to which the time of a run is proportional, with the equivalent of its start."""
     return scene.shape.spheres * planned_steps(scene) + _OVERHEAD

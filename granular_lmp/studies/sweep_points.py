@@ -1,4 +1,4 @@
-"""What a sweep is asked for: lists of values, their outer product, and the scene and the name of each run."""
+"""The points of a sweep: lists of values, their outer product, and the scene and the name of each run."""
 
 import hashlib
 import json
@@ -14,20 +14,20 @@ from granular_lmp.problem import prepare
 from granular_lmp.scene.scene import Scene, assignment
 from granular_lmp.scene.schema import cut, shown
 
-_AT_COMMAS = re.compile(r",(?![^\[]*\])")  # but for those of a pair
-MOST_RUNS = 100_000  # each a folder; file systems and the table stay quick up to here
+_AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
+MOST_RUNS = 100_000  # each run has a folder; file systems and the table are fast up to this number
 
 
 def axis(text: str) -> tuple[str, list[Any]]:
-    """``("wave.amplitude", [0.02, 0.2])`` from ``"wave.amplitude=0.02,0.2"``.
+    """Return ``("wave.amplitude", [0.02, 0.2])`` for ``"wave.amplitude=0.02,0.2"``.
 
-    The values are TOML scalars or pairs with commas between them; ``a:b:n`` stands for n values from a to b, both
-    included, each the double nearest to the exact a + k(b − a)/(n − 1), whole numbers where all are whole.
+    The values are TOML scalars or pairs with commas between them. ``a:b:n`` stands for n values from a to b, both
+    included, each the double nearest to the exact a + k(b − a)/(n − 1); they are whole numbers if all are whole.
 
     Raises
     ------
     SceneError
-        When the text is something else.
+        If the text has another form.
     """
     key, equals, values = text.partition("=")
     if not equals or not key.strip() or not all(value.strip() for value in _AT_COMMAS.split(values)):
@@ -38,7 +38,7 @@ def axis(text: str) -> tuple[str, list[Any]]:
 
 
 def axes(texts: Iterable[str]) -> dict[str, list[Any]]:
-    """Key → values of several texts, each as for `axis`; a key that comes twice is a SceneError."""
+    """Return key → values for several texts, each as for `axis`; a repeated key raises SceneError."""
     over: dict[str, list[Any]] = {}
     for text in texts:
         key, values = axis(text)
@@ -65,12 +65,14 @@ def _item(item: str, text: str) -> list[Any]:
 
 
 def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, Any], str, Scene]]:
-    """Every point of the outer product of `over`, the last key running fastest, with the name of its run and its scene.
+    """Return every point of the outer product of `over` with the name of its run and its scene.
+
+    The last key runs fastest.
 
     Raises
     ------
     SceneError
-        For the first key or value that does not fit, and the point where it does not.
+        If a key or a value is not allowed; the message names the point.
     """
     empty = [key for key, values in over.items() if not values]
     if not over or empty:
@@ -95,14 +97,14 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
 
 
 def scene_hash(scene: Scene) -> str:
-    """Name of the run of a scene: the `concrete_hash` of what its defaults and choices come to."""
+    """Return the name of a scene's run: the `concrete_hash` of the scene with every "auto" decided."""
     return concrete_hash(concrete(scene))
 
 
 def concrete_hash(scene: Scene) -> str:
     """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name and description.
 
-    The scene is one whose every choice is made, as that of a run folder.
+    Every "auto" of the scene must be decided, as in a run folder.
     """
     values = scene.to_dict() | {"name": None}
     del values["description"]
@@ -110,5 +112,5 @@ def concrete_hash(scene: Scene) -> str:
 
 
 def concrete(scene: Scene) -> Scene:
-    """The scene with every default and choice made."""
+    """Return the scene with every "auto" decided."""
     return prepare(scene).scene

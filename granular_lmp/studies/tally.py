@@ -1,6 +1,6 @@
-"""What a work–precision study found: for each setting its seconds, its errors, and how the error falls with the work.
+"""The results of a work–precision study: for each setting its seconds, its errors, and the slope of error over work.
 
-Everything is read from the run folders of the study, `granular_lmp.studies.cost`; there is no other memory.
+Everything is read from the run folders of the study (`granular_lmp.studies.cost`).
 """
 
 import csv
@@ -29,41 +29,41 @@ COLUMNS = (
     *("particles", "steps", "particle_steps", "particle_steps_per_second"),
     *("error_p", "error_q", "error_phi", "slope", "message"),
 )
-# Nothing is said of how an error falls where less than this many times the error of the reference is left of it
+# A slope is given only if the error is at least this multiple of the error of the reference
 _ABOVE_REFERENCE = 3.0
 
 Row = dict[str, Any]
 
 
 def place(folder: Path, run: Run, turn: int) -> Path:
-    """Folder of a run in one round of a study."""
+    """Return the folder of a run in one round of a study."""
     return folder / RUNS / run.name / str(turn)
 
 
 def taken(run: Run, folder: Path, repeats: int) -> list[float]:
-    """Seconds of the rounds of a run that are done."""
+    """Return the seconds of each finished round of a run."""
     places = (place(folder, run, turn) for turn in range(1, repeats + 1))
     return [read_status(there)["wall_seconds"]["total"] for there in places if is_done(run, there)]
 
 
 def is_done(run: Run, folder: Path) -> bool:
-    """Whether the run in this folder is finished, and what it wrote of all spheres has been read."""
+    """Return whether the run in this folder is finished and its dump of all spheres has been read."""
     there = (folder / STATUS).is_file() and read_status(folder).get("status") == "finished"
     return there and not (folder / OUTPUTS[run.output].file).exists()
 
 
 def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
-    """The lines of the reference and of all other points, from the run folders of a study.
+    """Return the rows of the reference and of all settings from the run folders of a study.
 
-    The record of the reference is written beside them. Before it is there, there is nothing to compare with.
+    The record of the reference is written beside them. Without it there are no rows.
 
     Parameters
     ----------
     folder : Path
     points : list of Point
-        The reference first.
+        Settings, the reference first.
     repeats : int
-        Rounds.
+        Number of rounds.
     """
     first, *others = points
     rounds = _rounds(folder, first, 1)
@@ -91,13 +91,13 @@ def _write_reference(folder: Path, record: Record, left: dict[str, float | None]
 
 
 def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
-    """Folders of the runs of a point, for each round in which all of them are done."""
+    """Return the folders of the runs of a setting for each round in which all of them are done."""
     rounds = [[place(folder, run, turn) for run in point.runs] for turn in range(1, repeats + 1)]
     return [places for places in rounds if all(map(is_done, point.runs, places))]
 
 
 def _record(places: list[Path]) -> Record:
-    """The record of the runs of a point, extrapolated from the last two if there are as many."""
+    """Return the record of a setting: that of its single run, or the extrapolation of its last two."""
     records = [Record.load(there) for there in places[-2:]]
     if len(records) == 1:
         return records[0]
@@ -106,16 +106,17 @@ def _record(places: list[Path]) -> Record:
 
 
 def _left(places: list[Path]) -> dict[str, float | None]:
-    """Estimated error of p, q, φ of the reference: its distance to the extrapolation of the two coarser of its runs.
+    """Return the estimated error of p, q, φ of the reference: its distance to the extrapolation of its coarser runs.
 
-    That is the error itself where it is of first order in the step, as it is down here, and more than it otherwise.
+    The distance is the error itself if that is of first order in the step, as at these small steps, and an upper bound
+    otherwise.
     """
     apart = errors(_record(places[:-1]), _record(places))
     return {name: apart[f"error_{name}"] for name in COMPONENTS}
 
 
 def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
-    """The line of a point."""
+    """Return the row of a setting."""
     row: Row = dict.fromkeys(COLUMNS) | {"knob": point.knob, "setting": point.setting, "message": ""}
     row["repeats"] = len(rounds)
     if not rounds:
@@ -133,7 +134,7 @@ def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> 
         "steps": sum(info["steps"] for info in infos[0]),
         "particle_steps": work,
         "particle_steps_per_second": work / loop,
-        **errors(_record(rounds[0]), best),  # which round does not matter: all give the same
+        **errors(_record(rounds[0]), best),  # every round gives the same record
     }
 
 
@@ -146,26 +147,29 @@ def _why_not(folder: Path, point: Point) -> str:
 
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:
-    """Relative L2 error of p, q, φ against the reference; None for what symmetry makes zero or was not recorded."""
+    """Return the relative L2 errors of p, q, φ against the reference.
+
+    An error is None if the signal vanishes by symmetry or was not recorded.
+    """
     there = judged(best.scene, best.signals)
     found: dict[str, float | None] = {}
     for name in COMPONENTS:
         values, exact = getattr(record, name), getattr(best, name)
-        silent = name not in there or np.isnan(values).all()
-        found[f"error_{name}"] = None if silent else float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
+        absent = name not in there or np.isnan(values).all()
+        found[f"error_{name}"] = None if absent else float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
     return found
 
 
 def largest(row: Row) -> tuple[float, str] | None:
-    """The largest error of a line and the component that has it."""
+    """Return the largest error of a row and its signal, or None if no error is known."""
     known = [(row[f"error_{name}"], name) for name in COMPONENTS if row[f"error_{name}"] is not None]
     return max(known, default=None)
 
 
 def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None:
-    """d log error/d log particle-steps from the setting before: −2 for one run, −4 for a pair, 0 for what is wasted.
+    """Return d log error/d log work from the setting before: −2 for one run, −4 for a pair, 0 for wasted work.
 
-    None where the work is the same, and where the reference is no better than the setting.
+    The slope is None if the work is the same, or the reference is no better than the setting.
     """
     more, error, error_before = row["particle_steps"] / before["particle_steps"], largest(row), largest(before)
     if abs(more - 1) < 0.01 or error is None or error_before is None:
@@ -176,7 +180,7 @@ def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None
 
 
 def to_csv(rows: list[Row]) -> str:
-    """The table, each number in the shortest form that reads back to the same double."""
+    """Return the table as CSV, each number in the shortest form that reads back to the same double."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -185,7 +189,7 @@ def to_csv(rows: list[Row]) -> str:
 
 
 def text(result: dict[str, Any]) -> str:
-    """The table for a terminal; errors below that of the reference are marked with <."""
+    """Return the table for a terminal; errors below that of the reference are marked with <."""
     head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}{'M p-s/s':>9}"
     lines = [head + "".join(f"{name:>10}" for name in COMPONENTS) + f"{'slope':>7}"]
     best = result["reference"]
@@ -203,7 +207,7 @@ def text(result: dict[str, Any]) -> str:
 
 
 def _reason(row: Row, left_out: dict[str, str]) -> str:
-    """Why a setting has no numbers."""
+    """Return the reason why a setting has no numbers."""
     message = str(row["message"])
     return left_out.get(f"{row['knob']}: {row['setting']}", message) if message == NOT_RUN else message
 

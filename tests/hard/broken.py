@@ -38,7 +38,7 @@ def tokens(text: str) -> list[tuple[int, int]]:
 
 @cache
 def whole_dump(name: str) -> bytes:
-    """What the run of the deck that is not broken records."""
+    """Return the record of the unbroken deck's run."""
     with tempfile.TemporaryDirectory() as folder:
         deck(name).write(folder, force=True)
         with launch.locked(Path(folder)) as lock:

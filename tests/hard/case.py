@@ -29,7 +29,7 @@ class Case:
 
     @property
     def holds(self) -> bool:
-        """Whether the figure is within its bounds; a nan is not."""
+        """Return whether the figure is within its bounds; a nan is not."""
         return self.least <= self.figure <= self.most
 
     @property

@@ -62,7 +62,7 @@ class Cell:
         self.instance.command(f"run {steps} pre no post no")
 
     def _by_id(self, name: str) -> Floats:
-        values = np.full((self.spheres, 3), np.nan)  # of a lost sphere
+        values = np.full((self.spheres, 3), np.nan)  # a lost sphere keeps nan
         local = self.instance.extract_global("nlocal")
         ids = self.instance.numpy.extract_atom("id")[:local] - 1
         values[ids] = self.instance.numpy.extract_atom(name)[:local, :3]

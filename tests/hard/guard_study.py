@@ -188,7 +188,7 @@ def _snapshots(path: Path) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What one guard said of a scene, beside the truth."""
+    """Result of one guard for a scene, beside the truth."""
 
     guard: str
     happened: bool  # to a contact that surely reaches the record
@@ -199,12 +199,12 @@ class Comparison:
 
     @property
     def missed(self) -> bool:
-        """Whether something happened that the guard did not say."""
+        """True if the effect occurred and the guard did not trigger."""
         return self.happened and not self.said
 
     @property
     def stopped(self) -> bool:
-        """Whether a valid run was stopped."""
+        """True if the guard stopped a valid run."""
         return self.said and not self.happened_wide
 
 

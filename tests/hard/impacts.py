@@ -61,7 +61,7 @@ def kept(amplitude: float, step: float = 0.0125, edits: Edits = ()) -> Cases:
 
 
 def opening_error(amplitude: float, step: float, energy: float, spheres: int) -> float:
-    """What the jumps of the force cost in energy: FvΔτ/2 for each opening and closing, added at random, over E.
+    """Return the energy error by the jumps of the force: FvΔτ/2 for each opening and closing, added at random, over E.
 
     F = 2/3 (k1Δ0); v ≤ 2aΩ is the speed at which a contact parts, Ω ≤ 1; two jumps in 4 τ, 3 contacts a sphere.
     """

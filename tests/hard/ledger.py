@@ -28,7 +28,7 @@ from tests.hard.cell import Cell, Floats
 
 @dataclass(frozen=True)
 class Ledger:
-    """What a cell's energy did, all (T,).
+    """Energies of a cell over time, all (T,).
 
     tau; energy and work, E and W without `released`, what detaching contacts gave up; contacts, how many touch;
     sliding, the largest share of the sliding force that the shear of a contact has reached since τ = 0.
@@ -49,7 +49,7 @@ class Ledger:
 
 @dataclass(frozen=True)
 class _Look:
-    """What the ledger reads off one step; root √d and slip² s² (pairs,) are zero where there is no contact."""
+    """Quantities of one step in the ledger; root √d and slip² s² (pairs,) are zero where there is no contact."""
 
     energy: float
     lever: float

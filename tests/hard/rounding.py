@@ -10,7 +10,7 @@ from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.waves import exact, phases, scene
 
-FACTOR = 3.0  # of a law of magnitudes: what the docstring of `noise_floor` promises
+FACTOR = 3.0  # accuracy of the law according to the docstring of `noise_floor`
 OFFSET = (37.31, 137.77)  # nm; moves every sphere to other numbers, and nothing else
 
 

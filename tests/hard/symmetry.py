@@ -10,11 +10,11 @@ from tests.hard.waves import ETA, NU, RATIOS, amplitude, scene
 
 # L at 2ξ gives its energy to TR at ξ where TR(ξ) + TR(ξ) ↔ L(2ξ) resonates: 8/34 is next to ξ_res, 16/34 its double.
 ROWS, PUMP, SEED = 34, 16, 8
-KICK = 1e-6  # of the pump's amplitude: linear to its square, and far above rounding
+KICK = 1e-6  # share of the pump's amplitude: linear to its square, and far above rounding
 
 
 def subspace(duration: float = 60.0, edits: Edits = ()) -> Cases:
-    """What an L wave shows in q and φ, and how far the spheres of a row part, in D0."""
+    """Return q and φ of an L wave, and the largest distance between spheres of a row, in D0."""
     wave = scene("L", 2, 16, 0.2, 0.05, duration)
     with running(wave, edits) as cell:
         cell.advance(wave.time.steps)

@@ -71,7 +71,7 @@ def is_one_line(error: GranularError, words: set[str]) -> None:
 
 
 def is_finite(deck: str) -> bool:
-    """Whether the commands of a deck hold numbers only: its first line and its files are named by the scene."""
+    """Return whether the commands of a deck hold only numbers: its first line and its files are named by the scene."""
     return not re.search(r"\b(nan|inf)\b", deck.partition("\n")[2].replace(".nan", "").replace(".inf", ""))
 
 
@@ -92,7 +92,7 @@ def survives(make: Callable[[], Scene], words: set[str]) -> None:
 
 
 def named(tables: Mapping[str, Any]) -> set[str]:
-    """What an error may name: any key or table of this input, or one that is missing in it."""
+    """Return the names that an error may have: any key or table of this input, or one that is missing in it."""
     inner = {str(key) for table in tables.values() if isinstance(table, dict) for key in table}
     keys = {*KEYS, *(key.partition(".")[2] for key in KEYS), *PAPER.to_dict(), *map(str, tables), *inner}
     return {repr(key)[1:-1] for key in keys} - {""} | {"unknown key"}

@@ -20,7 +20,7 @@ from tests.hard.zone import degenerate, end
 
 
 def rounded(name: str) -> bool:
-    """Whether a case lies at an edge of the zone, at a degenerate pair of modes, or where a mode is small."""
+    """Return whether a case lies at an edge of the zone, at a degenerate pair of modes, or where a mode is small."""
     return "of the zone" in name or "degenerate" in name or name == "L, xi = 0.01001"
 
 

@@ -358,7 +358,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Record]:
 
 
 def resumed(folder: Path) -> str:
-    """What a run that cannot be resumed says; nothing if it can."""
+    """Return the message of a run that cannot be resumed; an empty one if it can."""
     try:
         resume(folder)
     except RunFolderError as error:

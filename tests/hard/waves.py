@@ -1,4 +1,4 @@
-"""What the cells of these cases share: the scene of a periodic cell, its exact lattice, and the amplitudes of modes."""
+"""Common parts of the periodic cells: the scene of a periodic cell, its exact lattice, and the amplitudes of modes."""
 
 from math import pi
 

@@ -35,7 +35,7 @@ def vanishes(expression: sp.Expr) -> bool:
 
 
 def agrees(coefficients: Coefficients) -> bool:
-    """Whether `eqp`, `eqq`, `eqr` with these factors are the rows derived for the same time scale."""
+    """Return whether `eqp`, `eqq`, `eqr` with these factors are the rows derived for the same time scale."""
     scale = coefficients.time_scale_squared / CORRECT.time_scale_squared
     return all(vanishes(scale * a - b) for a, b in zip(derived(), paper.paper_rows(coefficients), strict=True))
 
