@@ -4,7 +4,9 @@ import time
 from pathlib import Path
 
 from analysis.second_harmonic import mode, ratios
+from analysis.theory.contact import Contact
 from analysis.theory.lattice import rows
+from analysis.theory.wave import Wave
 from benchmarks.problem import Contestant, Solution, base_scene, times
 
 TOLERANCE = 1e-3  # the loosest with which p is within 1 %
@@ -16,10 +18,8 @@ def solve(folder: Path) -> Solution:
     nu = scene.sphere.poisson_ratio
     started = time.perf_counter()
     p, q, _ = rows(
-        mode("TR", scene.wavenumber, ratios(nu)),
-        scene.wave.amplitude,
+        Wave(mode("TR", scene.wavenumber, ratios(nu)), scene.wave.amplitude, Contact(nu)),
         times(scene),
-        nu,
         rows=scene.shape.rows,
         rtol=TOLERANCE,
     )

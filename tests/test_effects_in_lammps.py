@@ -12,6 +12,8 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.measure.norms import relative_error
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.installation import lmp_command
 
@@ -89,7 +91,9 @@ def of_lattice(case: str, tau: np.ndarray, **changes: float | bool) -> np.ndarra
     if case == "without rotation":
         mode = replace(mode, f=0.0)
     return np.stack(
-        lattice.torus(mode, AMPLITUDE, tau, 0.17, phase=PHASE, overlap_ratio=eta, points=21, rtol=1e-9, **effects)
+        lattice.torus(
+            Wave(mode, AMPLITUDE, Contact(0.17, overlap_ratio=eta, **effects), PHASE), tau, points=21, rtol=1e-9
+        )
     )
 
 

@@ -18,25 +18,15 @@ from numpy.typing import NDArray
 from analysis.figures.plotting import parser, save, start
 from analysis.measure.rows import AIRY, Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import contact_of
 from analysis.theory.driven import beat_length, driven_amplitudes, slowest, static
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 Complexes = NDArray[np.complex128]
-
-
 PERIODS = 5  # fewest in the window of the fit: Hann's sidelobes then keep 1, Ω and 2Ω apart
-
-
 PER_PERIOD = 8  # fewest snapshots: above Nyquist's 6 of the third harmonic
-
-
 FEWEST_ROWS = 3
-
-
 PART = 1 / 3  # of the time after the ramp, the window
 
 
@@ -80,7 +70,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
     Raises ValueError, in one line, for a run that is too short or too coarse in time for that.
     """
     scene, wave = record.scene, record.scene.wave
-    constants = physics_of(record).ratios
+    constants = contact_of(record).ratios
     linear = mode(wave.mode, scene.wavenumber, constants)  # type: ignore[arg-type]  # checked by the scene
     period = 2 * np.pi / linear.frequency
     first, last = _window(rows.tau, scene.envelope.ramp, period)
@@ -126,8 +116,6 @@ def _window(tau: Floats, ramp: float, period: float) -> tuple[int, float]:
 
 
 LINES = {"p": "tab:blue", "q": "tab:blue", "phi": "tab:orange", "p at 2Ω": "tab:blue", "mean p": "tab:orange"}
-
-
 LABELS = {"phi": r"$\varphi$", "p at 2Ω": r"$p$ at $2\Omega$", "mean p": "mean of $p$", "q": "$q$", "p": "$p$"}
 
 

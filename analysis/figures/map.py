@@ -28,6 +28,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from analysis.figures.plotting import parser, save, start
+from analysis.theory.contact import Contact
 from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
 
 SILICA = 0.17  # Poisson's ratio of the paper's spheres
@@ -49,21 +50,21 @@ def wave_vectors(points: int) -> Floats:
 def names_along_y(branch: int, poisson_ratio: float) -> str:
     """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
     line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
-    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, poisson_ratio))
+    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, Contact(poisson_ratio)))
 
 
 def draw(poisson_ratio: float) -> Figure:
     """Return the figure of the three maps for one Poisson's ratio (−1 to 0.5)."""
-    k = wave_vectors(POINTS)
-    fundamental, _ = modes(k, poisson_ratio)
-    doubled, _ = modes(2.0 * k, poisson_ratio)
+    k, contact = wave_vectors(POINTS), Contact(poisson_ratio)
+    fundamental, _ = modes(k, contact)
+    doubled, _ = modes(2.0 * k, contact)
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     angles = np.deg2rad(np.arange(0, 360, 60))
     zone = CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     targets: set[int] = set()
     for branch, panel in enumerate(panels):
-        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, poisson_ratio), axis=-1)
+        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
         outline = panel.add_patch(Polygon(zone, fill=False, edgecolor="black", linewidth=1.0, zorder=3))
         image = panel.imshow(
             amplitude,

@@ -19,15 +19,12 @@ from analysis import second_harmonic as closed
 from analysis.figures.plotting import COLOURS, parser, save, start
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
-from analysis.theory.choice import Wave
+from analysis.theory.choice import wave_of
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
-
-
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
 
 
@@ -63,7 +60,7 @@ def _names(points: Sequence[Point]) -> list[str]:
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
     """Of the first run of a mode; L runs have other constants than TR, because no sphere turns in them."""
-    return Wave.of(next(record for record in records if record.scene.wave.mode == name))
+    return wave_of(next(record for record in records if record.scene.wave.mode == name))
 
 
 def draw(points: Sequence[Point], records: Sequence[Record]) -> Figure:

@@ -22,16 +22,12 @@ from analysis.figures.plotting import parser, save, start
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import Rows, echo, load_form
 from analysis.second_harmonic import Mode, Ratios, mode
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import contact_of
 from analysis.theory.standing import standing
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 HARMONIC = "second harmonic"
-
-
 COLOURS = ("tab:blue", "tab:orange", "tab:green")
 
 
@@ -74,7 +70,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
     Raises ValueError where p_SH is zero at every row, as for ξ = π/2 and phase 0, and where the walls are heard in all.
     """
     wave, scene = record.scene.wave, record.scene
-    constants = physics_of(record).ratios
+    constants = contact_of(record).ratios
     linear = mode(wave.mode, scene.wavenumber, constants)  # type: ignore[arg-type]  # checked by the scene
     n = np.arange(rows.count) - scene.shape.centre_row
     # Far above the rounding of ξn, far below what can be seen

@@ -8,6 +8,8 @@ import numpy as np
 
 from analysis.second_harmonic import ModeName
 from analysis.theory import directions, lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build
 from granular_lmp.runs.launch import run_deck
 from tests.hard.case import Case, Cases, Edits
@@ -46,8 +48,10 @@ def corner(
         }
     )
     record, _ = made(wave, edits)
-    mode = directions.mode(name, wave.wavenumber, wave.direction, reference, overlap_ratio=ETA)
-    truth = lattice.torus(mode, wave.wave.amplitude, record.tau, reference, overlap_ratio=ETA, rtol=1e-12)
+    mode = directions.mode(name, wave.wavenumber, wave.direction, Contact(reference, overlap_ratio=ETA))
+    truth = lattice.torus(
+        Wave(mode, wave.wave.amplitude, Contact(reference, overlap_ratio=ETA)), record.tau, rtol=1e-12
+    )
     found = np.stack([record.p, record.q, record.phi])
     return [
         Case(

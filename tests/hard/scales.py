@@ -8,6 +8,8 @@ import numpy as np
 from analysis.second_harmonic import mode as linear_mode
 from analysis.second_harmonic import ratios
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Scene
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
@@ -76,7 +78,7 @@ def corners(nu: float, reference: float | None = None) -> Cases:
         eta = wave.sphere.overlap_ratio
         exact = nu if reference is None else reference
         mode = linear_mode("TR", wave.wavenumber, ratios(exact, overlap_ratio=eta))
-        truth = lattice.torus(mode, AMPLITUDE, TAU, exact, overlap_ratio=eta, rtol=1e-11)
+        truth = lattice.torus(Wave(mode, AMPLITUDE, Contact(exact, overlap_ratio=eta)), TAU, rtol=1e-11)
         error = np.abs(course(wave) - truth).max()
         worst = max(worst, float(error / verlet_bound(wave, mode.frequency)) if np.isfinite(error) else inf)
     return [

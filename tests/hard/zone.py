@@ -10,6 +10,8 @@ import numpy as np
 from analysis.second_harmonic import ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running
@@ -28,7 +30,7 @@ def end(
     tau = np.arange(0.0, duration + 0.25, 0.5)
     with running(wave, edits) as cell:
         found = cell.follow(tau)[:, :3, wave.shape.centre_row].T / 0.2
-    truth = lattice.torus(mode, 0.2, tau, reference, overlap_ratio=ETA, rtol=1e-12)
+    truth = lattice.torus(Wave(mode, 0.2, Contact(reference, overlap_ratio=ETA)), tau, rtol=1e-12)
     return [
         Case(
             f"{name}, ξ = {wave.wavenumber:.5g}, ν = {NU:g}, τ ≤ {duration:g}: error in D0",
