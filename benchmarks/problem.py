@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.norms import relative_error
-from analysis.second_harmonic import mode, ratios
+from analysis.second_harmonic import ModeName
 from analysis.theory import lattice
 from analysis.theory.contact import Contact, Law
 from analysis.theory.wave import Wave
@@ -76,8 +76,9 @@ def times(scene: Scene) -> Floats:
 def exact(scene: Scene, law: Law = "secant") -> tuple[Floats, Floats]:
     """p and q of the infinite lattice at the scene's wave number, in true contact geometry."""
     nu, eta = scene.sphere.poisson_ratio, scene.sphere.overlap_ratio
-    wave = mode(scene.wave.mode, scene.wavenumber, ratios(nu, overlap_ratio=eta))  # type: ignore[arg-type]
-    p, q, _ = lattice.torus(Wave(wave, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta)), times(scene))
+    name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
+    wave = Wave.along_y(name, scene.wavenumber, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta))
+    p, q, _ = lattice.torus(wave, times(scene))
     return p, q
 
 

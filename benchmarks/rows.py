@@ -3,7 +3,6 @@
 import time
 from pathlib import Path
 
-from analysis.second_harmonic import mode, ratios
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import rows
 from analysis.theory.wave import Wave
@@ -17,12 +16,8 @@ def solve(folder: Path) -> Solution:
     scene = base_scene()
     nu = scene.sphere.poisson_ratio
     started = time.perf_counter()
-    p, q, _ = rows(
-        Wave(mode("TR", scene.wavenumber, ratios(nu)), scene.wave.amplitude, Contact(nu)),
-        times(scene),
-        rows=scene.shape.rows,
-        rtol=TOLERANCE,
-    )
+    wave = Wave.along_y("TR", scene.wavenumber, scene.wave.amplitude, Contact(nu))
+    p, q, _ = rows(wave, times(scene), rows=scene.shape.rows, rtol=TOLERANCE)
     return Solution(p, q, time.perf_counter() - started, scene.shape.rows, None)
 
 

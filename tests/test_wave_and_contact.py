@@ -1,4 +1,4 @@
-"""One contact and one wave: checked once, what does not belong together is refused, and nothing is taken for another."""
+"""One contact and one wave: checked once, and what does not belong together is refused, never taken for another."""
 
 from dataclasses import replace
 from typing import Any

@@ -107,8 +107,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/effects.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help=f"folders of sweeps, at most {len(STYLES)}")
+    options = parser(__doc__, "figures/effects.png", sweeps=f"folders of sweeps, at most {len(STYLES)}")
     chosen = options.parse_args(arguments)
     if len(chosen.sweeps) > len(STYLES):
         options.error(f"{len(chosen.sweeps)} sweeps; at most {len(STYLES)} can be told apart")

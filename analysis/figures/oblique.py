@@ -99,8 +99,7 @@ def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/oblique.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folders of sweeps over wave.mode, wave.direction")
+    options = parser(__doc__, "figures/oblique.png", sweeps="folders of sweeps over wave.mode, wave.direction")
     chosen = options.parse_args(arguments)
     records = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not records:

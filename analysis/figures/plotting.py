@@ -7,16 +7,29 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from matplotlib.figure import Figure
+
+from granular_lmp.runs.record import GranularError
+
+T = TypeVar("T")
 
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
 
-def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
-    """A parser with the first line of the script's docstring and the option -o with its default."""
+def parser(
+    doc: str | None, default: str, *, run: str | None = None, sweeps: str | None = None
+) -> argparse.ArgumentParser:
+    """A parser with the first line of the script's docstring and the option -o with its default.
+
+    run, sweeps : what the argument RUN, or the arguments SWEEP, are; None where the script takes none.
+    """
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
+    if run:
+        result.add_argument("run", metavar="RUN", help=run)
+    if sweeps:
+        result.add_argument("sweeps", nargs="+", metavar="SWEEP", help=sweeps)
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
 
@@ -45,6 +58,19 @@ def start(main: Callable[[], int | None]) -> NoReturn:
         except OSError:  # the interpreter would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)
+
+
+def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str) -> int:
+    """Print the table of a comparison with one run and draw it into a file; bad input is one line and SystemExit."""
+    try:
+        found = compare()
+    except GranularError as error:  # which names the folder
+        raise SystemExit(str(error)) from error
+    except ValueError as error:
+        raise SystemExit(f"{run}: {error}") from error
+    print(table(found))
+    save(draw(found), path)
+    return 0
 
 
 def save(figure: Figure, path: str | Path) -> None:

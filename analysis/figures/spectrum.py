@@ -104,8 +104,7 @@ def _deviations(axes: Axes, points: Sequence[Point]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/spectrum.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folders of sweeps over wave.mode, wave.wavenumber")
+    options = parser(__doc__, "figures/spectrum.png", sweeps="folders of sweeps over wave.mode, wave.wavenumber")
     chosen = options.parse_args(arguments)
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not runs:

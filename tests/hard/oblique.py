@@ -48,10 +48,9 @@ def corner(
         }
     )
     record, _ = made(wave, edits)
-    mode = directions.mode(name, wave.wavenumber, wave.direction, Contact(reference, overlap_ratio=ETA))
-    truth = lattice.torus(
-        Wave(mode, wave.wave.amplitude, Contact(reference, overlap_ratio=ETA)), record.tau, rtol=1e-12
-    )
+    contact = Contact(reference, overlap_ratio=ETA)
+    mode = directions.mode(name, wave.wavenumber, wave.direction, contact)
+    truth = lattice.torus(Wave(mode, wave.wave.amplitude, contact), record.tau, rtol=1e-12)
     found = np.stack([record.p, record.q, record.phi])
     return [
         Case(

@@ -123,8 +123,8 @@ def at_the_antiresonance(overlap_ratio: float = ETA) -> Cases:
     with TemporaryDirectory() as folder:
         pair = [run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved_step(coarse)))]
     record = richardson(*pair)
-    wave = mode("TR", coarse.wavenumber, RATIOS)
-    p, _, _ = lattice.torus(Wave(wave, 0.2, Contact(NU, overlap_ratio=overlap_ratio)), record.tau)
+    wave = Wave.along_y("TR", coarse.wavenumber, 0.2, Contact(NU, overlap_ratio=overlap_ratio))
+    p, _, _ = lattice.torus(wave, record.tau)
     size = float(np.abs(p).max())
     return [
         Case(
