@@ -77,7 +77,7 @@ def exact(scene: Scene, law: Law = "secant") -> tuple[Floats, Floats]:
     """p and q of the infinite lattice at the scene's wave number, in true contact geometry."""
     nu, eta = scene.sphere.poisson_ratio, scene.sphere.overlap_ratio
     name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
-    wave = Wave.along_y(name, scene.wavenumber, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta))
+    wave = Wave.of_mode(name, scene.wavenumber, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta))
     p, q, _ = lattice.torus(wave, times(scene))
     return p, q
 

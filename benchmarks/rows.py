@@ -16,7 +16,7 @@ def solve(folder: Path) -> Solution:
     scene = base_scene()
     nu = scene.sphere.poisson_ratio
     started = time.perf_counter()
-    wave = Wave.along_y("TR", scene.wavenumber, scene.wave.amplitude, Contact(nu))
+    wave = Wave.of_mode("TR", scene.wavenumber, scene.wave.amplitude, Contact(nu))
     p, q, _ = rows(wave, times(scene), rows=scene.shape.rows, rtol=TOLERANCE)
     return Solution(p, q, time.perf_counter() - started, scene.shape.rows, None)
 

@@ -40,7 +40,7 @@ FEW = np.arange(0.0, 30.5, 0.5)
 def wave_in(scene: Scene, overlap_ratio: float) -> Wave:
     """The wave of a scene in contacts of this overlap ratio."""
     contact = Contact(0.17, overlap_ratio=overlap_ratio)
-    return Wave.along_y(scene.wave.mode, scene.wavenumber, scene.wave.amplitude, contact)  # type: ignore[arg-type]
+    return Wave.of_mode(scene.wave.mode, scene.wavenumber, scene.wave.amplitude, contact)  # type: ignore[arg-type]
 
 
 def names_of(scene: Scene) -> tuple[str, ...]:

@@ -153,16 +153,16 @@ def test_antiresonance_under_compression_is_where_the_second_harmonic_vanishes()
 
 def test_without_rotation_no_sphere_turns():
     contacts = (Contact(NU, rotation=rotation, overlap_ratio=ETA) for rotation in (False, True))
-    phi, turned = (lattice.torus(Wave.along_y("TR", 0.802, 0.2, contact), SHORT)[2] for contact in contacts)
+    phi, turned = (lattice.torus(Wave.of_mode("TR", 0.802, 0.2, contact), SHORT)[2] for contact in contacts)
     assert np.all(phi == 0)
     assert np.max(np.abs(turned)) > 0.1
 
 
 def test_without_rotation_is_the_limit_of_a_large_moment_of_inertia():
-    held = np.stack(lattice.torus(Wave.along_y("TR", 0.802, 0.2, Contact(NU, rotation=False)), SHORT))
+    held = np.stack(lattice.torus(Wave.of_mode("TR", 0.802, 0.2, Contact(NU, rotation=False)), SHORT))
     # Of spheres that hardly turn, the upper of the two transverse modes is the translation
     heavy = [
-        np.stack(lattice.torus(Wave.along_y("RT", 0.802, 0.2, Contact(NU, inertia=inertia)), SHORT))
+        np.stack(lattice.torus(Wave.of_mode("RT", 0.802, 0.2, Contact(NU, inertia=inertia)), SHORT))
         for inertia in (1e5, 1e6)
     ]
     off = [np.max(np.abs(values - held)) for values in heavy]

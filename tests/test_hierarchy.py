@@ -128,7 +128,7 @@ def test_second_order_with_geometry_is_the_closed_form_at_the_centre(name, xi):
 
 @pytest.mark.parametrize("name", ["TR", "L"])
 def test_geometry_is_right_at_any_row_and_phase(name):
-    wave = Wave.along_y(name, 0.802, 0.02, Contact(NU, overlap_ratio=0.01), phase=0.4)
+    wave = Wave.of_mode(name, 0.802, 0.02, Contact(NU, overlap_ratio=0.01), phase=0.4)
     estimate, exact = (f(wave, SHORT, row=7)[0] for f in (hierarchy.hierarchy, lattice.torus))
     # a⁶ = 6e-11: nothing is left but the integration, 50 rtol.
     assert np.allclose(estimate, exact, rtol=0, atol=5e-9)
@@ -136,7 +136,7 @@ def test_geometry_is_right_at_any_row_and_phase(name):
 
 def test_other_inertias_are_right_too():
     # 2/3 is a thin shell
-    hollow, solid = (Wave.along_y("TR", 0.802, 0.02, Contact(NU, inertia=inertia)) for inertia in (2 / 3, 0.4))
+    hollow, solid = (Wave.of_mode("TR", 0.802, 0.02, Contact(NU, inertia=inertia)) for inertia in (2 / 3, 0.4))
     exact = lattice.torus(hollow, SHORT)
     series, wrong = (hierarchy.hierarchy(wave, SHORT, order=4) for wave in (hollow, solid))
     assert relative_error(series[1], exact[1]) < 1e-6

@@ -257,7 +257,7 @@ def test_inertia_is_that_of_the_mode():
     mode, tau, a = sh.mode("TR", 0.802, hollow), np.linspace(0, 30, 31), 0.0025
     theory = sh.second_order(mode, hollow, a, tau)
     right, wrong = (
-        np.abs(np.subtract(lattice.torus(Wave.along_y("TR", 0.802, a, Contact(NU, inertia=i)), tau), theory)).max()
+        np.abs(np.subtract(lattice.torus(Wave.of_mode("TR", 0.802, a, Contact(NU, inertia=i)), tau), theory)).max()
         for i in (2 / 3, 0.4)
     )
     assert right < 0.5 * a**2

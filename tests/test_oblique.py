@@ -59,7 +59,7 @@ def test_the_components_are_those_along_and_across_the_wave() -> None:
 
 def test_along_y_theory_is_the_closed_form() -> None:
     tau = np.linspace(0, 60, 40)
-    start = Wave.along_y("TR", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)
+    start = Wave.of_mode("TR", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)
     wave = oblique.predicted(start, tau)
     closed = second_harmonic(start.mode, start.ratios, 0.02, tau, phase=0.3)
     np.testing.assert_allclose(wave[:, 0].real, closed, atol=1e-10)

@@ -90,7 +90,7 @@ def scene_of(wave: Wave, tolerance: float) -> Scene:
 def in_lammps(wave: Wave, overlap_ratio: float = PAPER.sphere.overlap_ratio) -> theory.Wave:
     """The wave in contacts of LAMMPS's geometry."""
     name, wavenumber, amplitude, poisson_ratio = wave
-    return theory.Wave.along_y(name, wavenumber, amplitude, Contact(poisson_ratio, overlap_ratio=overlap_ratio))
+    return theory.Wave.of_mode(name, wavenumber, amplitude, Contact(poisson_ratio, overlap_ratio=overlap_ratio))
 
 
 class Stepped:
@@ -220,9 +220,13 @@ def periodic(name: str, rows: int, waves: int, amplitude: float, **more: Any) ->
     )
 
 
+def described(scene: Scene) -> Wave:
+    wave = scene.wave
+    return wave.mode, scene.wavenumber, wave.amplitude, scene.sphere.poisson_ratio  # type: ignore[return-value]
+
+
 def wave_of(scene: Scene) -> theory.Wave:
-    wave: Wave = (scene.wave.mode, scene.wavenumber, scene.wave.amplitude, scene.sphere.poisson_ratio)  # type: ignore[assignment]
-    return in_lammps(wave, scene.sphere.overlap_ratio)
+    return in_lammps(described(scene), scene.sphere.overlap_ratio)
 
 
 def errors_of(record: Record, reference: np.ndarray) -> dict[str, float]:
@@ -468,7 +472,7 @@ def test_a_deck_of_a_scene_with_a_tolerance_is_the_finest_run(capsys: pytest.Cap
 def pair() -> tuple[Scene, Callable[[int], Record]]:
     """A scene whose runs, by steps per sample, err as c h² on top of a wave."""
     scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
-    runs, wave = Stepped(), wave_of(scene)
+    runs, wave = Stepped(), described(scene)
     RECORDS.setdefault(wave, scene.time.samples)
     return scene, lambda count: runs.record(with_step(scene, 0.5 / count), wave)
 

@@ -35,7 +35,7 @@ def test_every_mode_of_a_contact_is_a_wave_of_it(contact: Contact) -> None:
     for name in names(contact):
         for xi in (1e-3, 0.3, 0.802, 1.475, 2.127, 3.0, np.pi):
             # Rounding of numbers of order one, summed over three bonds
-            assert residual(Wave.along_y(name, xi, 0.2, contact).mode, contact) < 1e-14
+            assert residual(Wave.of_mode(name, xi, 0.2, contact).mode, contact) < 1e-14
         for direction in (0.0, 17.0, -41.0):
             assert residual(directions.mode(name, 1.1, direction, contact), contact) < 1e-14
 
@@ -53,7 +53,7 @@ def test_every_mode_of_a_contact_is_a_wave_of_it(contact: Contact) -> None:
     ids=str,
 )
 def test_a_mode_of_another_contact_is_refused(name: sh.ModeName, changes: dict[str, Any]) -> None:
-    right = Wave.along_y(name, 1.1, 0.2, Contact(NU))
+    right = Wave.of_mode(name, 1.1, 0.2, Contact(NU))
     other = replace(right.contact, **changes)
     with pytest.raises(ValueError, match=f"mode {name} at wavenumber = 1.1 is no wave of this contact"):
         replace(right, contact=other)
@@ -99,13 +99,13 @@ def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
         lambda: directions.mean_rotation(k, 0, contact),
         lambda: directions.doubled_wave(k, 0, 0.1, [1.0], contact),
         lambda: directions.second_order(k, 0, 0.1, [1.0], contact),
-        lambda: directions.trajectory(Wave.along_y("TR", 0.9, 0.1, contact), [1.0]),
+        lambda: directions.trajectory(Wave.of_mode("TR", 0.9, 0.1, contact), [1.0]),
     )
     for call in refused:
         with pytest.raises(ValueError, match="law = 'potential' is not in these springs"):
             call()
     for wrong in ({"shear": False}, {"rotation": False}, {"prestress": 1.0}):
-        other = Wave.along_y("TR", 0.9, 0.1, replace(contact, **wrong))
+        other = Wave.of_mode("TR", 0.9, 0.1, replace(contact, **wrong))
         with pytest.raises(
             ValueError, match=f"law = 'potential' has ratios in the paper's lattice only, not with {next(iter(wrong))}"
         ):
@@ -114,7 +114,7 @@ def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
 
 def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
     laws: tuple[Law, ...] = LAWS
-    modes = [Wave.along_y("TR", 1.1, 0.2, Contact(NU, law=law)).mode for law in laws]
+    modes = [Wave.of_mode("TR", 1.1, 0.2, Contact(NU, law=law)).mode for law in laws]
     assert modes[0] == modes[1] == modes[2]
 
 

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as sh
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import SILICA, parser, save, spheres, start
 from analysis.second_harmonic import Mode
 from analysis.theory.contact import LAWS, Contact, Law
 from analysis.theory.lattice import torus
-from analysis.theory.laws import SILICA, antiresonance, generated_amplitude, second_harmonic
+from analysis.theory.laws import antiresonance, generated_amplitude, second_harmonic
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -42,7 +42,7 @@ def ratio_to_secant(wavenumber: float, law: Law, poisson_ratio: float = SILICA) 
     """
     laws: tuple[Law, Law] = (law, "secant")
     contacts = [Contact(poisson_ratio, law=each) for each in laws]
-    own, secant = (np.stack(torus(Wave.along_y("TR", wavenumber, AMPLITUDE, each), TAU)) for each in contacts)
+    own, secant = (np.stack(torus(Wave.of_mode("TR", wavenumber, AMPLITUDE, each), TAU)) for each in contacts)
     p, q, phi = np.sqrt(np.mean(own**2, axis=-1) / np.mean(secant**2, axis=-1))
     return float(p), float(q), float(phi)
 
@@ -83,7 +83,7 @@ def draw(poisson_ratio: float) -> Figure:
                 ha=align,
                 fontsize=9,
             )
-        p = torus(Wave.along_y("TR", NEAR_ANTIRESONANCE, AMPLITUDE, contact), times)[0]
+        p = torus(Wave.of_mode("TR", NEAR_ANTIRESONANCE, AMPLITUDE, contact), times)[0]
         below.plot(times, 1e3 * p, label=rf"{law}, max {1e3 * np.max(np.abs(p)):.2g}", **LINES[law])
     above.axvline(resonance, color="0.6", linewidth=0.8, zorder=0)
     above.annotate(
@@ -111,14 +111,8 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the figure into a file."""
-    options = parser(__doc__, "figures/laws.png")
-    options.add_argument(
-        "--poisson-ratio", type=float, default=SILICA, metavar="NU", help="-1 to 0.5; default: %(default)s"
-    )
-    chosen = options.parse_args(arguments)
-    if not -1.0 <= chosen.poisson_ratio <= 0.5:
-        options.error(f"--poisson-ratio is {chosen.poisson_ratio}; allowed: -1 to 0.5")
-    save(draw(chosen.poisson_ratio), chosen.output)
+    contact, output = spheres(parser(__doc__, "figures/laws.png"), arguments)
+    save(draw(contact.poisson_ratio), output)
 
 
 if __name__ == "__main__":

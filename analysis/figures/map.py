@@ -27,11 +27,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, spheres, start
 from analysis.theory.contact import Contact
 from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
 
-SILICA = 0.17  # Poisson's ratio of the paper's spheres
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
 COLOURS = (1e-3, 1e1)  # what lies past them lies at resonances, at Γ and at zeros
 BRANCHES = ("lower", "middle", "upper")
@@ -114,14 +113,8 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the maps into a file."""
-    command = parser(__doc__, "figures/map.png")
-    command.add_argument(
-        "--poisson-ratio", type=float, default=SILICA, metavar="NU", help="-1 to 0.5; default: %(default)s"
-    )
-    options = command.parse_args(arguments)
-    if not -1.0 <= options.poisson_ratio <= 0.5:
-        command.error(f"--poisson-ratio is {options.poisson_ratio}; allowed: -1 to 0.5")
-    save(draw(options.poisson_ratio), options.output)
+    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments)
+    save(draw(contact.poisson_ratio), output)
 
 
 if __name__ == "__main__":

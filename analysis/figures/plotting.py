@@ -4,17 +4,19 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
 from matplotlib.figure import Figure
 
+from analysis.theory.contact import Contact
 from granular_lmp.runs.record import GranularError
 
 T = TypeVar("T")
 
+SILICA = 0.17  # Poisson's ratio of the paper's spheres
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
 
@@ -58,6 +60,16 @@ def start(main: Callable[[], int | None]) -> NoReturn:
         except OSError:  # the interpreter would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)
+
+
+def spheres(command: argparse.ArgumentParser, arguments: Sequence[str] | None) -> tuple[Contact, str]:
+    """Return the contact of the spheres that ``--poisson-ratio`` names, silica's unless given, and the output file."""
+    command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
+    options = command.parse_args(arguments)
+    try:
+        return Contact(options.poisson_ratio), options.output
+    except ValueError as error:
+        command.error(str(error))
 
 
 def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str) -> int:

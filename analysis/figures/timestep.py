@@ -26,7 +26,7 @@ WAVES: tuple[tuple[ModeName, float, str], ...] = (
 )
 # The paper's spheres in LAMMPS's geometry
 SPHERES = Contact(0.17, overlap_ratio=2.4985144e-4)
-SHOWN = {rf"{name}, $\xi$ = {xi}{place}": Wave.along_y(name, xi, 0.2, SPHERES) for name, xi, place in WAVES}
+SHOWN = {rf"{name}, $\xi$ = {xi}{place}": Wave.of_mode(name, xi, 0.2, SPHERES) for name, xi, place in WAVES}
 SILENT = 1e-9  # D0: what a symmetry makes zero is rounding, 1e-12 after a run; the smallest p here is 1e-4
 COLOURS = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito's
 PER_SAMPLE = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)

@@ -60,23 +60,20 @@ def _switched(record: Record) -> dict[str, bool]:
 def contact_of(record: Record) -> Contact:
     """Return the contact of a run: the one place that knows where scene and ``run.json`` say it.
 
-    Raises TheoryError for a contact that none of the theories here can be given.
+    Raises ValueError for a contact that none of the theories here can be given.
     """
     sphere, declared, on = record.scene.sphere, record.scene.effects, _switched(record)
     damped = on.get("damping", True)
-    try:
-        return Contact(
-            sphere.poisson_ratio,
-            law=declared.shear_law,  # type: ignore[arg-type]  # checked by the scene
-            overlap_ratio=sphere.overlap_ratio,
-            prestress=sphere.contact_force / sphere.holding_force,
-            shear=on.get("shear", True),
-            rotation=on.get("rotation", True),
-            viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
-            restitution=declared.restitution if damped and declared.restitution < 1 else None,
-        )
-    except ValueError as error:
-        raise TheoryError(f"no theory here holds {error}") from error
+    return Contact(
+        sphere.poisson_ratio,
+        law=declared.shear_law,  # type: ignore[arg-type]  # an unknown one is refused there
+        overlap_ratio=sphere.overlap_ratio,
+        prestress=sphere.contact_force / sphere.holding_force,
+        shear=on.get("shear", True),
+        rotation=on.get("rotation", True),
+        viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
+        restitution=declared.restitution if damped and declared.restitution < 1 else None,
+    )
 
 
 def direction_of(record: Record) -> float:
@@ -109,9 +106,15 @@ def others_of(record: Record) -> frozenset[str]:
 
 
 def traits_of(record: Record) -> frozenset[str]:
-    """Return all that a theory of a run must hold, in the words of `analysis.theory.catalogue`."""
-    along_y = direction_of(record) == ALONG_Y
-    return others_of(record) | catalogue.contact_traits(contact_of(record), along_y=along_y)
+    """Return all that a theory of a run must hold, in the words of `analysis.theory.catalogue`.
+
+    What is wrong with a contact that `Contact` refuses is a trait too, which no theory holds.
+    """
+    try:
+        contact = contact_of(record)
+    except ValueError as error:
+        return others_of(record) | {str(error)}
+    return others_of(record) | catalogue.contact_traits(contact, along_y=direction_of(record) == ALONG_Y)
 
 
 def wave_of(record: Record) -> Wave:

@@ -33,7 +33,6 @@ from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
-SILICA = 0.17  # Poisson's ratio of the paper's spheres
 
 
 def generated_amplitude(mode: Mode, contact: Contact) -> float:

@@ -15,10 +15,13 @@ the finer run's phase error and the next order of its frequency; over a run, in 
 """
 
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.theory.contact import Contact
 from analysis.theory.lattice import on_torus, rhs, torus
 from analysis.theory.neighbours import Neighbours, torus_neighbours
 from analysis.theory.wave import Wave
@@ -29,6 +32,18 @@ SAMPLE, RECORDS = 0.5, 240
 TAU = SAMPLE * np.arange(RECORDS + 1)
 
 
+@dataclass(frozen=True)
+class _Contacts(Contact):
+    """The contacts of several waves, alike but for κ, each of which holds for as many points of the last axis."""
+
+    kappas: tuple[float, ...] = ()
+    points: int = 1
+
+    @cached_property
+    def kappa(self) -> Floats:  # type: ignore[override]  # κ of each point
+        return np.repeat(self.kappas, self.points)
+
+
 def stepped(
     waves: Sequence[Wave], per_sample: int, *, sample: float = SAMPLE, records: int = RECORDS, points: int = 25
 ) -> Floats:
@@ -36,23 +51,18 @@ def stepped(
 
     Parameters
     ----------
-    waves : along y, in contacts with η > 0; those of one contact are stepped side by side.
+    waves : along y, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
 
-    Not finite beyond the stability limit of the step.
+    Raises ValueError for contacts that differ in more. Not finite beyond the stability limit of the step.
     """
-    result = np.empty((len(waves), records + 1, 3))
-    for contact in dict.fromkeys(wave.contact for wave in waves):
-        numbers = [number for number, wave in enumerate(waves) if wave.contact == contact]
-        result[numbers] = _together([waves[number] for number in numbers], per_sample, sample, records, points)
-    return result
-
-
-def _together(waves: Sequence[Wave], per_sample: int, sample: float, records: int, points: int) -> Floats:
-    """`stepped` for waves of one contact."""
-    contact, step = waves[0].contact, sample / per_sample
+    alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
+    if len(alike) != 1:
+        raise ValueError(f"{len(alike)} kinds of contact: waves that are stepped side by side may differ in ν only")
+    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves), points=points)
+    step = sample / per_sample
     state = np.concatenate([on_torus(wave, points)[0] for wave in waves], axis=-1)
     neighbours = _side_by_side([wave.mode.wavenumber for wave in waves], points)
     record = np.empty((records + 1, 3, len(waves)))

@@ -55,8 +55,8 @@ class Wave:
         return self.contact.ratios_of(self.mode)
 
     @classmethod
-    def along_y(cls, name: ModeName, wavenumber: float, amplitude: float, contact: Contact, phase: float = 0.0) -> Self:
-        """Return the wave of a mode along y at ξ = wavenumber, rad per row."""
+    def of_mode(cls, name: ModeName, wavenumber: float, amplitude: float, contact: Contact, phase: float = 0.0) -> Self:
+        """Return the wave along y of the mode of a name at ξ = wavenumber, rad per row."""
         return cls(mode_along_y(name, wavenumber, contact.secant_ratios), amplitude, contact, phase)
 
 

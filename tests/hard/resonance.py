@@ -123,7 +123,7 @@ def at_the_antiresonance(overlap_ratio: float = ETA) -> Cases:
     with TemporaryDirectory() as folder:
         pair = [run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved_step(coarse)))]
     record = richardson(*pair)
-    wave = Wave.along_y("TR", coarse.wavenumber, 0.2, Contact(NU, overlap_ratio=overlap_ratio))
+    wave = Wave.of_mode("TR", coarse.wavenumber, 0.2, Contact(NU, overlap_ratio=overlap_ratio))
     p, _, _ = lattice.torus(wave, record.tau)
     size = float(np.abs(p).max())
     return [

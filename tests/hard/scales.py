@@ -75,7 +75,7 @@ def corners(nu: float, reference: float | None = None) -> Cases:
         ran += 1
         eta = wave.sphere.overlap_ratio
         exact = nu if reference is None else reference
-        theory = Wave.along_y("TR", wave.wavenumber, AMPLITUDE, Contact(exact, overlap_ratio=eta))
+        theory = Wave.of_mode("TR", wave.wavenumber, AMPLITUDE, Contact(exact, overlap_ratio=eta))
         truth = lattice.torus(theory, TAU, rtol=1e-11)
         error = np.abs(course(wave) - truth).max()
         worst = max(worst, float(error / verlet_bound(wave, theory.mode.frequency)) if np.isfinite(error) else inf)

@@ -25,7 +25,7 @@ def end(
 ) -> Cases:
     """A mode near an end of the zone against the exact lattice, whose ν is `reference`."""
     wave = scene(name, cycles, rows, 0.2, step, duration)
-    theory = Wave.along_y(name, wave.wavenumber, 0.2, Contact(reference, overlap_ratio=ETA))
+    theory = Wave.of_mode(name, wave.wavenumber, 0.2, Contact(reference, overlap_ratio=ETA))
     tau = np.arange(0.0, duration + 0.25, 0.5)
     with running(wave, edits) as cell:
         found = cell.follow(tau)[:, :3, wave.shape.centre_row].T / 0.2
