@@ -129,7 +129,7 @@ def test_the_part_of_the_order_is_the_error_of_second_order_theory() -> None:
         record, found = as_run(scene), budget_of(as_run(scene))["perturbation order"]
         wave = wave_of(record)
         theory = second_order(wave.mode, wave.ratios, wave.amplitude, record.tau)
-        exact = limit((name, float(xi), float(amplitude), float(nu)), FEW, scene.sphere.overlap_ratio)  # type: ignore[arg-type]
+        exact = limit(wave, FEW)
         for i, component in enumerate(NAMES):
             if getattr(found, component) is not None:
                 error = relative_error(theory[i], exact[:, i])

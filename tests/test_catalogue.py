@@ -15,7 +15,7 @@ from analysis.measure import oblique, sheets, spectrum
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue
 from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
-from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits_of, trajectory, wave_of
+from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.effects import table as package_effects
 from granular_lmp.effects.rules import Case, Finding
@@ -210,7 +210,7 @@ def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypa
     record = record_of(PAPER, *("adhesion", "shear", "rotation", "tracking", "walls"))
     wave = wave_of(record)
     assert theory in holding(wave)
-    for trait in wave.physics.traits:
+    for trait in traits(wave):
         monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] - {trait})
         assert theory not in holding(wave)
         with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; that hold it: "):

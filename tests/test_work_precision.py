@@ -216,7 +216,7 @@ def test_the_tightest_tolerance_has_no_row() -> None:
 def test_the_formulas_in_the_readme_are_as_good_as_it_says() -> None:
     record = from_theory(PAPER, "exact-lattice", np.arange(0.0, 120.5, 0.5))
     wave = wave_of(record)
-    for module, theory in (("second_harmonic", "second-order"), ("resonance", "three-mode")):
+    for module, theory in (("second_harmonic", "second-order"), ("theory.resonance", "three-mode")):
         (line,) = [line for line in README.splitlines() if f"`analysis.{module}` |" in line]
         shown = [float(word) for word in re.findall(r"\d\.\de-\d\d", line)]
         found = signals.errors(record, trajectory(theory, wave, record.tau))

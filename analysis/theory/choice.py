@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from analysis.second_harmonic import ALONG_Y, Mode, ModeName, mode, second_order
 from analysis.theory import catalogue, directions
-from analysis.theory.contact import Contact
+from analysis.theory.contact import LAWS, Contact
 from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
@@ -66,7 +66,7 @@ def contact_of(record: Record) -> Contact:
     damped = on.get("damping", True)
     return Contact(
         sphere.poisson_ratio,
-        law=declared.shear_law,  # type: ignore[arg-type]  # an unknown one is refused there
+        law=declared.shear_law,  # type: ignore[arg-type]  # checked there
         overlap_ratio=sphere.overlap_ratio,
         prestress=sphere.contact_force / sphere.holding_force,
         shear=on.get("shear", True),
@@ -108,8 +108,11 @@ def others_of(record: Record) -> frozenset[str]:
 def traits_of(record: Record) -> frozenset[str]:
     """Return all that a theory of a run must hold, in the words of `analysis.theory.catalogue`.
 
-    What is wrong with a contact that `Contact` refuses is a trait too, which no theory holds.
+    A law that is unknown is a trait too, and so is what else is wrong with a contact: no theory holds it.
     """
+    law = record.scene.effects.shear_law
+    if law not in LAWS:
+        return others_of(record) | {catalogue.said("effects.shear_law", law)}
     try:
         contact = contact_of(record)
     except ValueError as error:
