@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.theory import directions
+from analysis.theory import directions, lattice
 from analysis.theory.contact import LAWS, Contact, Law
 from analysis.theory.hierarchy import hierarchy_orders
 from analysis.theory.springs import springs
+from analysis.theory.timestep import stepped
 from analysis.theory.wave import Wave, residual
 
 NU = 0.17
@@ -116,6 +117,31 @@ def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
     laws: tuple[Law, ...] = LAWS
     modes = [Wave.of_mode("TR", 1.1, 0.2, Contact(NU, law=law)).mode for law in laws]
     assert modes[0] == modes[1] == modes[2]
+
+
+def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
+    contact = Contact(NU, overlap_ratio=0.01)
+    right = Wave.of_mode("TR", 1.1, 0.2, contact)
+    oblique = Wave(directions.mode("TR", 1.1, 17.0, contact), 0.2, contact)
+    with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
+        lattice.rows(oblique, [0.0, 1.0], rows=7)
+    wrong: list[tuple[list[Wave], str]] = [
+        ([oblique], r"direction = 17\.0 of the mode is not 90"),
+        ([replace(right, phase=0.3)], "stepped with phase 0"),
+        ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], "an overlap ratio above 0"),
+        ([right, Wave.of_mode("TR", 1.1, 0.2, replace(contact, overlap_ratio=0.02))], "2 kinds of contact"),
+    ]
+    for waves, message in wrong:
+        with pytest.raises(ValueError, match=message):
+            stepped(waves, 2, records=2)
+
+
+def test_waves_stepped_side_by_side_are_those_stepped_alone() -> None:
+    waves = [Wave.of_mode("TR", xi, 0.2, Contact(nu, overlap_ratio=1e-3)) for xi, nu in ((0.8, NU), (2.1, -0.5))]
+    together, apart = stepped(waves, 4, records=40), [stepped([wave], 4, records=40)[0] for wave in waves]
+    # 160 steps of numbers of order one, whose sums are taken in another order
+    np.testing.assert_allclose(together, apart, rtol=0, atol=1e-11)
+    assert np.max(np.abs(together[0] - together[1])) > 0.1
 
 
 @pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)

@@ -1,6 +1,8 @@
 """The error of p and q over the cost, of single runs and of Richardson pairs, by `analysis.theory.timestep`.
 
-python -m analysis.figures.timestep [-o FILE]
+    python -m analysis.figures.timestep [-o FILE]
+
+Dots are runs of the stepped lattice, lines the law of their phase.
 """
 
 from collections.abc import Sequence

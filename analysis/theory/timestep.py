@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import on_torus, rhs, torus
 from analysis.theory.neighbours import Neighbours, torus_neighbours
@@ -51,13 +52,18 @@ def stepped(
 
     Parameters
     ----------
-    waves : along y, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
+    waves : along y and of phase 0, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
 
-    Raises ValueError for contacts that differ in more. Not finite beyond the stability limit of the step.
+    Raises ValueError for other waves and contacts. Not finite beyond the stability limit of the step.
     """
+    for wave in waves:
+        refuse_oblique(wave.mode)
+        if wave.phase or not wave.contact.overlap_ratio:
+            said = f"phase = {wave.phase} and overlap_ratio = {wave.contact.overlap_ratio}"
+            raise ValueError(f"{said}: waves are stepped with phase 0, in contacts with an overlap ratio above 0")
     alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
     if len(alike) != 1:
         raise ValueError(f"{len(alike)} kinds of contact: waves that are stepped side by side may differ in ν only")
