@@ -551,7 +551,7 @@ def test_the_map_is_written_for_any_material(tmp_path, poisson_ratio, monkeypatc
 def test_the_map_refuses_an_impossible_material(capsys):
     with pytest.raises(SystemExit, match="2"):
         zone_map.main(["--poisson-ratio", "0.7"])
-    assert "--poisson-ratio is 0.7; allowed: -1 to 0.5" in capsys.readouterr().err
+    assert "poisson_ratio = 0.7 is outside [-1, 0.5]" in capsys.readouterr().err
 
 
 # ---- the helpers and what is refused -------------------------------------------------------------
