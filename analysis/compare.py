@@ -25,16 +25,7 @@ from analysis.measure.budget import Source, budget_lines, error_budget
 from analysis.measure.runs import load
 from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
 from analysis.theory.catalogue import script_for
-from analysis.theory.choice import (
-    ALONG_Y,
-    THEORIES,
-    TheoryError,
-    Wave,
-    best,
-    beyond,
-    holding,
-    trajectory,
-)
+from analysis.theory.choice import THEORIES, TheoryError, best, beyond, holding, traits, trajectory, wave_of
 from granular_lmp.runs.record import Record
 
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
@@ -95,8 +86,8 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     Raises TheoryError for a theory that is not in `analysis.theory.choice.THEORIES`, or leaves out what the run has,
     and for a run with anything that no theory knows.
     """
-    wave = Wave.of(record)
-    covered = bool(holding(wave.physics))
+    wave = wave_of(record)
+    covered = bool(holding(wave))
     name = theory or (best(wave, record.tau) if covered else None)
     measured, fit_error = measured_amplitude(record, wave)
     exact = trajectory("exact-lattice", wave, record.tau) if covered else None
@@ -125,11 +116,11 @@ def notes(record: Record) -> list[str]:
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
-    physics = Wave.of(record).physics
-    if not holding(physics):
-        script = script_for(physics.traits)
+    wave = wave_of(record)
+    if not holding(wave):
+        script = script_for(traits(wave))
         loud.append(
-            f"no theory here holds {', '.join(beyond(physics))}: the run is compared with nothing"
+            f"no theory here holds {', '.join(beyond(wave))}: the run is compared with nothing"
             + (f"; `python -m {script}` has a theory of it" if script else "")
         )
     echo = record.scene.echo_time
@@ -200,8 +191,9 @@ def figure(record: Record, comparison: Comparison) -> Figure:
     """
     if comparison.theory is None:
         raise TheoryError(f"theory = None: {comparison.run} is compared with nothing")
-    theory = trajectory(comparison.theory, Wave.of(record), record.tau)
-    along_y = comparison.direction == ALONG_Y
+    wave = wave_of(record)
+    theory = trajectory(comparison.theory, wave, record.tau)
+    along_y = wave.mode.along_y
     labels = LABELS if along_y else OBLIQUE_LABELS
     result = Figure(figsize=(7.5, 7.0), layout="constrained")
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)

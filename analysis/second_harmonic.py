@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 ModeName = Literal["L", "TR", "RT"]
 
 SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
+ALONG_Y = 90.0  # degrees from a close-packed row
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,12 @@ class Mode:
     p: float
     q: float
     f: float
-    direction: float = 90.0
+    direction: float = ALONG_Y
+
+    @property
+    def along_y(self) -> bool:
+        """Whether the wave runs along y, as the paper's do and the closed forms here."""
+        return self.direction == ALONG_Y
 
 
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
@@ -226,7 +232,7 @@ def _source(mode: Mode, ratios: Ratios) -> float:
 
 def refuse_oblique(mode: Mode) -> None:
     """Raise ValueError for a mode of another direction than y, whose closed forms these are not."""
-    if mode.direction != 90.0:
+    if not mode.along_y:
         raise ValueError(f"direction = {mode.direction} of the mode is not 90: the closed forms are those of y")
 
 

@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.norms import relative_error
-from analysis.second_harmonic import mode, ratios
+from analysis.second_harmonic import ModeName
 from analysis.theory import lattice
+from analysis.theory.contact import Contact, Law
+from analysis.theory.wave import Wave
 from granular_lmp import Scene, build
 from granular_lmp.scene.initial_fields import plane_wave
 
@@ -71,15 +73,16 @@ def times(scene: Scene) -> Floats:
 
 
 @cache
-def exact(scene: Scene, law: lattice.Law = "secant") -> tuple[Floats, Floats]:
+def exact(scene: Scene, law: Law = "secant") -> tuple[Floats, Floats]:
     """p and q of the infinite lattice at the scene's wave number, in true contact geometry."""
     nu, eta = scene.sphere.poisson_ratio, scene.sphere.overlap_ratio
-    wave = mode(scene.wave.mode, scene.wavenumber, ratios(nu, overlap_ratio=eta))  # type: ignore[arg-type]
-    p, q, _ = lattice.torus(wave, scene.wave.amplitude, times(scene), nu, law=law, overlap_ratio=eta)
+    name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
+    wave = Wave.of_mode(name, scene.wavenumber, scene.wave.amplitude, Contact(nu, law=law, overlap_ratio=eta))
+    p, q, _ = lattice.torus(wave, times(scene))
     return p, q
 
 
-def errors(scene: Scene, p: Floats, q: Floats, law: lattice.Law = "secant") -> tuple[float, float]:
+def errors(scene: Scene, p: Floats, q: Floats, law: Law = "secant") -> tuple[float, float]:
     """Relative L2 error of p and of q against `exact`."""
     p_exact, q_exact = exact(scene, law)
     return relative_error(p, p_exact), relative_error(q, q_exact)

@@ -12,7 +12,9 @@ import pytest
 
 from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import mode, ratios, second_order
+from analysis.theory.contact import Contact
 from analysis.theory.lattice import torus
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import halved_step, richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor
@@ -26,7 +28,7 @@ def lattice(record: Record, overlap_ratio: float) -> tuple[np.ndarray, np.ndarra
     """The exact lattice for the wave of a run: the paper's equations (0), or with LAMMPS's contact geometry (η)."""
     wave = record.scene.wave
     start = mode(wave.mode, wave.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))  # type: ignore[arg-type]
-    return torus(start, wave.amplitude, record.tau, NU, overlap_ratio=overlap_ratio, phase=wave.phase)
+    return torus(Wave(start, wave.amplitude, Contact(NU, overlap_ratio=overlap_ratio), wave.phase), record.tau)
 
 
 def errors(record: Record, reference: tuple[np.ndarray, ...]) -> Errors:
@@ -212,7 +214,7 @@ def test_rescaling_the_history_is_another_law(tmp_path: Path) -> None:
 def test_the_incremental_law_nearly_doubles_p(tmp_path: Path) -> None:
     record = run_altered(tmp_path / "run", ("tangential mindlin ", "tangential mindlin/force "))
     wave = mode("TR", 0.802, ratios(NU))
-    p, _, _ = torus(wave, 0.2, record.tau, NU, law="incremental")
+    p, _, _ = torus(Wave(wave, 0.2, Contact(NU, law="incremental")), record.tau)
     # mindlin/force is of first order in the step, which leaves 3 % at 0.05
     assert relative_error(record.p, p) < 0.05
     assert errors(record, lattice(record, 0.0))["p"] > 0.8

@@ -12,9 +12,10 @@ from analysis.measure.budget import Source, error_budget
 from analysis.measure.norms import relative_error
 from analysis.measure.signals import errors
 from analysis.second_harmonic import second_order
-from analysis.theory import timestep
-from analysis.theory.choice import Wave, trajectory
+from analysis.theory.choice import trajectory, wave_of
+from analysis.theory.contact import Contact
 from analysis.theory.timestep import limit, stepped
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import phase_error, with_step
@@ -36,6 +37,12 @@ each_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
 FEW = np.arange(0.0, 30.5, 0.5)
 
 
+def wave_in(scene: Scene, overlap_ratio: float) -> Wave:
+    """The wave of a scene in contacts of this overlap ratio."""
+    contact = Contact(0.17, overlap_ratio=overlap_ratio)
+    return Wave.of_mode(scene.wave.mode, scene.wavenumber, scene.wave.amplitude, contact)  # type: ignore[arg-type]
+
+
 def names_of(scene: Scene) -> tuple[str, ...]:
     """The signals that do not vanish by symmetry."""
     return NAMES[:1] if scene.wave.mode == "L" else NAMES
@@ -49,7 +56,7 @@ def as_run(scene: Scene, tau: Any = FEW) -> Record:
 
 def budget_of(record: Record) -> dict[str, Source]:
     """Return the sources of error of a record by name."""
-    wave = Wave.of(record)
+    wave = wave_of(record)
     exact = trajectory("exact-lattice", wave, record.tau)
     return {source.name: source for source in error_budget(record, wave, errors(record, exact), exact)}
 
@@ -60,16 +67,15 @@ def budget_of(record: Record) -> dict[str, Source]:
 @pytest.mark.parametrize("scene", [PAPER, SCENES["RT"], SCENES["L"]], ids=["TR", "RT", "L"])
 def test_the_time_step_s_part_is_the_error_of_the_stepped_lattice(scene: Scene) -> None:
     scene = with_step(scene, 0.05)
-    wave: timestep.Wave = (scene.wave.mode, scene.wavenumber, scene.wave.amplitude, 0.17)  # type: ignore[assignment]
-    eta = scene.sphere.overlap_ratio
-    (record,), exact = stepped([wave], 10, overlap_ratio=eta), limit(wave, overlap_ratio=eta)
+    wave = wave_in(scene, scene.sphere.overlap_ratio)
+    (record,), exact = stepped([wave], 10), limit(wave)
     line = known.error_budget(scene, dict(zip(NAMES, exact.T, strict=True)))[0]
     for i, name in enumerate(NAMES):
         if line[name] is not None:
             # The law is that of the phase of the linear wave; the envelope and a² = 0.04 are a few per cent more
             assert line[name] == pytest.approx(relative_error(record[:, i], exact[:, i]), rel=0.1)
     assert line["p"] is None or scene.wave.mode == "L"  # a second harmonic's error takes two runs to see
-    (other,) = stepped([wave], 20, overlap_ratio=eta)
+    (other,) = stepped([wave], 20)
     wrong = next(i for i, name in enumerate(NAMES) if line[name] is not None)
     assert line[NAMES[wrong]] > 3 * relative_error(other[:, wrong], exact[:, wrong])  # a quarter of the error is seen
 
@@ -94,8 +100,7 @@ def test_an_estimate_takes_the_place_of_the_law() -> None:
 
 @each_scene
 def test_the_part_of_geometry_is_the_distance_to_the_paper_s_lattice(scene: Scene) -> None:
-    wave: timestep.Wave = (scene.wave.mode, scene.wavenumber, scene.wave.amplitude, 0.17)  # type: ignore[assignment]
-    exact, paper = limit(wave, FEW, scene.sphere.overlap_ratio), limit(wave, FEW, 0.0)
+    exact, paper = (limit(wave_in(scene, eta), FEW) for eta in (scene.sphere.overlap_ratio, 0.0))
     found = budget_of(as_run(scene))["geometry"]
     for i, name in enumerate(NAMES):
         value = getattr(found, name)
@@ -122,9 +127,9 @@ def test_the_part_of_the_order_is_the_error_of_second_order_theory() -> None:
             }
         )
         record, found = as_run(scene), budget_of(as_run(scene))["perturbation order"]
-        wave = Wave.of(record)
+        wave = wave_of(record)
         theory = second_order(wave.mode, wave.ratios, wave.amplitude, record.tau)
-        exact = limit((name, float(xi), float(amplitude), float(nu)), FEW, scene.sphere.overlap_ratio)  # type: ignore[arg-type]
+        exact = limit(wave, FEW)
         for i, component in enumerate(NAMES):
             if getattr(found, component) is not None:
                 error = relative_error(theory[i], exact[:, i])

@@ -15,7 +15,7 @@ from analysis.measure import oblique, sheets, spectrum
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue
 from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
-from analysis.theory.choice import THEORIES, TheoryError, Wave, best, holding, physics_of, trajectory
+from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.effects import selection as package_effects
 from granular_lmp.effects.effect import Case, Effect, Finding
@@ -58,7 +58,7 @@ def outcome(record: Record) -> tuple[bool, str]:
 @pytest.mark.parametrize("name", [*EFFECTS, INVENTED_EFFECT])
 def test_every_effect_and_form_is_declared_by_a_theory_or_refused_by_name(name: str, form: str) -> None:
     record = record_of(with_wave(form=form), name)
-    traits, (judged, said) = physics_of(record).traits, outcome(record)
+    traits, (judged, said) = traits_of(record), outcome(record)
     names = {f"effects.{name}", f"wave.form = '{form}'"}
     assert names - {"effects.damping"} <= traits  # without a dashpot nothing is damped
     left_out = (names & traits) - HOLDS["exact-lattice"]
@@ -80,10 +80,10 @@ INVENTED = [
 def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
     record: Record, name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert all(name in missing(theory, physics_of(record).traits) for theory in HOLDS)
-    assert script_for(physics_of(record).traits) is None
+    assert all(name in missing(theory, traits_of(record)) for theory in HOLDS)
+    assert script_for(traits_of(record)) is None
     with pytest.raises(TheoryError, match=f"no theory here holds {name}"):
-        Wave.of(record)
+        wave_of(record)
     with pytest.raises(ValueError, match=name):
         sheets.refuse(record)
     assert name in (spectrum.refusal(record) or "")
@@ -208,18 +208,18 @@ def test_every_theory_has_its_line_and_lammps_alone_has_what_none_holds() -> Non
 @pytest.mark.parametrize("theory", THEORIES)
 def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypatch: pytest.MonkeyPatch) -> None:
     record = record_of(PAPER, *("adhesion", "shear", "rotation", "tracking", "walls"))
-    wave = Wave.of(record)
-    assert theory in holding(wave.physics)
-    for trait in wave.physics.traits:
+    wave = wave_of(record)
+    assert theory in holding(wave)
+    for trait in traits(wave):
         monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] - {trait})
-        assert theory not in holding(wave.physics)
+        assert theory not in holding(wave)
         with pytest.raises(TheoryError, match=f"theory = '{theory}' leaves out {trait}; that hold it: "):
             trajectory(theory, wave, TAU)
         monkeypatch.undo()
 
 
 def test_best_names_what_no_theory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    wave = Wave.of(record_of(PAPER, "sliding"))
+    wave = wave_of(record_of(PAPER, "sliding"))
     with pytest.raises(TheoryError, match="^no theory here holds effects.sliding$"):
         best(wave, TAU)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import relative_error
-from analysis.theory.choice import Wave, trajectory
+from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.runs.record import read_status, write_status
@@ -109,7 +109,7 @@ def test_what_symmetry_makes_zero_has_no_error(small: Scene) -> None:
 def test_the_reference_knows_its_own_error(study: tuple[Path, dict[str, Any]]) -> None:
     folder, result = study
     best = Record.load(folder / "reference")
-    exact = trajectory("exact-lattice", Wave.of(best), best.tau)
+    exact = trajectory("exact-lattice", wave_of(best), best.tau)
     # The exact lattice is integrated to 1e-9 or so; rounding of the run is of the size of the error of q here
     truth = relative_error(best.p, exact[0])
     assert truth < 1e-6

@@ -5,6 +5,7 @@ import pytest
 
 from analysis import second_harmonic as sh
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
 from analysis.theory.damping import decay_rate, restitution_viscosity
 from analysis.theory.hierarchy import hierarchy_orders
 
@@ -23,7 +24,7 @@ def shrinking(mode, constants, viscosity, **effects):
 
     The start is not quite the damped mode: a wave of relative size Γ/Ω runs backward and ripples at 2Ω.
     """
-    first = hierarchy_orders(mode, TAU, NU, order=2, rtol=1e-11, viscosity=viscosity, **effects)[0]
+    first = hierarchy_orders(mode, Contact(NU, viscosity=viscosity, **effects), TAU, order=2, rtol=1e-11)[0]
     harmonic = 2 * np.mean(first * np.exp(-1j * lattice.torus_phases(first.shape[-1])), axis=-1)
     on_mode = harmonic @ [mode.p, mode.q, -1j * mode.f * constants.inertia]
     ripple = 2 * mode.frequency * TAU
@@ -70,7 +71,7 @@ def six_dashpots(moving, contact, between_rows=1.0):
         t = np.array([-n[1], n[0]])
         d = np.array([-(q[row] - q[1]), p[row] - p[1]])
         slip = t @ d - phi[row] - phi[1]
-        viscosity = contact.viscosity * (1.0 if row == 1 else between_rows)
+        viscosity = contact.dashpot * (1.0 if row == 1 else between_rows)
         total[:2] += viscosity * ((n @ d) * n + slip * t)
         total[2] += viscosity * slip
     return total
@@ -78,7 +79,7 @@ def six_dashpots(moving, contact, between_rows=1.0):
 
 def test_every_contact_has_two_dashpots():
     rates = np.random.default_rng(2).uniform(-1, 1, (3, 3))
-    contact, neighbours = lattice.contact(NU, viscosity=0.3), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, viscosity=0.3), lattice.ring_neighbours()
     state = np.concatenate([np.zeros((3, 3)), rates])
     p, q, phi = lattice.rhs(state, contact, neighbours)[3:, 1]
     force = six_dashpots(rates, contact)
@@ -86,7 +87,7 @@ def test_every_contact_has_two_dashpots():
 
 
 def test_an_open_contact_does_not_damp():
-    contact, still = lattice.contact(NU, viscosity=0.3), lattice.contact(NU)
+    contact, still = Contact(NU, viscosity=0.3), Contact(NU)
     neighbours = lattice.ring_neighbours()
     state = np.zeros((6, 5))
     state[0] = 10 * np.arange(5)  # rows 0 … 4 far apart; between 4 and 0 they are pressed
@@ -110,12 +111,12 @@ def test_the_law_of_the_shear_force_changes_nothing_of_the_damping(law):
 @pytest.mark.parametrize("restitution", [0.95, 0.8, 0.5])
 def test_two_spheres_part_with_the_restitution_coefficient(restitution):
     # One Hertz contact in units of Δ0, t0, m: f_N = C(2/3)(1−x)^{3/2}, and the dashpot of `restitution_viscosity`.
-    contact = lattice.contact(NU, restitution=restitution, prestress=1.0)
+    contact = Contact(NU, restitution=restitution, prestress=1.0)
 
     def rate(y):  # overlap and its rate, reduced mass ½
         overlap = max(y[0], 0.0)
         repulsion = overlap**1.5 / 1.5 / (2 * (contact.kappa + 3))
-        return np.array([y[1], -2 * (repulsion + contact.viscosity * overlap**0.25 * y[1])])
+        return np.array([y[1], -2 * (repulsion + contact.dashpot * overlap**0.25 * y[1])])
 
     # Until the overlap is back at zero, where the dashpot of LAMMPS ends too.
     states = lattice.integrate(rate, np.array([1e-12, 1.0]), np.linspace(0, 60, 60001), 1e-10, 1e-3, longest=np.inf)
@@ -127,7 +128,7 @@ def test_a_wave_damped_by_restitution_decays_as_by_its_viscosity_at_rest():
     mode = sh.mode("TR", 0.802, SILICA)
     viscosity = restitution_viscosity(0.999, SILICA.kappa)
     damped = [
-        hierarchy_orders(mode, TAU, NU, order=3, prestress=1.0, **effects)
+        hierarchy_orders(mode, Contact(NU, prestress=1.0, **effects), TAU, order=3)
         for effects in ({"restitution": 0.999}, {"viscosity": viscosity})
     ]
     assert np.allclose(damped[0][0], damped[1][0], rtol=0, atol=1e-8)
@@ -137,7 +138,7 @@ def test_a_wave_damped_by_restitution_decays_as_by_its_viscosity_at_rest():
 @pytest.mark.parametrize("stretch", [0.9, 0.5, -1.0, -15.0])
 def test_the_dashpot_of_a_restitution_goes_as_the_fourth_root_of_the_overlap(stretch):
     # Rows 0 … 4 pulled apart or pressed alike, so that their contacts are longer by the stretch; row 2 is looked at
-    contact, free = (lattice.contact(NU, prestress=1.0, restitution=e) for e in (0.9, None))
+    contact, free = (Contact(NU, prestress=1.0, restitution=e) for e in (0.9, None))
     rates = np.random.default_rng(3).uniform(-1, 1, (3, 5))
     places = np.zeros((3, 5))
     places[0] = np.arange(5) * stretch / (np.sqrt(3) / 2)
@@ -168,4 +169,4 @@ def test_no_restitution_is_no_damping():
 )
 def test_dashpots_that_are_none_are_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
-        lattice.contact(NU, **wrong)
+        Contact(NU, **wrong)

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.figures import dispersion as dispersion_figure
 from analysis.measure import dispersion
+from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from granular_lmp import Scene, build
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
@@ -47,7 +48,7 @@ def test_the_branches_of_other_spheres_are_not_there(sheet: dispersion.Sheet) ->
 
 def test_peaks_of_synthetic_waves_are_found() -> None:
     wavevector = np.array([[2 * np.pi / 12, 2 * np.pi / (6 * np.sqrt(3))]])
-    frequencies, shapes = modes(wavevector[0], 0.17)
+    frequencies, shapes = modes(wavevector[0], Contact(0.17))
     tau = np.arange(0, 300, 1.5)
     x, y = np.meshgrid(np.arange(12.0), np.arange(12) * np.sqrt(3) / 2)
     position = np.column_stack([x.ravel(), y.ravel()])

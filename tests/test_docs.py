@@ -15,6 +15,8 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.measure.norms import relative_error
 from analysis.theory import frequency_shift, hierarchy, lattice, resonance
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -178,7 +180,7 @@ def measured_errors(label: str) -> dict[str, list[float] | None]:
     name, xi = label.split()
     mode = sh.mode(name, float(xi), SILICA)  # type: ignore[arg-type]
     moving = slice(1 if name == "L" else 3)
-    exact = lattice.torus(mode, AMPLITUDE, TAU, NU, rtol=1e-10)[moving]
+    exact = lattice.torus(Wave(mode, AMPLITUDE, Contact(NU)), TAU, rtol=1e-10)[moving]
 
     def errors(estimate: Sequence[np.ndarray]) -> list[float]:
         return [relative_error(e, x) for e, x in zip(estimate[moving], exact, strict=True)]
@@ -191,7 +193,7 @@ def measured_errors(label: str) -> dict[str, list[float] | None]:
             found[formula] = None
         else:
             found[formula] = errors(estimate)
-    orders = hierarchy.hierarchy_orders(mode, TAU, NU) @ lattice.periodic_kernel(-lattice.torus_phases(13), 13)
+    orders = hierarchy.hierarchy_orders(mode, Contact(NU), TAU) @ lattice.periodic_kernel(-lattice.torus_phases(13), 13)
     for n in (4, 6):
         found[f"hierarchy, order {n}"] = errors(np.tensordot(AMPLITUDE ** np.arange(n), orders[:n], axes=1).T)
     return found

@@ -13,7 +13,7 @@ from analysis.figures import driven as driven_figure
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import rows_of
 from analysis.theory import driven, lattice
-from analysis.theory.laws import shear_law_ratios
+from analysis.theory.contact import Contact, Law
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -129,7 +129,7 @@ RAMP, REACH, PERIODS, SAMPLES = 120.0, 12, 8, 20
 
 
 def strip(
-    mode: sh.Mode, amplitude: float, tau: np.ndarray, rows: int, contact: lattice.Contact, ramp: float = RAMP
+    mode: sh.Mode, amplitude: float, tau: np.ndarray, rows: int, contact: Contact, ramp: float = RAMP
 ) -> np.ndarray:
     """p, q, φ (T, 3, rows) in D0 of the exact lattice, row 0 moved by force, the last row held."""
     neighbours, component = lattice.ring_neighbours(), 0 if mode.name == "L" else 1
@@ -153,7 +153,7 @@ def strip(
 
 
 def fitted(
-    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, ramp: float = RAMP, wait: float = 60.0
+    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: Contact, ramp: float = RAMP, wait: float = 60.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fundamental (3, REACH), p at 2Ω and mean p of rows 1 to REACH of an integrated strip."""
     period = 2 * np.pi / mode.frequency
@@ -166,9 +166,7 @@ def fitted(
     return np.array([fit[1][0] for fit in fits]), fits[0][1][1], fits[0][0]
 
 
-def errors(
-    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact, **setting: float
-) -> np.ndarray:
+def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: Contact, **setting: float) -> np.ndarray:
     """Return the errors of the driven component, of p at 2Ω, and of the mean of p."""
     fundamental, second, mean = fitted(mode, ratios, amplitude, contact, **setting)
     n, component = np.arange(1, REACH + 1), 0 if mode.name == "L" else 1
@@ -192,10 +190,10 @@ STRIPS = [
 
 @pytest.mark.parametrize(("name", "xi", "eta", "law"), STRIPS)
 def test_errors_against_an_integrated_strip_fall_as_the_square_of_the_amplitude(
-    name: sh.ModeName, xi: float, eta: float, law: lattice.Law
+    name: sh.ModeName, xi: float, eta: float, law: Law
 ) -> None:
-    ratios = shear_law_ratios(NU, law, overlap_ratio=eta)
-    mode, contact = sh.mode(name, xi, ratios), lattice.contact(NU, law=law, overlap_ratio=eta)
+    ratios = Contact(NU, law=law, overlap_ratio=eta).ratios
+    mode, contact = sh.mode(name, xi, ratios), Contact(NU, law=law, overlap_ratio=eta)
     large, small = (errors(mode, ratios, amplitude, contact) for amplitude in (0.16, 0.08))
     # The next order, a² of these (20 % of contacts' overlap at a = 0.16), and the floor of switching on, 1e-5.
     assert np.log2(large / small) == pytest.approx(2, abs=0.2)
@@ -203,8 +201,8 @@ def test_errors_against_an_integrated_strip_fall_as_the_square_of_the_amplitude(
 
 
 def test_the_incremental_law_has_the_same_steady_state_but_for_the_mean() -> None:
-    ratios = shear_law_ratios(NU, "incremental", overlap_ratio=0.01)
-    mode, contact = sh.mode("TR", 0.802, ratios), lattice.contact(NU, law="incremental", overlap_ratio=0.01)
+    ratios = Contact(NU, law="incremental", overlap_ratio=0.01).ratios
+    mode, contact = sh.mode("TR", 0.802, ratios), Contact(NU, law="incremental", overlap_ratio=0.01)
     q, second, mean, phi = errors(mode, ratios, 0.04, contact)
     assert max(q, second, phi) < 1e-3  # a² = 1.6e-3 of order 0.1
     assert mean > 0.1
@@ -214,7 +212,7 @@ def test_the_incremental_law_has_the_same_steady_state_but_for_the_mean() -> Non
 
 def test_of_two_waves_that_run_the_strip_has_those_that_run_away() -> None:
     ratios = sh.ratios(NU, 1.5)
-    mode, contact = sh.mode("RT", 2.15, ratios), lattice.contact(NU, inertia=1.5)
+    mode, contact = sh.mode("RT", 2.15, ratios), Contact(NU, inertia=1.5)
     run = fitted(mode, ratios, 0.01, contact, wait=800.0)[0][1]
     waves = driven.linear_waves(mode, ratios)
     n, (q, phi) = np.arange(1, REACH + 1), waves.shapes[1:]
@@ -231,7 +229,7 @@ def relative_error_complex(estimate: np.ndarray, reference: np.ndarray) -> float
 
 
 def test_the_floor_is_what_switching_on_leaves() -> None:
-    mode, contact = sh.mode("L", 2.0, SILICA), lattice.contact(NU)
+    mode, contact = sh.mode("L", 2.0, SILICA), Contact(NU)
     abrupt, soft = (errors(mode, SILICA, 0.01, contact, ramp=ramp)[1] for ramp in (40.0, 120.0))
     assert abrupt > 5 * soft
     # Linear waves in p, over a second harmonic of order a: twice as much at half the amplitude.
@@ -240,7 +238,7 @@ def test_the_floor_is_what_switching_on_leaves() -> None:
 
 @pytest.mark.parametrize("changed", ["alpha", "beta"])
 def test_one_percent_more_nonlinearity_is_seen(changed: str) -> None:
-    mode, contact = sh.mode("TR", 0.802, SILICA), lattice.contact(NU)
+    mode, contact = sh.mode("TR", 0.802, SILICA), Contact(NU)
     wrong = replace(SILICA, **{changed: 1.01 * getattr(SILICA, changed)})
     right = errors(mode, SILICA, 0.02, contact)[1]
     assert errors(mode, wrong, 0.02, contact)[1] > 0.005 > 50 * right

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import relative_error, slope
-from analysis.theory.choice import Wave, trajectory
+from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import decay_rate
@@ -440,7 +440,7 @@ def test_a_tolerance_holds_where_an_effect_makes_the_error_one_of_first_order(
     scene = CELL.with_values(changes | {"time.tolerance": 1e-3})
     record = run(scene, tmp_path / "run")
     assert len(record.info["refinements"]) >= 1  # two runs cannot tell
-    exact = trajectory("exact-lattice", Wave.of(record), record.tau)
+    exact = trajectory("exact-lattice", wave_of(record), record.tau)
     for name, values in zip(("p", "q", "phi"), exact, strict=True):
         assert relative_error(getattr(record, name), values) < 1e-3
 
@@ -517,7 +517,7 @@ def test_the_preload_is_slow_enough_for_strong_dashpots(tmp_path: Path) -> None:
     # error of q was 0.4 then. What is left is LAMMPS's error of the step, of first order with dashpots.
     changes = {"wave.wavenumber": 3 * np.pi / 4, "wave.amplitude": 0.02, "effects.viscosity": 0.04 * SPRING}
     record = run(CELL.with_values(changes), tmp_path / "run")
-    wave = Wave.of(record)
+    wave = wave_of(record)
     _, q, _ = trajectory("exact-lattice", wave, record.tau)
     assert relative_error(record.q, q) < 0.02
 

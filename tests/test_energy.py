@@ -9,6 +9,8 @@ from scipy.integrate import simpson
 
 from analysis import second_harmonic as sh
 from analysis.theory import directions, energy, lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -19,7 +21,7 @@ RESONANT = sh.mode("TR", 1.475, SILICA)
 
 @cache
 def ledger(law, mode=RESONANT, end=120, rtol=1e-11):
-    return energy.ledger(mode, A, np.linspace(0, end, 241), NU, law=law, rtol=rtol)
+    return energy.ledger(Wave(mode, A, Contact(NU, law=law)), np.linspace(0, end, 241), rtol=rtol)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -37,7 +39,7 @@ def test_the_ledger_closes_at_the_resonance_to_tau_400(law):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("name", "direction"), [("TR", 17.0), ("RT", 17.0), ("L", 0.0)])
 def test_the_ledger_closes_in_any_direction(law, name, direction):
-    assert ledger(law, directions.mode(name, 1.1, direction, NU)).gap < 1e-9  # as along y
+    assert ledger(law, directions.mode(name, 1.1, direction, Contact(NU))).gap < 1e-9  # as along y
 
 
 def test_a_ledger_without_the_work_does_not_close():
@@ -60,18 +62,18 @@ def test_the_gap_falls_with_the_tolerance_of_the_integration():
 @pytest.mark.parametrize("law", LAWS)
 def test_the_work_is_the_integral_of_the_power(law):
     tau = np.linspace(0, 40, 641)  # 16 per τ
-    contact, neighbours = lattice.contact(NU, law=law), lattice.torus_neighbours(1.475, 31)
+    contact, neighbours = Contact(NU, law=law), lattice.torus_neighbours(1.475, 31)
     start = lattice.initial_state(RESONANT, A, lattice.torus_phases(31), contact, neighbours)
     states = lattice.motion(start, contact, neighbours, tau, 1e-11, A)
     power = energy.law_power(states, contact, neighbours).mean(axis=-1)
-    kept = energy.ledger(RESONANT, A, tau, NU, law=law)
+    kept = energy.ledger(Wave(RESONANT, A, Contact(NU, law=law)), tau)
     # Simpson's rule at 16 samples per τ is good to 5e-12 of E.
     assert simpson(power, x=tau) == pytest.approx(kept.work[-1], rel=0, abs=2e-11 * kept.energy.total[0])
 
 
 def test_energy_of_a_small_wave_is_twice_its_mean_kinetic_energy():
     a = 1e-4
-    kept = energy.ledger(RESONANT, a, [0.0, 1.0], NU)
+    kept = energy.ledger(Wave(RESONANT, a, Contact(NU)), [0.0, 1.0])
     weight = RESONANT.q**2 + SILICA.inertia * RESONANT.f**2
     expected = (SILICA.kappa + 3) * a**2 * RESONANT.frequency**2 * weight  # virial theorem of a linear wave
     # The quartic part is a² = 1e-8 of it.
@@ -81,7 +83,7 @@ def test_energy_of_a_small_wave_is_twice_its_mean_kinetic_energy():
 
 def asymmetry(law):
     """Largest |J − Jᵀ| of the forces' Jacobian on five rows of a ring, relative to |J|: 0 if they have a potential."""
-    contact, neighbours = lattice.contact(NU, law=law), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law=law), lattice.ring_neighbours()
     mass = np.array([1, 1, contact.inertia])[:, None]
     place = np.random.default_rng(3).uniform(-0.1, 0.1, 15)
 
@@ -101,7 +103,7 @@ def test_the_potential_law_has_a_potential_and_the_secant_law_none():
 
 
 def test_forces_of_the_potential_law_are_the_gradient_of_the_energy():
-    contact, neighbours = lattice.contact(NU, law="potential"), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law="potential"), lattice.ring_neighbours()
     place = np.random.default_rng(4).uniform(-0.1, 0.1, 15)
 
     def state(y):
@@ -120,7 +122,7 @@ def test_forces_of_the_potential_law_are_the_gradient_of_the_energy():
 @pytest.mark.parametrize("law", LAWS)
 def test_the_power_is_the_rate_of_the_energy(law):
     # At any state, not only along a plane wave: E' by a difference quotient along the flow.
-    contact, neighbours = lattice.contact(NU, law=law), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, law=law), lattice.ring_neighbours()
     moving = np.random.default_rng(5).uniform(-0.1, 0.1, (6, 7))
     state = lattice.with_shear(moving, contact, neighbours)
     rate, h = lattice.rhs(state, contact, neighbours), 1e-5
@@ -153,20 +155,20 @@ def test_away_from_the_resonance_the_energy_hardly_changes(law, xi, swing):
 
 def test_incremental_wave_at_the_resonance_opens_a_contact():
     # Without the ledger's ½S²/k_S: the trajectory alone says so.
-    time = energy.opening_time(RESONANT, A, 800, NU, law="incremental", rtol=1e-9)
+    time = energy.opening_time(Wave(RESONANT, A, Contact(NU, law="incremental")), 800, rtol=1e-9)
     assert time == pytest.approx(690.5, abs=0.5)
 
 
 def test_no_contact_opens_away_from_the_resonance():
-    assert energy.opening_time(sh.mode("TR", 0.802, SILICA), A, 400, NU, rtol=1e-9) is None
+    assert energy.opening_time(Wave(sh.mode("TR", 0.802, SILICA), A, Contact(NU)), 400, rtol=1e-9) is None
 
 
 def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
     # L of amplitude 1.4 starts with a largest stretch of 1.4·√3 sin(ξ/2) = 0.95 and steepens past 1.
     wave = sh.mode("L", 0.802, SILICA)
-    opening = energy.opening_time(wave, 1.4, 40, NU)
+    opening = energy.opening_time(Wave(wave, 1.4, Contact(NU)), 40)
     around = opening + np.array([-1e-3, 0, 1e-3])
-    p = 1.4 * lattice.torus_trajectory(wave, 1.4, around, NU)[:, 0]
+    p = 1.4 * lattice.torus_trajectory(Wave(wave, 1.4, Contact(NU)), around)[:, 0]
     stretch = np.sqrt(3) / 2 * np.max(lattice.torus_neighbours(0.802, 31).ahead(p)[1] - p, axis=-1)
     assert stretch[1] == pytest.approx(1, abs=1e-8)
     assert stretch[0] < 1 < stretch[2]
@@ -174,10 +176,10 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
-    kept = energy.ledger(RESONANT, A, np.arange(0.0, 2101.0), NU, rtol=1e-9)  # K = 31
+    kept = energy.ledger(Wave(RESONANT, A, Contact(NU)), np.arange(0.0, 2101.0), rtol=1e-9)  # K = 31
     lost = kept.relative.min()
     above = kept.tau[(kept.tau > 100) & (kept.relative > 1)][0]
-    opening = energy.opening_time(RESONANT, A, 2300, NU, points=61, rtol=1e-9)
+    opening = energy.opening_time(Wave(RESONANT, A, Contact(NU)), 2300, points=61, rtol=1e-9)
     print(f"least energy {lost:.4f}; above the initial one from τ={above:.0f}; a contact opens at τ={opening}")
     assert lost == pytest.approx(0.666, abs=5e-4)
     assert above == pytest.approx(1356, abs=1)
@@ -189,10 +191,11 @@ def test_the_resonant_wave_of_the_secant_law_blows_up():
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
-    assert energy.opening_time(RESONANT, A, 2300, NU, law="potential", rtol=1e-9) is None  # the secant law's is open
+    law = Contact(NU, law="potential")
+    assert energy.opening_time(Wave(RESONANT, A, law), 2300, rtol=1e-9) is None  # the secant law's is open
 
 
 def test_turning_normals_have_no_ledger():
-    contact, neighbours = lattice.contact(NU, overlap_ratio=1e-3), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU, overlap_ratio=1e-3), lattice.ring_neighbours()
     with pytest.raises(ValueError, match="overlap_ratio"):
         energy.energy(np.zeros((9, 5)), contact, neighbours)

@@ -6,6 +6,8 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.theory import frequency_shift as fs
 from analysis.theory import lattice, resonance
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -22,7 +24,7 @@ TABLE = [
 
 def first_harmonic(mode, amplitude, tau, points=31):
     """Complex amplitude of harmonic 1 on the exact torus, of p (L) or q, relative to the mode's; e^{−iΩτ} if linear."""
-    trajectory = lattice.torus_trajectory(mode, amplitude, tau, NU, points=points, rtol=1e-10)
+    trajectory = lattice.torus_trajectory(Wave(mode, amplitude, Contact(NU)), tau, points=points, rtol=1e-10)
     field, size = (0, mode.p) if mode.name == "L" else (1, mode.q)
     return 2 / (points * size) * trajectory[:, field] @ np.exp(-1j * lattice.torus_phases(points))
 
@@ -156,7 +158,7 @@ def test_on_the_resonance_there_is_no_shift():
 def test_error_of_one_row(xi, name, bounds):
     """p as in second order (TR); q less by 6 to 54; φ holds a third harmonic, which second order leaves out."""
     mode = sh.mode(name, xi, SILICA)
-    exact = lattice.torus(mode, 0.2, TAU, NU, rtol=1e-9)
+    exact = lattice.torus(Wave(mode, 0.2, Contact(NU)), TAU, rtol=1e-9)
     found = fs.shifted_second_order(mode, SILICA, 0.2, TAU)
     for field, bound in enumerate(bounds):
         assert np.linalg.norm(found[field] - exact[field]) <= bound * np.linalg.norm(exact[field])

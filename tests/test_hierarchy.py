@@ -8,6 +8,8 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.measure.norms import relative_error, slope
 from analysis.theory import hierarchy, lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -23,8 +25,8 @@ def orders_and_exact(name, xi):
     """Orders 1 to 6 of a wave at row 0, (6, T, 3), and the exact lattice at each of AMPLITUDES, (T, 3) each."""
     mode = sh.mode(name, xi, SILICA)
     weights = lattice.periodic_kernel(-lattice.torus_phases(13), 13)
-    orders = hierarchy.hierarchy_orders(mode, TAU, NU, rtol=1e-11) @ weights
-    exact = [np.stack(lattice.torus(mode, a, TAU, NU, points=21), axis=-1) for a in AMPLITUDES]
+    orders = hierarchy.hierarchy_orders(mode, Contact(NU), TAU, rtol=1e-11) @ weights
+    exact = [np.stack(lattice.torus(Wave(mode, a, Contact(NU)), TAU, points=21), axis=-1) for a in AMPLITUDES]
     return orders, exact
 
 
@@ -59,10 +61,10 @@ def test_a_fourth_order_wrong_by_a_tenth_would_be_seen():
 @pytest.mark.parametrize("change", [{"RADIUS": 0.05}, {"RADIUS": 0.2, "FEWEST": 17}, {"FEWEST": 16}], ids=str)
 def test_the_orders_do_not_depend_on_the_circle(change, monkeypatch):
     mode, terms = sh.mode("TR", 1.475, SILICA), 0.2 ** np.arange(6)[:, None, None, None]
-    usual = terms * hierarchy.hierarchy_orders(mode, TAU, NU, rtol=1e-12)
+    usual = terms * hierarchy.hierarchy_orders(mode, Contact(NU), TAU, rtol=1e-12)
     for name, value in change.items():
         monkeypatch.setattr(hierarchy, name, value)
-    other = terms * hierarchy.hierarchy_orders(mode, TAU, NU, rtol=1e-12)
+    other = terms * hierarchy.hierarchy_orders(mode, Contact(NU), TAU, rtol=1e-12)
     # Aliasing is RADIUS¹¹ = 1e-11 of orders that grow up to twofold each, 2¹¹; the integration is good to 160 rtol/a.
     assert np.allclose(usual, other, rtol=0, atol=2e-8)
     assert np.all(np.max(np.abs(usual), axis=(1, 2, 3)) > 1e-6)  # every order is seen
@@ -70,18 +72,20 @@ def test_the_orders_do_not_depend_on_the_circle(change, monkeypatch):
 
 def test_too_few_points_on_too_large_a_circle_are_seen(monkeypatch):
     mode, terms = sh.mode("TR", 1.475, SILICA), 0.2 ** np.arange(6)[:, None, None, None]
-    usual = terms * hierarchy.hierarchy_orders(mode, TAU, NU)
+    usual = terms * hierarchy.hierarchy_orders(mode, Contact(NU), TAU)
     monkeypatch.setattr(hierarchy, "RADIUS", 0.4)
     monkeypatch.setattr(hierarchy, "FEWEST", 7)
-    assert np.max(np.abs(terms * hierarchy.hierarchy_orders(mode, TAU, NU) - usual)) > 4e-7  # twenty times that
+    assert (
+        np.max(np.abs(terms * hierarchy.hierarchy_orders(mode, Contact(NU), TAU) - usual)) > 4e-7
+    )  # twenty times that
 
 
 @cache
 def antiresonant(eta):
     mode = sh.mode("TR", 2.127, sh.ratios(NU, overlap_ratio=eta))
-    exact = lattice.torus(mode, 0.2, LONG, NU, overlap_ratio=eta, points=21)[0]
+    exact = lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), LONG, points=21)[0]
     weights = lattice.periodic_kernel(-lattice.torus_phases(13), 13)
-    return hierarchy.hierarchy_orders(mode, LONG, NU, overlap_ratio=eta, rtol=1e-9)[:, :, 0] @ weights, exact
+    return hierarchy.hierarchy_orders(mode, Contact(NU, overlap_ratio=eta), LONG, rtol=1e-9)[:, :, 0] @ weights, exact
 
 
 def antiresonant_error(order, eta, eta_of_exact):
@@ -106,7 +110,7 @@ def test_leaving_out_the_geometry_is_seen_at_the_antiresonance():
 def test_second_order_is_the_closed_form(name, xi):
     mode = sh.mode(name, xi, SILICA)
     # In units of D0 with a=1: the second order is not hidden behind the first.
-    numerical = hierarchy.hierarchy(mode, 1.0, TAU, NU, order=2, row=7, phase=0.4, rtol=1e-11)
+    numerical = hierarchy.hierarchy(Wave(mode, 1.0, Contact(NU), 0.4), TAU, order=2, row=7, rtol=1e-11)
     closed = sh.second_order(mode, SILICA, 1.0, TAU, row=7, phase=0.4)
     # The integration leaves 160 rtol of order 2, the circle 1e-11 of order 13, which L at ξ=2 takes to a few 100.
     assert np.allclose(numerical, closed, rtol=0, atol=5e-9)
@@ -116,7 +120,7 @@ def test_second_order_is_the_closed_form(name, xi):
 def test_second_order_with_geometry_is_the_closed_form_at_the_centre(name, xi):
     ratios = sh.ratios(NU, overlap_ratio=0.01)
     mode = sh.mode(name, xi, ratios)
-    numerical = hierarchy.hierarchy(mode, 1.0, TAU, NU, order=2, overlap_ratio=0.01, rtol=1e-11)
+    numerical = hierarchy.hierarchy(Wave(mode, 1.0, Contact(NU, overlap_ratio=0.01)), TAU, order=2, rtol=1e-11)
     closed, plain = (sh.second_order(mode, r, 1.0, TAU) for r in (ratios, SILICA))
     assert np.allclose(numerical, closed, rtol=0, atol=5e-9)  # as above
     assert np.max(np.abs(np.subtract(numerical, plain))) > 5e-6  # a thousand times that
@@ -124,27 +128,25 @@ def test_second_order_with_geometry_is_the_closed_form_at_the_centre(name, xi):
 
 @pytest.mark.parametrize("name", ["TR", "L"])
 def test_geometry_is_right_at_any_row_and_phase(name):
-    mode, a = sh.mode(name, 0.802, sh.ratios(NU, overlap_ratio=0.01)), 0.02
-    place = dict(overlap_ratio=0.01, row=7, phase=0.4)
-    estimate, exact = (f(mode, a, SHORT, NU, **place)[0] for f in (hierarchy.hierarchy, lattice.torus))
+    wave = Wave.of_mode(name, 0.802, 0.02, Contact(NU, overlap_ratio=0.01), phase=0.4)
+    estimate, exact = (f(wave, SHORT, row=7)[0] for f in (hierarchy.hierarchy, lattice.torus))
     # a⁶ = 6e-11: nothing is left but the integration, 50 rtol.
     assert np.allclose(estimate, exact, rtol=0, atol=5e-9)
 
 
 def test_other_inertias_are_right_too():
-    hollow = 2 / 3  # a thin shell
-    mode = sh.mode("TR", 0.802, sh.ratios(NU, inertia=hollow))
-    exact = lattice.torus(mode, 0.02, SHORT, NU, inertia=hollow)
-    series = hierarchy.hierarchy(mode, 0.02, SHORT, NU, order=4, inertia=hollow)
-    solid = hierarchy.hierarchy(mode, 0.02, SHORT, NU, order=4)
+    # 2/3 is a thin shell
+    hollow, solid = (Wave.of_mode("TR", 0.802, 0.02, Contact(NU, inertia=inertia)) for inertia in (2 / 3, 0.4))
+    exact = lattice.torus(hollow, SHORT)
+    series, wrong = (hierarchy.hierarchy(wave, SHORT, order=4) for wave in (hollow, solid))
     assert relative_error(series[1], exact[1]) < 1e-6
-    assert relative_error(solid[1], exact[1]) > 1e-3  # the wrong inertia is seen
+    assert relative_error(wrong[1], exact[1]) > 1e-3  # the wrong inertia is seen
 
 
 def test_an_order_knows_nothing_of_those_above():
     mode, phases = sh.mode("TR", 0.9, SILICA), np.array([0.0, 0.3, 2.0])
     low, high = (
-        hierarchy.hierarchy_orders(mode, SHORT, NU, order=n)[:3]
+        hierarchy.hierarchy_orders(mode, Contact(NU), SHORT, order=n)[:3]
         @ lattice.periodic_kernel(phases - lattice.torus_phases(2 * n + 1)[:, None], 2 * n + 1)
         for n in (3, 5)
     )
@@ -153,7 +155,7 @@ def test_an_order_knows_nothing_of_those_above():
 
 
 def test_p_of_a_transverse_wave_is_even_in_the_amplitude_and_q_and_phi_odd():
-    orders = hierarchy.hierarchy_orders(sh.mode("TR", 0.9, SILICA), SHORT, NU, order=4)
+    orders = hierarchy.hierarchy_orders(sh.mode("TR", 0.9, SILICA), Contact(NU), SHORT, order=4)
     # Rounding: 1e-16 of the waves of the circle, a few hundred steps that add up, and RADIUS^(1−k) of it in order k.
     none = 1e-13 * hierarchy.RADIUS ** -np.arange(4.0)
     assert np.all(np.max(np.abs(orders[:, :, 0]), axis=(1, 2))[::2] < none[::2])
@@ -163,7 +165,7 @@ def test_p_of_a_transverse_wave_is_even_in_the_amplitude_and_q_and_phi_odd():
 
 def test_the_mode_is_all_there_is_at_the_start():
     mode = sh.mode("RT", 0.9, SILICA)
-    orders = hierarchy.hierarchy_orders(mode, [0.0, 1.0], NU, order=3)
+    orders = hierarchy.hierarchy_orders(mode, Contact(NU), [0.0, 1.0], order=3)
     phases = lattice.torus_phases(7)
     start = [0 * phases, mode.q * np.cos(phases), -mode.f * np.sin(phases)]
     # Rounding of a transform of 11 numbers, and RADIUS^(1−k) of it in order k.
@@ -179,7 +181,7 @@ def test_the_mode_is_all_there_is_at_the_start():
 def antiresonant_harmonics():
     """p of order a⁴ at the antiresonance as complex amplitudes of e^{imϑ}, (T, m)."""
     mode = sh.mode("TR", sh.antiresonance(SILICA), SILICA)
-    orders = hierarchy.hierarchy_orders(mode, LONG, NU, order=4, rtol=1e-12)
+    orders = hierarchy.hierarchy_orders(mode, Contact(NU), LONG, order=4, rtol=1e-12)
     return 2 * np.fft.rfft(orders[3, :, 0], norm="forward")
 
 
@@ -229,4 +231,4 @@ def test_antiresonant_p_is_the_harmonic_two():
 
 def test_an_order_below_two_is_refused():
     with pytest.raises(ValueError, match="order = 1"):
-        hierarchy.hierarchy(sh.mode("L", 1.0, SILICA), 0.1, [0.0, 1.0], NU, order=1)
+        hierarchy.hierarchy(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], order=1)

@@ -8,6 +8,8 @@ from scipy.integrate import DOP853, solve_ivp
 
 from analysis import second_harmonic as sh
 from analysis.theory import directions, lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -46,7 +48,7 @@ def six_contacts(u, v, theta, kappa, eta):
 @pytest.mark.parametrize("eta", [0.0, 0.01])
 def test_equations_of_motion_are_the_sum_over_six_contacts(eta):
     p, q, phi = np.random.default_rng(1).uniform(-0.1, 0.1, (3, 3))
-    contact = lattice.contact(NU, overlap_ratio=eta)
+    contact = Contact(NU, overlap_ratio=eta)
     neighbours = lattice.ring_neighbours()
     moving = np.zeros((6, 3))
     moving[:3] = p, q, phi
@@ -58,7 +60,7 @@ def test_equations_of_motion_are_the_sum_over_six_contacts(eta):
 
 def test_a_pair_turned_rigidly_slips_by_its_overlap():
     # Centres 2R − Δ0 apart orbit at rate `spin`, spheres turn along: with lever arm R the slip rate is −spin·Δ0.
-    contact = lattice.contact(NU, overlap_ratio=0.01)
+    contact = Contact(NU, overlap_ratio=0.01)
     length, angle, spin = 1 / 0.01 - 1, 0.3, 0.7
     n0 = np.array([np.sqrt(3) / 2, -0.5])  # (p, q) of the right contact
     turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ n0
@@ -78,15 +80,18 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
 @pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
 def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi):
     mode = sh.mode(name, xi, SILICA)
-    infinite = lattice.torus(mode, 0.2, TAU, NU, phase=0.3, rtol=1e-12)
-    finite = lattice.rows(mode, 0.2, TAU, NU, phase=0.3, rtol=1e-12)
+    infinite = lattice.torus(Wave(mode, 0.2, Contact(NU), 0.3), TAU, rtol=1e-12)
+    finite = lattice.rows(Wave(mode, 0.2, Contact(NU), 0.3), TAU, rtol=1e-12)
     # Fifty times rtol, the measured error of either integration.
     assert np.allclose(infinite, finite, rtol=0, atol=1e-10)
 
 
 def test_walls_are_heard_in_the_end():
     mode, tau = sh.mode("L", 0.802, SILICA), np.linspace(0, 80, 81)
-    infinite, finite = lattice.torus(mode, 0.2, tau, NU)[0], lattice.rows(mode, 0.2, tau, NU, rows=51)[0]
+    infinite, finite = (
+        lattice.torus(Wave(mode, 0.2, Contact(NU)), tau)[0],
+        lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=51)[0],
+    )
     difference = np.abs(infinite - finite)
     assert np.max(difference[tau <= 20]) < 1e-8
     # Group velocity cos(ξ/2)/2 = 0.46 rows per τ: the walls, 25 rows off, silence the wave from τ = 54.
@@ -96,7 +101,7 @@ def test_walls_are_heard_in_the_end():
 def test_both_end_rows_are_held_at_zero():
     # Seven rows written out: the two ends are rows of their own, the contact between them carries nothing.
     mode, tau, ends = sh.mode("TR", 0.802, SILICA), np.linspace(0, 20, 21), [0, 6]
-    contact, neighbours = lattice.contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), lattice.ring_neighbours()
     start = lattice.initial_state(mode, 0.2, mode.wavenumber * np.arange(-3.0, 4.0), contact, neighbours)
     start[:, ends] = 0
 
@@ -106,16 +111,16 @@ def test_both_end_rows_are_held_at_zero():
         return rate
 
     expected = lattice.integrate(held, start, tau, 1e-11, 0.2, lattice.longest_step(contact))[:, :3, 3].T / 0.2
-    assert np.allclose(lattice.rows(mode, 0.2, tau, NU, rows=7), expected, rtol=0, atol=1e-9)
+    assert np.allclose(lattice.rows(Wave(mode, 0.2, Contact(NU)), tau, rows=7), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(("k", "n"), [(5, 40), (5, 16)])
 def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
     mode, tau, amplitude = sh.mode("TR", 2 * np.pi * k / n, SILICA), np.linspace(0, 1000, 101), 0.1
-    contact, neighbours = lattice.contact(NU), lattice.ring_neighbours()
+    contact, neighbours = Contact(NU), lattice.ring_neighbours()
     start = lattice.initial_state(mode, amplitude, mode.wavenumber * np.arange(n), contact, neighbours)
     states = lattice.motion(start, contact, neighbours, tau, 1e-9, amplitude)
-    infinite = lattice.torus(mode, amplitude, tau, NU, row=3, rtol=1e-9)
+    infinite = lattice.torus(Wave(mode, amplitude, Contact(NU)), tau, row=3, rtol=1e-9)
     # 1e-9 per step grows in proportion to τ, to a few 1e-7 at τ=1000.
     assert np.allclose(states[:, :3, 3].T / amplitude, infinite, rtol=0, atol=1e-6)
 
@@ -123,21 +128,21 @@ def test_torus_is_the_periodic_lattice_for_a_long_time(k, n):
 @pytest.mark.parametrize("points", [21, 31])
 def test_harmonics_are_resolved(points):
     mode, tau = sh.mode("L", 0.802, SILICA), np.linspace(0, 60, 61)
-    coarse, fine = (lattice.torus(mode, 0.2, tau, NU, points=k, rtol=1e-12)[0] for k in (points, 61))
+    coarse, fine = (lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, points=k, rtol=1e-12)[0] for k in (points, 61))
     # Harmonics fall off by an order each: 21 points keep 10 of them, 31 keep 15.
     assert coarse == pytest.approx(fine, rel=0, abs=1e-9)
 
 
 def test_a_row_is_a_phase_of_the_torus():
     mode, tau = sh.mode("TR", 0.9, SILICA), np.linspace(0, 30, 31)
-    by_row = lattice.torus(mode, 0.2, tau, NU, row=7)
-    by_phase = lattice.torus(mode, 0.2, tau, NU, phase=7 * 0.9)
+    by_row = lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, row=7)
+    by_phase = lattice.torus(Wave(mode, 0.2, Contact(NU), 7 * 0.9), tau)
     assert np.allclose(by_row, by_phase, rtol=0, atol=1e-13)
 
 
 def relative_errors(mode, ratios, amplitude, tau):
     """Rms error of second_order over all rows of the torus relative to its own size, for p, q, φ."""
-    exact = lattice.torus_trajectory(mode, amplitude, tau, NU, points=21, rtol=1e-12)
+    exact = lattice.torus_trajectory(Wave(mode, amplitude, Contact(NU)), tau, points=21, rtol=1e-12)
     phases = lattice.torus_phases(21)
     theory = np.stack([sh.second_order(mode, ratios, amplitude, tau, phase=phase) for phase in phases], axis=-1)
     moves = [0] if mode.name == "L" else [0, 1, 2]
@@ -164,14 +169,14 @@ def test_a_slope_sees_a_coefficient_wrong_by_a_percent():
 @pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
 def test_second_order_is_right_at_a_row_and_phase(name, xi, row):
     mode, tau, a = sh.mode(name, xi, SILICA), np.linspace(0, 30, 31), 0.0025
-    exact = lattice.torus(mode, a, tau, NU, row=row, phase=0.4, rtol=1e-12)
+    exact = lattice.torus(Wave(mode, a, Contact(NU), 0.4), tau, row=row, rtol=1e-12)
     theory = sh.second_order(mode, SILICA, a, tau, row=row, phase=0.4)
     # The largest part is the frequency shift of L, σa²τ = 0.0195·30 a²; the rest is the third harmonic.
     assert np.allclose(exact, theory, rtol=0, atol=a**2)
 
 
 def test_at_the_zone_edge_a_transverse_wave_makes_no_second_harmonic():
-    p, q, phi = lattice.torus(sh.mode("TR", np.pi, SILICA), 0.1, np.linspace(0, 30, 31), NU)
+    p, q, phi = lattice.torus(Wave(sh.mode("TR", np.pi, SILICA), 0.1, Contact(NU)), np.linspace(0, 30, 31))
     # Forces of order 1 rounded by 1e-16 a few times over, all one way for τ²/2 = 450 and per a = 0.1, would make 5e-12.
     assert np.max(np.abs([p, phi])) < 1e-11
     assert np.max(np.abs(q)) > 0.9
@@ -181,7 +186,9 @@ def test_at_the_zone_edge_a_transverse_wave_makes_no_second_harmonic():
 def test_geometry_fades_with_the_overlap_ratio(law):
     # With η → 0 the integrated slip must become the paper's function of the configuration.
     mode, tau = sh.mode("TR", 1.475, SILICA), np.linspace(0, 60, 61)
-    plain, nearly = (lattice.torus(mode, 0.2, tau, NU, law=law, overlap_ratio=eta) for eta in (0.0, 1e-8))
+    plain, nearly = (
+        lattice.torus(Wave(mode, 0.2, Contact(NU, law=law, overlap_ratio=eta)), tau) for eta in (0.0, 1e-8)
+    )
     # The geometry changes p by 1e-3 at η = 2.5e-4, so by 1e-7 of it here at most.
     assert np.allclose(plain, nearly, rtol=0, atol=1e-7)
 
@@ -189,7 +196,7 @@ def test_geometry_fades_with_the_overlap_ratio(law):
 def even_part(mode, amplitude, tau, eta, phase=0.0):
     """The part of p even in the amplitude: a → −a is a phase of π, so only second harmonic and a⁴ survive the mean."""
     phases = (phase, phase + np.pi)
-    both = [lattice.torus(mode, amplitude, tau, NU, overlap_ratio=eta, phase=c, rtol=1e-13)[0] for c in phases]
+    both = [lattice.torus(Wave(mode, amplitude, Contact(NU, overlap_ratio=eta), c), tau, rtol=1e-13)[0] for c in phases]
     return (both[0] + both[1]) / 2
 
 
@@ -214,15 +221,17 @@ def test_leaving_out_the_geometry_is_seen_at_small_amplitude():
 
 def test_geometry_changes_p_by_a_fifth_at_the_antiresonance():
     mode = sh.mode("TR", 2.127, sh.ratios(NU, overlap_ratio=ETA))
-    with_geometry = lattice.torus(mode, 0.2, TAU, NU, overlap_ratio=ETA)[0]
-    without = lattice.torus(sh.mode("TR", 2.127, SILICA), 0.2, TAU, NU)[0]
+    with_geometry = lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=ETA)), TAU)[0]
+    without = lattice.torus(Wave(sh.mode("TR", 2.127, SILICA), 0.2, Contact(NU)), TAU)[0]
     error = np.max(np.abs(without - with_geometry)) / np.max(np.abs(with_geometry))
     assert error == pytest.approx(0.20, abs=0.02)  # "20 %": two digits
 
 
 def incremental_ratio(xi, amplitude):
     mode = sh.mode("TR", xi, SILICA)
-    secant, incremental = (lattice.torus(mode, amplitude, TAU, NU, law=law) for law in ("secant", "incremental"))
+    secant, incremental = (
+        lattice.torus(Wave(mode, amplitude, Contact(NU, law=law)), TAU) for law in ("secant", "incremental")
+    )
     return np.array([rms(i) / rms(s) for i, s in zip(incremental, secant, strict=True)])
 
 
@@ -248,7 +257,10 @@ def test_inertia_is_that_of_the_mode():
     hollow = sh.ratios(NU, 2 / 3)
     mode, tau, a = sh.mode("TR", 0.802, hollow), np.linspace(0, 30, 31), 0.0025
     theory = sh.second_order(mode, hollow, a, tau)
-    right, wrong = (np.abs(np.subtract(lattice.torus(mode, a, tau, NU, inertia=i), theory)).max() for i in (2 / 3, 0.4))
+    right, wrong = (
+        np.abs(np.subtract(lattice.torus(Wave.of_mode("TR", 0.802, a, Contact(NU, inertia=i)), tau), theory)).max()
+        for i in (2 / 3, 0.4)
+    )
     assert right < 0.5 * a**2
     assert wrong > 0.01
 
@@ -298,7 +310,7 @@ def on_a_sheet(mode, wavevector, amplitude, tau, eta):
     to_xy = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     wave = amplitude * np.multiply.outer(to_xy @ [mode.p, mode.q, 1j * mode.f], np.exp(1j * theta))
     moving = np.concatenate([wave.real, (-1j * mode.frequency * wave).real])
-    kappa = directions.stiffness_ratio(NU)
+    kappa = Contact(NU).kappa
     start = np.concatenate([moving, np.zeros((3, *SHEET))])
     for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):  # loaded in one step along the final tangents
         n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
@@ -320,14 +332,14 @@ def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
     first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
     k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
     direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
-    mode = directions.mode(name, wavenumber, direction, NU, overlap_ratio=eta)
+    mode = directions.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
     tau = np.linspace(0, 40, 41)
     sheet = on_a_sheet(mode, k, 0.2, tau, eta)
-    infinite = np.stack(lattice.torus(mode, 0.2, tau, NU, overlap_ratio=eta, rtol=1e-12), axis=-1)
+    infinite = np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-12), axis=-1)
     assert np.max(np.abs(sheet)) > 0.8  # something moves
     assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
-    turned = replace(mode, direction=mode.direction + 1)
-    other = np.stack(lattice.torus(turned, 0.2, tau, NU, overlap_ratio=eta), axis=-1)
+    turned = directions.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
+    other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau), axis=-1)
     assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
 
 
@@ -337,28 +349,28 @@ def test_a_crystal_turned_by_60_degrees_is_the_same(direction, effects):
     linear = {name: value for name, value in effects.items() if name != "restitution"}
     tau, turned = np.linspace(0, 40, 41), []
     for turn in (0.0, 60.0, -120.0, 180.0):
-        mode = directions.mode("TR", 1.1, direction + turn, NU, **linear)
-        turned.append(np.stack(lattice.torus(mode, 0.2, tau, NU, phase=0.3, **effects)))
+        mode = directions.mode("TR", 1.1, direction + turn, Contact(NU, **linear))
+        turned.append(np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, **effects), 0.3), tau)))
     assert np.allclose(turned[1:], turned[0], rtol=0, atol=1e-9)  # a hundred times rtol
 
 
 def test_a_mirror_turns_q_and_phi_round():
     tau = np.linspace(0, 40, 41)
-    one, other = (directions.mode("TR", 1.1, direction, NU) for direction in (17.0, -17.0))
+    one, other = (directions.mode("TR", 1.1, direction, Contact(NU)) for direction in (17.0, -17.0))
     sign = np.sign(one.q * other.q)
-    p, q, phi = lattice.torus(one, 0.2, tau, NU)
-    mirrored = lattice.torus(other, 0.2, tau, NU, phase=0.0 if sign < 0 else np.pi)
+    p, q, phi = lattice.torus(Wave(one, 0.2, Contact(NU)), tau)
+    mirrored = lattice.torus(Wave(other, 0.2, Contact(NU), 0.0 if sign < 0 else np.pi), tau)
     assert np.allclose(mirrored, [p, -q, -phi], rtol=0, atol=1e-9)
 
 
 def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
     # L along x: for k·d = ξ·2/√3 and its half, the frequency of central and shear springs written out.
-    mode, kappa = directions.mode("L", 0.9, 0.0, NU), directions.stiffness_ratio(NU)
+    mode, kappa = directions.mode("L", 0.9, 0.0, Contact(NU)), Contact(NU).kappa
     whole, half = (4 * np.sin(c * 0.9 / np.sqrt(3)) ** 2 for c in (1, 0.5))
     expected = (whole + 2 * half * (1 / 4 + 3 / 4 * kappa)) / (2 * (kappa + 3))
     assert mode.frequency**2 == pytest.approx(expected, rel=1e-12)
     tau = np.linspace(0, 20, 21)
-    p, q, phi = lattice.torus(mode, 1e-4, tau, NU)
+    p, q, phi = lattice.torus(Wave(mode, 1e-4, Contact(NU)), tau)
     assert p == pytest.approx(np.cos(mode.frequency * tau), abs=2e-4)  # the second harmonic is of order a
     assert np.max(np.abs([q, phi])) < 1e-9
 
@@ -393,14 +405,14 @@ CONTACTS = [
 
 @pytest.mark.parametrize("effects", CONTACTS, ids=str)
 def test_no_rate_of_the_lattice_is_beyond_the_reach_of_the_longest_step(effects):
-    contact = lattice.contact(**{"poisson_ratio": NU} | effects)
+    contact = Contact(**{"poisson_ratio": NU} | effects)
     rates = [rates_at_rest(contact, xi, d) for xi in (0.05, 0.8, 1.6, 2.4, np.pi) for d in (0.0, 17.0, 90.0)]
     # 1e-6: eigenvalues of L and of translations, double at rest, are found to the root of rounding only.
     assert np.max(rates) * lattice.longest_step(contact) < lattice.REACH * (1 + 1e-6)
 
 
 def test_the_bound_is_reached_by_rotations_of_long_waves():
-    contact = lattice.contact(NU)
+    contact = Contact(NU)
     assert np.max(rates_at_rest(contact, 0.01, 90.0)) == pytest.approx(lattice.REACH / lattice.longest_step(contact))
 
 
@@ -420,7 +432,7 @@ def test_the_integrator_damps_every_rate_within_reach():
 
 def disturbed(longest):
     """q, φ of a long L wave (T, 2, K) that starts with too little RT to guide the steps, per amplitude of that."""
-    mode, contact = sh.mode("L", 0.01, SILICA), lattice.contact(NU)
+    mode, contact = sh.mode("L", 0.01, SILICA), Contact(NU)
     neighbours, phases = lattice.torus_neighbours(0.01, 5), lattice.torus_phases(5)
     start = lattice.initial_state(mode, 0.2, phases, contact, neighbours)
     start[2] += 2e-14
@@ -432,7 +444,7 @@ def disturbed(longest):
 
 def test_the_integrator_lets_nothing_grow_on_a_long_wave():
     # RT turns as cos Ωτ, which long L does not feed; between steps of Ωh = 5 the interpolation is coarse.
-    assert np.max(np.abs(disturbed(lattice.longest_step(lattice.contact(NU))))) < 3
+    assert np.max(np.abs(disturbed(lattice.longest_step(Contact(NU))))) < 3
 
 
 def test_without_a_longest_step_what_is_small_grows_on_a_long_wave():
@@ -443,7 +455,7 @@ def test_without_a_longest_step_what_is_small_grows_on_a_long_wave():
 @pytest.mark.parametrize("xi", [0.01, 0.1])
 def test_a_long_wave_along_stays_free_of_shear_and_rotation(xi, rtol):
     mode = sh.mode("L", xi, sh.ratios(NU, overlap_ratio=ETA))
-    p, q, phi = lattice.torus(mode, 0.2, np.linspace(0, 20, 41), NU, overlap_ratio=ETA, rtol=rtol)
+    p, q, phi = lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=ETA)), np.linspace(0, 20, 41), rtol=rtol)
     # A force, of order 1, is rounded by 1e-16 a few times over; if all of that pushed one way, for τ²/2 = 200 and per
     # a = 0.2, it would make 1e-12; the error control of a step of 17 τ made 6e-9.
     assert np.max(np.abs([q, phi])) < 1e-12
@@ -453,13 +465,13 @@ def test_a_long_wave_along_stays_free_of_shear_and_rotation(xi, rtol):
 @pytest.mark.parametrize("tau", [[1.0, 0.5], [-1.0, 0.0], [], [[0.0, 1.0]]])
 def test_times_that_do_not_ascend_are_refused(tau):
     with pytest.raises(ValueError, match="tau"):
-        lattice.torus(sh.mode("L", 1.0, SILICA), 0.1, tau, NU)
+        lattice.torus(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), tau)
 
 
 @pytest.mark.parametrize("points", [30, 3])
 def test_an_even_torus_is_refused(points):
     with pytest.raises(ValueError, match="points"):
-        lattice.torus(sh.mode("L", 1.0, SILICA), 0.1, [0.0, 1.0], NU, points=points)
+        lattice.torus(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], points=points)
 
 
 @pytest.mark.parametrize(
@@ -467,9 +479,9 @@ def test_an_even_torus_is_refused(points):
 )
 def test_contacts_that_are_none_are_refused(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        lattice.contact(**{"poisson_ratio": NU} | wrong)
+        Contact(**{"poisson_ratio": NU} | wrong)
 
 
 def test_too_few_rows_are_refused():
     with pytest.raises(ValueError, match="rows"):
-        lattice.rows(sh.mode("L", 1.0, SILICA), 0.1, [0.0, 1.0], NU, rows=4)
+        lattice.rows(Wave(sh.mode("L", 1.0, SILICA), 0.1, Contact(NU)), [0.0, 1.0], rows=4)

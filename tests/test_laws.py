@@ -12,6 +12,8 @@ from analysis import second_harmonic as sh
 from analysis.figures import laws as laws_figure
 from analysis.measure.norms import relative_error, slope
 from analysis.theory import lattice, laws
+from analysis.theory.contact import LAWS, Contact
+from analysis.theory.wave import Wave
 from granular_lmp.lammps.installation import lmp_command
 
 NU = 0.17
@@ -27,17 +29,18 @@ SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
 def even_part(mode, poisson_ratio, law, phase):
     """The part of p even in the amplitude: a → −a is a phase of π, so only second harmonic and a⁴ survive the mean."""
     p, turned = (
-        lattice.torus(mode, SMALL, SHORT, poisson_ratio, law=law, phase=phase + c, rtol=1e-13)[0] for c in (0, np.pi)
+        lattice.torus(Wave(mode, SMALL, Contact(poisson_ratio, law=law), phase + c), SHORT, rtol=1e-13)[0]
+        for c in (0, np.pi)
     )
     return (p + turned) / 2
 
 
 @pytest.mark.parametrize(("nu", "phase"), [(NU, 0.0), (-0.6, 0.6)])
 @pytest.mark.parametrize(("name", "xi"), WAVES)
-@pytest.mark.parametrize("law", laws.LAWS)
+@pytest.mark.parametrize("law", LAWS)
 def test_second_harmonic_of_each_law_is_exact_at_small_amplitude(law, name, xi, nu, phase):
     mode = sh.mode(name, xi, sh.ratios(nu))
-    theory = laws.second_harmonic(mode, nu, law, SMALL, SHORT, phase=phase)
+    theory = laws.second_harmonic(Wave(mode, SMALL, Contact(nu, law=law), phase), SHORT)
     # a² times the relative coefficient of order a⁴: at most 10 (RT, whose second harmonic is small).
     assert relative_error(even_part(mode, nu, law, phase), theory) < 15 * SMALL**2
 
@@ -45,7 +48,7 @@ def test_second_harmonic_of_each_law_is_exact_at_small_amplitude(law, name, xi, 
 @pytest.mark.parametrize("law", ["incremental", "potential"])
 def test_a_coefficient_wrong_by_a_percent_is_seen(law):
     mode = sh.mode("TR", 0.802, SILICA)
-    right = laws.shear_law_ratios(NU, law, mode)
+    right = Contact(NU, law=law).ratios_of(mode)
     wrong = sh.second_harmonic(mode, replace(right, beta=1.01 * right.beta), SMALL, SHORT)
     assert relative_error(even_part(mode, NU, law, 0.0), wrong) > 1e-3
 
@@ -53,7 +56,7 @@ def test_a_coefficient_wrong_by_a_percent_is_seen(law):
 def test_without_the_sigma_squared_term_the_potential_law_is_wrong():
     mode = sh.mode("TR", 0.802, SILICA)
     kappa = SILICA.kappa
-    bare = replace(laws.shear_law_ratios(NU, "potential", mode), alpha=-(kappa + 1) / (2 * kappa + 3))
+    bare = replace(Contact(NU, law="potential").ratios_of(mode), alpha=-(kappa + 1) / (2 * kappa + 3))
     theory = sh.second_harmonic(mode, bare, SMALL, SHORT)
     assert relative_error(even_part(mode, NU, "potential", 0.0), theory) > 0.1
 
@@ -61,7 +64,7 @@ def test_without_the_sigma_squared_term_the_potential_law_is_wrong():
 def test_incremental_law_remembers_how_it_started():
     # Without the static force left by the start, 2ξ is wrong wherever ξn + phase is no multiple of π/2.
     mode = sh.mode("TR", 0.802, SILICA)
-    forgets = replace(laws.shear_law_ratios(NU, "incremental"), memory=0.0)
+    forgets = replace(Contact(NU, law="incremental").ratios, memory=0.0)
     forgetful = sh.second_harmonic(mode, forgets, SMALL, SHORT, phase=0.6)
     assert relative_error(even_part(mode, NU, "incremental", 0.6), forgetful) > 0.05
 
@@ -69,18 +72,18 @@ def test_incremental_law_remembers_how_it_started():
 @pytest.mark.parametrize("phase", [0.0, np.pi / 2])
 def test_the_memory_is_not_seen_at_multiples_of_a_quarter_wave(phase):
     mode = sh.mode("TR", 0.802, SILICA)
-    own = replace(laws.shear_law_ratios(NU, "incremental"), memory=0.0)
-    with_memory = laws.second_harmonic(mode, NU, "incremental", SMALL, SHORT, phase=phase)
+    own = replace(Contact(NU, law="incremental").ratios, memory=0.0)
+    with_memory = laws.second_harmonic(Wave(mode, SMALL, Contact(NU, law="incremental"), phase), SHORT)
     forgetful = sh.second_harmonic(mode, own, SMALL, SHORT, phase=phase)
     assert with_memory == pytest.approx(forgetful, rel=0, abs=1e-18)  # rounding of numbers of order 1e-5
 
 
 def test_secant_law_is_the_papers():
-    assert laws.shear_law_ratios(NU, "secant") == SILICA
+    assert Contact(NU, law="secant").ratios == SILICA
 
 
 def test_incremental_law_halves_g2():
-    halved, kappa = laws.shear_law_ratios(NU, "incremental"), SILICA.kappa
+    halved, kappa = Contact(NU, law="incremental").ratios, SILICA.kappa
     unit = 2 * kappa + 3
     assert (halved.alpha, halved.beta) == pytest.approx(((kappa - 1) / unit, kappa / unit), rel=1e-15)
     # g2 enters α, β and the L mode linearly: halfway to a lattice whose shear springs do not feel the overlap.
@@ -89,7 +92,7 @@ def test_incremental_law_halves_g2():
 
 
 def test_an_antiresonance_of_the_incremental_law_needs_negative_poisson_ratio():
-    exists = np.array([laws.antiresonance(nu, "incremental") is not None for nu in NUS])
+    exists = np.array([laws.antiresonance(Contact(nu, law="incremental")) is not None for nu in NUS])
     clear = np.abs(NUS) > 1e-3  # at ν = 0 itself it is at ξ = 0, and rounding decides
     assert np.array_equal(exists[clear], NUS[clear] < 0)
 
@@ -97,9 +100,10 @@ def test_an_antiresonance_of_the_incremental_law_needs_negative_poisson_ratio():
 @pytest.mark.parametrize(("law", "nu"), [("secant", NU), ("incremental", -0.5)])
 def test_the_drive_vanishes_at_the_antiresonance(law, nu):
     constants = sh.ratios(nu)
-    zero = laws.antiresonance(nu, law)
+    zero = laws.antiresonance(Contact(nu, law=law))
     below, at, above = (
-        laws.generated_amplitude(sh.mode("TR", zero + shift, constants), nu, law) for shift in (-1e-3, 0, 1e-3)
+        laws.generated_amplitude(sh.mode("TR", zero + shift, constants), Contact(nu, law=law))
+        for shift in (-1e-3, 0, 1e-3)
     )
     assert abs(at) < 1e-12
     assert below * above < 0
@@ -113,7 +117,7 @@ def signs(law, inertia):
         for name in ("TR", "RT"):
             for xi in WAVENUMBERS[::3]:
                 mode = sh.mode(name, xi, constants)
-                drives.append(sh._source(mode, laws.shear_law_ratios(nu, law, mode, inertia)))
+                drives.append(sh._source(mode, Contact(nu, law=law, inertia=inertia).ratios_of(mode)))
     return set(np.sign(drives))
 
 
@@ -156,15 +160,17 @@ def test_the_law_decides_p_and_hardly_changes_q(law, xi, ratio):
 @pytest.mark.parametrize(("law", "ratio"), [("incremental", 1.906), ("potential", 1.966)])
 def test_the_ratio_at_small_amplitude_is_the_closed_form(law, ratio):
     mode = sh.mode("TR", 0.802, SILICA)
-    amplitudes = [laws.generated_amplitude(mode, NU, kind) for kind in (law, "secant")]
+    amplitudes = [laws.generated_amplitude(mode, Contact(NU, law=kind)) for kind in (law, "secant")]
     assert amplitudes[0] / amplitudes[1] == pytest.approx(ratio, abs=5e-4)
 
 
-@pytest.mark.parametrize("law", laws.LAWS)
+@pytest.mark.parametrize("law", LAWS)
 def test_lattice_amplitude_measures_the_generated_amplitude(law):
     mode = sh.mode("TR", 0.802, SILICA)
-    expected = abs(laws.generated_amplitude(mode, NU, law))
-    assert laws_figure.lattice_amplitude(mode, NU, law) == pytest.approx(expected, rel=10 * laws_figure.SMALL**2)
+    expected = abs(laws.generated_amplitude(mode, Contact(NU, law=law)))
+    assert laws_figure.lattice_amplitude(mode, Contact(NU, law=law)) == pytest.approx(
+        expected, rel=10 * laws_figure.SMALL**2
+    )
 
 
 @cache
@@ -193,7 +199,8 @@ LAMMPS_LAWS = [("mindlin", "secant"), ("mindlin/force", "incremental")]
 def with_geometry(law, xi):
     return np.stack(
         lattice.torus(
-            sh.mode("TR", xi, sh.ratios(NU, overlap_ratio=ETA)), 0.2, laws_figure.TAU, NU, law=law, overlap_ratio=ETA
+            Wave(sh.mode("TR", xi, sh.ratios(NU, overlap_ratio=ETA)), 0.2, Contact(NU, law=law, overlap_ratio=ETA)),
+            laws_figure.TAU,
         )
     )
 
@@ -221,15 +228,18 @@ def test_lammps_mindlin_force_is_of_first_order_in_the_time_step(folder, style, 
 
 
 def test_one_lammps_style_is_not_the_other_law(folder):
-    exact = lattice.torus(sh.mode("TR", 0.802, SILICA), 0.2, laws_figure.TAU, NU, law="secant")
+    exact = lattice.torus(Wave(sh.mode("TR", 0.802, SILICA), 0.2, Contact(NU, law="secant")), laws_figure.TAU)
     assert relative_error(lammps("mindlin/force", folder, 0.802)[0], exact[0]) > 0.5
 
 
 def test_lammps_mindlin_force_remembers_its_start(folder):
     p = lammps("mindlin/force", folder, 0.802, phase=0.6)[0]
-    mode, own = sh.mode("TR", 0.802, SILICA), replace(laws.shear_law_ratios(NU, "incremental"), memory=0.0)
+    mode, own = sh.mode("TR", 0.802, SILICA), replace(Contact(NU, law="incremental").ratios, memory=0.0)
     # The time step of 0.05 leaves 0.5 %, and a=0.2 beyond second order less.
-    assert relative_error(p, laws.second_harmonic(mode, NU, "incremental", 0.2, laws_figure.TAU, phase=0.6)) < 0.02
+    assert (
+        relative_error(p, laws.second_harmonic(Wave(mode, 0.2, Contact(NU, law="incremental"), 0.6), laws_figure.TAU))
+        < 0.02
+    )
     assert relative_error(p, sh.second_harmonic(mode, own, 0.2, laws_figure.TAU, phase=0.6)) > 0.1
 
 
@@ -268,17 +278,17 @@ def test_mindlin_rescale_damps_the_wave_and_mindlin_force_does_not(folder, style
 
 def test_potential_law_of_a_transverse_wave_needs_the_mode():
     with pytest.raises(ValueError, match="mode"):
-        laws.shear_law_ratios(NU, "potential")
+        _ = Contact(NU, law="potential").ratios
 
 
 def test_a_law_that_is_none_is_refused():
     with pytest.raises(ValueError, match="mindlin"):
-        laws.shear_law_ratios(NU, "mindlin")
+        Contact(NU, law="mindlin")
 
 
 def test_slip_with_a_history_has_no_potential():
     with pytest.raises(ValueError, match="potential"):
-        lattice.contact(NU, law="potential", overlap_ratio=ETA)
+        Contact(NU, law="potential", overlap_ratio=ETA)
 
 
 def test_the_figure_is_written(tmp_path, monkeypatch):

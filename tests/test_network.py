@@ -10,9 +10,11 @@ from scipy.special import beta
 from analysis import second_harmonic as sh
 from analysis.measure.norms import slope
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
 from analysis.theory.network import Material, Network, contacts, forces, searched_again, start
 from analysis.theory.network_ledger import energy, momentum
 from analysis.theory.network_motion import integrate, scales
+from analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
 
 PAPER = Sphere(radius=500e-9, youngs_modulus=73e9, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0)
@@ -330,10 +332,13 @@ def test_the_perfect_crystal_is_the_lattice_in_lammps_geometry(name, waves, law)
     run = integrate(network, state, tau * PAPER.time_scale, rtol=1e-11, spheres=[10 * 3 + 1])
     size = amplitude * PAPER.static_overlap
     mine = run.motion[:, 1, 0] / size, -run.motion[:, 0, 0] / size, run.motion[:, 2, 0] * PAPER.radius / size
-    theirs = lattice.torus(mode, amplitude, tau, PAPER.poisson_ratio, row=10, law=law, rtol=1e-11, **geometry)
+    theirs = lattice.torus(
+        Wave(mode, amplitude, Contact(PAPER.poisson_ratio, law=law, **geometry)), tau, row=10, rtol=1e-11
+    )
     # Two integrations of the same equations: a hundred times rtol each
     assert np.allclose(mine, theirs, rtol=0, atol=2e-9)
-    flat = lattice.torus(mode, amplitude, tau, PAPER.poisson_ratio, row=10, law=law, rtol=1e-11)
+    paper = Wave.of_mode(name, mode.wavenumber, amplitude, Contact(PAPER.poisson_ratio, law=law))
+    flat = lattice.torus(paper, tau, row=10, rtol=1e-11)
     assert not np.allclose(mine, flat, rtol=0, atol=2e-8)  # with fixed normals, a difference of order η
 
 

@@ -9,7 +9,10 @@ import pytest
 from analysis.figures import effects, spectrum
 from analysis.figures import oblique as oblique_figure
 from analysis.measure import oblique
+from analysis.second_harmonic import second_harmonic
 from analysis.theory import directions, quasilinear
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 
@@ -60,13 +63,10 @@ def test_the_components_are_those_along_and_across_the_wave() -> None:
 
 
 def test_along_y_theory_is_the_closed_form() -> None:
-    from analysis.second_harmonic import mode, ratios, second_harmonic
-    from analysis.theory.choice import Physics
-
     tau = np.linspace(0, 60, 40)
-    constants = ratios(0.17, overlap_ratio=2.5e-4)
-    wave = oblique.predicted("TR", 0.9, 90.0, 0.02, tau, Physics(0.17, 2.5e-4), phase=0.3)
-    closed = second_harmonic(mode("TR", 0.9, constants), constants, 0.02, tau, phase=0.3)
+    start = Wave.of_mode("TR", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)
+    wave = oblique.predicted(start, tau)
+    closed = second_harmonic(start.mode, start.ratios, 0.02, tau, phase=0.3)
     np.testing.assert_allclose(wave[:, 0].real, closed, atol=1e-10)
     assert np.abs(wave[:, 1:]).max() < 1e-12
     assert directions.wavevector_of(0.9, 90.0)[0] == pytest.approx(0, abs=1e-15)

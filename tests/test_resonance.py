@@ -6,6 +6,8 @@ from scipy.integrate import solve_ivp
 
 from analysis import second_harmonic as sh
 from analysis.theory import lattice, resonance
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -21,7 +23,7 @@ def compared(xi, tau, *, nu=NU, name="TR", amplitude=0.2, row=0, phase=0.0):
     """Errors of three_mode and of second_order against the exact lattice."""
     ratios = sh.ratios(nu)
     mode = sh.mode(name, xi, ratios)
-    exact = lattice.torus(mode, amplitude, tau, nu, row=row, phase=phase, rtol=1e-9)
+    exact = lattice.torus(Wave(mode, amplitude, Contact(nu), phase), tau, row=row, rtol=1e-9)
     return tuple(
         errors(theory(mode, ratios, amplitude, tau, row, phase), exact)
         for theory in (resonance.three_mode, sh.second_order)
@@ -52,7 +54,7 @@ def test_exactly_on_the_resonance_of_other_spheres(nu):
 
 def test_first_harmonics_hold_to_half_a_percent_in_the_long_run():
     mode, tau = sh.mode("TR", 1.475, SILICA), np.arange(0, 1801.0)
-    trajectory = lattice.torus_trajectory(mode, 0.2, tau, NU, rtol=1e-9)
+    trajectory = lattice.torus_trajectory(Wave(mode, 0.2, Contact(NU)), tau, rtol=1e-9)
     waves = resonance.amplitudes(resonance.normal_form(mode, SILICA), 0.2, tau) / 0.2
     for harmonic, field, size in ((1, 1, mode.q), (2, 0, 1.0)):
         projected = 2 / (31 * size) * trajectory[:, field] @ np.exp(-1j * harmonic * lattice.torus_phases(31))
@@ -75,7 +77,7 @@ def test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order(
     mode, tau = sh.mode(name, xi, SILICA), np.arange(0, 120.0, 0.5)
     found = []
     for a in (0.2, 0.05):
-        exact = lattice.torus(mode, a, tau, NU, rtol=1e-12)[:1]
+        exact = lattice.torus(Wave(mode, a, Contact(NU)), tau, rtol=1e-12)[:1]
         three = errors(resonance.three_mode(mode, SILICA, a, tau)[:1], exact)[0]
         assert three < factor * errors(sh.second_order(mode, SILICA, a, tau)[:1], exact)[0]
         found.append(three)
@@ -85,7 +87,7 @@ def test_near_the_ends_of_the_zone_three_waves_are_worse_in_p_than_second_order(
 @pytest.mark.parametrize("xi", [0.4, 0.802, 2.0])
 def test_longitudinal_waves_lose_most_of_their_error(xi):
     mode, tau = sh.mode("L", xi, SILICA), np.linspace(0, 120, 241)
-    exact = lattice.torus(mode, 0.2, tau, NU, points=61, rtol=1e-9)[:1]
+    exact = lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, points=61, rtol=1e-9)[:1]
     three, second = (errors(f(mode, SILICA, 0.2, tau)[:1], exact)[0] for f in (resonance.three_mode, sh.second_order))
     assert three < second / 7  # measured 23, 79 and 7.9 times less
 
@@ -147,7 +149,10 @@ def test_elliptic_functions_solve_the_two_amplitude_equations(xi, amplitude):
 def test_two_waves_alone_are_right_only_until_the_third_has_grown():
     mode = sh.mode("TR", 1.475, SILICA)
     early, late = (
-        errors(resonance.two_mode(mode, SILICA, 0.2, tau)[1:2], lattice.torus(mode, 0.2, tau, NU, rtol=1e-9)[1:2])[0]
+        errors(
+            resonance.two_mode(mode, SILICA, 0.2, tau)[1:2],
+            lattice.torus(Wave(mode, 0.2, Contact(NU)), tau, rtol=1e-9)[1:2],
+        )[0]
         for tau in (np.arange(0, 285.0), LONG)
     )
     assert early < 0.03  # measured 0.028
@@ -167,7 +172,7 @@ def test_the_geometry_of_silica_spheres_changes_nothing_visible_but_the_frequenc
     eta = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
     ratios = sh.ratios(NU, overlap_ratio=eta)
     mode = sh.mode("TR", 1.475, ratios)
-    exact = lattice.torus(mode, 0.2, LONG, NU, overlap_ratio=eta, rtol=1e-9)
+    exact = lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), LONG, rtol=1e-9)
     # Measured 1.2e-3, 1.5e-3, 2.7e-3: η of the coefficients costs 3e-4 in q.
     assert max(errors(resonance.three_mode(mode, ratios, 0.2, LONG), exact)) < 3e-3
 

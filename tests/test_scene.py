@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from analysis.second_harmonic import mode, ratios
+from analysis.theory.contact import Contact
 from analysis.theory.lattice import rows, torus
+from analysis.theory.wave import Wave
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import MODES, bloch_mode
 from granular_lmp.crystal.sphere import Sphere
@@ -205,7 +207,7 @@ def test_walls_are_not_heard_before_the_echo_time_and_are_soon_after(name: str) 
     wave, echo = mode(name, 0.802, ratios(0.17)), scene.echo_time
     late = {"L": 1.5, "TR": 2.0, "RT": 3.0}[name]  # the slower the group, the later its echo
     times = [0.9 * echo, echo, (late - 0.2) * echo, late * echo]
-    walls, infinite = rows(wave, 0.2, times, 0.17, rows=61), torus(wave, 0.2, times, 0.17)
+    walls, infinite = rows(Wave(wave, 0.2, Contact(0.17)), times, rows=61), torus(Wave(wave, 0.2, Contact(0.17)), times)
     departure = [max(abs(a[i] - b[i]) for a, b in zip(walls, infinite, strict=True)) for i in range(4)]
     assert max(departure[:2]) < 1e-6
     assert max(departure[2:]) > 1e-4

@@ -10,7 +10,7 @@ import pytest
 from analysis import second_harmonic as closed
 from analysis.figures import spectrum as spectrum_figure
 from analysis.measure import spectrum
-from analysis.theory.choice import Wave
+from analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.richardson import halved_step
 from tests.stand_in import leave_folder
@@ -25,7 +25,7 @@ def of_theory(mode: str, k: int, poisson_ratio: float | None = None, rows: int =
     """A record of second-order theory; of spheres with another Poisson ratio than the scene says, if one is given."""
     scene = ZONE.with_values({"packing.rows": rows, "wave.mode": mode, "wave.wavenumber": 2 * np.pi * k / rows})
     empty = Record(TAU, TAU, TAU, TAU, scene)
-    ratios = Wave.of(empty).ratios if poisson_ratio is None else other(poisson_ratio)
+    ratios = wave_of(empty).ratios if poisson_ratio is None else other(poisson_ratio)
     wave = closed.mode(mode, scene.wavenumber, ratios)  # type: ignore[arg-type]
     p, q, phi = closed.second_order(wave, ratios, scene.wave.amplitude, TAU)
     return replace(empty, p=p, q=q, phi=phi)
@@ -63,7 +63,7 @@ def test_the_amplitude_put_in_is_found(mode: str, k: int) -> None:
 @pytest.mark.parametrize("mode", ["TR", "RT", "L"])
 def test_one_percent_more_second_harmonic_is_one_percent(mode: str) -> None:
     record = of_theory(mode, 17)
-    wave = Wave.of(record)
+    wave = wave_of(record)
     more = 0.01 * closed.second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU)
     assert spectrum.point(replace(record, p=record.p + more)).deviation == pytest.approx(0.01, rel=1e-6)
 
@@ -75,13 +75,13 @@ def test_the_other_sign_is_seen() -> None:
 
 def test_free_waves_of_any_size_are_not_the_generated_wave() -> None:
     record = of_theory("TR", 17)
-    free = 0.1 * np.cos(spectrum.linear(Wave.of(record)).free * TAU + 1.0)  # 500 times the generated wave
+    free = 0.1 * np.cos(spectrum.linear(wave_of(record)).free * TAU + 1.0)  # 500 times the generated wave
     assert abs(spectrum.point(replace(record, p=record.p + free)).deviation) < 1e-8
 
 
 def test_a_fundamental_that_drifts_is_no_second_harmonic() -> None:
     record = of_theory("L", 43)
-    frequency, shift = Wave.of(record).mode.frequency, 8e-6  # σa², 0.02 · 4e-4
+    frequency, shift = wave_of(record).mode.frequency, 8e-6  # σa², 0.02 · 4e-4
     drifting = record.p + np.cos((frequency + shift) * TAU) - np.cos(frequency * TAU)
     # Half the square of the phase is 5e-7, 3e-4 of the second harmonic, and 1e-7 at 2Ω; without a drift it is 9e-4
     assert abs(spectrum.point(replace(record, p=drifting)).deviation) < 1e-5
@@ -114,9 +114,9 @@ def test_the_response_is_that_of_an_oscillator_driven_from_rest(detuning: float)
 @pytest.mark.parametrize("poisson_ratio", [None, 0.15, 0.19])
 def test_the_location_is_that_of_the_spheres_that_ran(name: str, poisson_ratio: float | None) -> None:
     record = of_theory("TR", 30)
-    ratios = Wave.of(record).ratios if poisson_ratio is None else other(poisson_ratio)
+    ratios = wave_of(record).ratios if poisson_ratio is None else other(poisson_ratio)
     place, _ = located(name, [of_theory("TR", k, poisson_ratio) for k in ROWS[name]])
-    there, here = (getattr(closed, name)(each) for each in (ratios, Wave.of(record).ratios))
+    there, here = (getattr(closed, name)(each) for each in (ratios, wave_of(record).ratios))
     assert place == pytest.approx(there, abs=3e-4)  # a quartic over 0.4 rad of wave number
     if poisson_ratio is not None:
         assert abs(there - here) > 2e-3  # so the scene's own location would be wrong

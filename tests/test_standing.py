@@ -11,7 +11,7 @@ from analysis.figures import standing as standing_figure
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import rows_of
 from analysis.theory import lattice, standing
-from analysis.theory.laws import shear_law_ratios
+from analysis.theory.contact import Contact, Law
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -28,7 +28,7 @@ def on_the_ring(k: int) -> float:
     return 2 * np.pi * k / RING
 
 
-def let_go(mode: sh.Mode, amplitude: float, contact: lattice.Contact, phase: float = 0.3) -> np.ndarray:
+def let_go(mode: sh.Mode, amplitude: float, contact: Contact, phase: float = 0.3) -> np.ndarray:
     """p, q, φ (T, 3, rows) in D0 of the exact lattice on a ring, let go at rest."""
     neighbours, theta = lattice.ring_neighbours(), mode.wavenumber * np.arange(RING) + phase
     moving = np.zeros((6, RING))
@@ -43,7 +43,7 @@ def in_closed_form(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, phase: fl
     return np.stack([p, q, phi], axis=1)
 
 
-def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.Contact) -> np.ndarray:
+def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: Contact) -> np.ndarray:
     exact, theory = let_go(mode, amplitude, contact), in_closed_form(mode, ratios, amplitude)
     moves = [0] if mode.name == "L" else [0, 1, 2]
     return np.array([relative_error(theory[:, i], exact[:, i]) for i in moves])
@@ -51,10 +51,10 @@ def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: lattice.
 
 @pytest.mark.parametrize(("eta", "law"), [(0.0, "secant"), (ETA, "secant"), (0.01, "secant"), (0.01, "incremental")])
 @pytest.mark.parametrize(("name", "k"), WAVES)
-def test_errors_fall_as_the_square_of_the_amplitude(name: sh.ModeName, k: int, eta: float, law: lattice.Law) -> None:
-    ratios = shear_law_ratios(NU, law, overlap_ratio=eta)
+def test_errors_fall_as_the_square_of_the_amplitude(name: sh.ModeName, k: int, eta: float, law: Law) -> None:
+    ratios = Contact(NU, law=law, overlap_ratio=eta).ratios
     mode = sh.mode(name, on_the_ring(k), ratios)
-    contact = lattice.contact(NU, law=law, overlap_ratio=eta)
+    contact = Contact(NU, law=law, overlap_ratio=eta)
     large, small = (errors(mode, ratios, amplitude, contact) for amplitude in (0.04, 0.02))
     # Next order: a² of these; and 1e-5 of p_SH, which is small for RT, is the integration's.
     assert np.log2(large / small) == pytest.approx(2, abs=0.1)
@@ -63,11 +63,11 @@ def test_errors_fall_as_the_square_of_the_amplitude(name: sh.ModeName, k: int, e
 
 @pytest.mark.parametrize("wrong", ["geometry", "start", "law"])
 def test_a_theory_of_another_contact_is_seen(wrong: str) -> None:
-    contact = lattice.contact(NU, law="incremental", overlap_ratio=0.01)
-    right = shear_law_ratios(NU, "incremental", overlap_ratio=0.01)
+    contact = Contact(NU, law="incremental", overlap_ratio=0.01)
+    right = Contact(NU, law="incremental", overlap_ratio=0.01).ratios
     mode = sh.mode("TR", on_the_ring(5), right)
     others = {
-        "geometry": shear_law_ratios(NU, "incremental"),
+        "geometry": Contact(NU, law="incremental").ratios,
         "start": sh.Ratios(**{**vars(right), "memory": 0.0}),
         "law": sh.ratios(NU, overlap_ratio=0.01),
     }

@@ -12,21 +12,24 @@ from numpy.typing import NDArray
 from analysis import compare
 from analysis.figures import figure3
 from analysis.measure import signals
-from analysis.theory import choice, directions
+from analysis.theory import catalogue, choice, directions
 from analysis.theory.choice import (
     THEORIES,
-    Physics,
     TheoryError,
-    Wave,
     _computed,
     best,
+    contact_of,
     holding,
     last_orders,
     linear_mode,
-    physics_of,
+    others_of,
+    traits_of,
     trajectory,
+    wave_of,
 )
+from analysis.theory.contact import Contact
 from analysis.theory.hierarchy import hierarchy_orders
+from analysis.theory.wave import Wave
 from granular_lmp import Record
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
@@ -34,7 +37,7 @@ from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 30.0, 0.5)
 PLAIN = Record(TAU, TAU, TAU, TAU, PAPER)
-USUAL = physics_of(PLAIN)
+CONTACT, OTHERS = contact_of(PLAIN), others_of(PLAIN)
 With = Callable[..., Wave]
 
 
@@ -42,9 +45,17 @@ With = Callable[..., Wave]
 def with_physics(monkeypatch: pytest.MonkeyPatch) -> With:
     """The paper's wave, run with some of its physics changed, here and in `compare`."""
 
-    def make(**changes: object) -> Wave:
-        monkeypatch.setattr(choice, "physics_of", lambda record: replace(USUAL, **changes))
-        return Wave.of(PLAIN)
+    def make(**changes: Any) -> Wave:
+        direction, others = changes.pop("direction", 90.0), changes.pop("others", OTHERS)
+        if form := changes.pop("form", None):
+            others = others - {catalogue.RUNNING} | {catalogue.said("wave.form", form)}
+        traits = {"finite": catalogue.ENVELOPE, "sliding": catalogue.SLIDING, "opening": catalogue.OPENING}
+        others |= {trait for name, trait in traits.items() if changes.pop(name, False)}
+        contact = replace(CONTACT, **changes)
+        monkeypatch.setattr(choice, "contact_of", lambda record: contact)
+        monkeypatch.setattr(choice, "direction_of", lambda record: direction)
+        monkeypatch.setattr(choice, "others_of", lambda record: others)
+        return wave_of(PLAIN)
 
     return make
 
@@ -75,7 +86,7 @@ def test_what_holds_the_physics_of_a_run_is_close_to_the_lattice(
     changes: dict[str, object], names: set[str], expected: str, with_physics: With
 ) -> None:
     wave = with_physics(**changes)
-    assert set(holding(wave.physics)) == names
+    assert set(holding(wave)) == names
     assert best(wave, TAU) == expected
     exact = record_of("exact-lattice", wave)
     for name in names:
@@ -98,7 +109,7 @@ def test_a_theory_that_leaves_something_out_is_refused_by_name(
     for name in set(THEORIES) - names:
         with pytest.raises(TheoryError, match=f"theory = '{name}' leaves out"):
             trajectory(name, wave, TAU)
-        with pytest.raises(TheoryError, match=", ".join(holding(wave.physics))):
+        with pytest.raises(TheoryError, match=", ".join(holding(wave))):
             compare.compare(PLAIN, name)
 
 
@@ -136,23 +147,27 @@ def test_where_the_hierarchy_has_not_converged_a_damped_wave_is_left_to_the_latt
 
 def test_run_json_says_what_was_left_out() -> None:
     info = {"effects": {name: {"on": name == "sliding"} for name in ("shear", "rotation", "sliding")}}
-    found = physics_of(replace(PLAIN, info=info))
-    assert (found.shear, found.rotation, found.sliding) == (False, False, True)
-    sphere = PAPER.sphere
-    assert Physics(sphere.poisson_ratio, sphere.overlap_ratio, others=USUAL.others) == USUAL
+    run, sphere = replace(PLAIN, info=info), PAPER.sphere
+    found = contact_of(run)
+    assert (found.shear, found.rotation) == (False, False)
+    assert others_of(run) == OTHERS | {catalogue.SLIDING}
+    assert Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio) == CONTACT
 
 
 def test_a_scene_without_run_json_says_it_too() -> None:
     switched = {"effects.rotation": False, "effects.damping": False, "effects.viscosity": 1e-9}
-    found = physics_of(replace(PLAIN, scene=PAPER.with_values(switched)))
+    found = contact_of(replace(PLAIN, scene=PAPER.with_values(switched)))
     assert (found.shear, found.rotation, found.viscosity) == (True, False, 0.0)
 
 
-def test_contacts_that_were_seen_to_open_have_opened(with_physics: With) -> None:
+def test_contacts_that_were_seen_to_open_have_opened() -> None:
     seen = {"effect": "contact_opening", "value": 1.0, "passed_at": 3.0}
-    found = physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen}}))
-    assert found.opening
-    assert not physics_of(replace(PLAIN, info={"guards": {"open_contacts": seen | {"passed_at": None}}})).opening
+    opened, closed = (
+        others_of(replace(PLAIN, info={"guards": {"open_contacts": seen | {"passed_at": passed}}}))
+        for passed in (3.0, None)
+    )
+    assert catalogue.OPENING in opened
+    assert catalogue.OPENING not in closed
 
 
 # --- any direction, and what is no running plane wave ---
@@ -177,8 +192,7 @@ def with_noise(size: float) -> Callable[..., NDArray[np.float64]]:
 def test_rounding_of_silent_components_does_not_choose_the_theory(
     size: float, with_physics: With, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    physics = with_physics().physics
-    wave = Wave(linear_mode("L", PAPER.wavenumber, physics), physics.ratios, 0.2, 0.0, physics)
+    wave = replace(with_physics(), mode=linear_mode("L", PAPER.wavenumber, 90.0, CONTACT))
     clean = last_orders(wave, TAU)
     monkeypatch.setattr(choice, "hierarchy_orders", with_noise(size))
     assert last_orders(wave, TAU) == pytest.approx(clean, rel=1e-9)
@@ -189,7 +203,7 @@ def test_a_component_that_is_small_but_not_silent_counts(with_physics: With, mon
     wave = with_physics()
     monkeypatch.setattr(choice, "hierarchy_orders", with_noise(1e-6))
     clean = last_orders(wave, TAU)
-    still = Wave(linear_mode("L", PAPER.wavenumber, wave.physics), wave.ratios, 0.2, 0.0, wave.physics)
+    still = replace(wave, mode=linear_mode("L", PAPER.wavenumber, 90.0, CONTACT))
     assert clean < 0.02 < last_orders(still, TAU)  # orders that are all alike have not converged
 
 
@@ -215,7 +229,7 @@ def test_theories_of_any_direction_are_close_to_the_lattice(
     wave = with_physics(direction=direction, **changes)
     assert wave.mode.direction == direction
     damped = "viscosity" in changes or "restitution" in changes
-    assert set(holding(wave.physics)) == ANY_DIRECTION - ({"second-order"} if damped else set())
+    assert set(holding(wave)) == ANY_DIRECTION - ({"second-order"} if damped else set())
     assert best(wave, TAU) == "hierarchy"
     exact = record_of("exact-lattice", wave)
     assert worst(exact, "hierarchy", wave) < 1e-5  # a⁶, as along y
@@ -234,7 +248,7 @@ def test_the_wave_of_a_run_is_the_mode_of_its_direction(with_physics: With) -> N
     wave = with_physics(direction=17.0, rotation=False)
     sphere = PAPER.sphere
     assert wave.mode == directions.mode(
-        "TR", PAPER.wavenumber, 17.0, sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio, rotation=False
+        "TR", PAPER.wavenumber, 17.0, Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio, rotation=False)
     )
 
 
@@ -279,13 +293,13 @@ def test_what_is_no_running_plane_wave_is_left_to_its_script(
 ) -> None:
     ends = changes.get("ends", "fixed" if changes.get("form") == "driven" else "periodic")
     fields = {key: value for key, value in changes.items() if key != "ends"}
-    others = USUAL.others - {"packing.ends = 'fixed'"} | {f"packing.ends = '{ends}'"}
+    others = OTHERS - {"packing.ends = 'fixed'"} | {f"packing.ends = '{ends}'"}
     wave = with_physics(**fields, others=others)
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
     assert "the run is compared with nothing" in result.notes[-1]
     assert result.notes[-1].endswith(f"; `python -m {script}` has a theory of it" if script else "nothing")
-    assert holding(wave.physics) == []
+    assert holding(wave) == []
     named = f"wave.form = '{changes['form']}'" if "form" in changes else "an envelope"
     assert named in result.notes[-1]
     with pytest.raises(TheoryError, match=f"leaves out .*{named}"):
@@ -302,9 +316,9 @@ def test_the_scene_says_what_kind_of_wave_it_is(form: str, width: float, ends: s
         shape=SimpleNamespace(ends=ends),
         wave=replace(PAPER.wave, form=form),
     )
-    found = physics_of(replace(PLAIN, scene=scene))
-    assert (found.form, found.finite, found.direction) == (form, width > 0, 90.0)
-    assert found.traits >= {f"wave.form = '{form}'", f"packing.ends = '{ends}'", "wave.mode = 'TR'"}
+    found = traits_of(replace(PLAIN, scene=scene))
+    assert found >= {f"wave.form = '{form}'", f"packing.ends = '{ends}'", "wave.mode = 'TR'"}
+    assert (catalogue.ENVELOPE in found, catalogue.OBLIQUE in found) == (width > 0, False)
 
 
 @pytest.mark.parametrize(

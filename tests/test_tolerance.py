@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import relative_error
+from analysis.second_harmonic import ModeName
 from analysis.theory import timestep
-from analysis.theory.timestep import Wave, extrapolated, limit, stepped
+from analysis.theory import wave as theory
+from analysis.theory.contact import Contact
+from analysis.theory.timestep import extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy.ladder import (
     COARSEST,
@@ -36,6 +39,7 @@ from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.stand_in import status_of
 
+Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
 NAMES = ("p", "q", "phi")
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 WAVENUMBERS = (0.3, 0.802, 1.475, 2.127, 2.8)
@@ -83,6 +87,12 @@ def scene_of(wave: Wave, tolerance: float) -> Scene:
     )
 
 
+def in_lammps(wave: Wave, overlap_ratio: float = PAPER.sphere.overlap_ratio) -> theory.Wave:
+    """The wave in contacts of LAMMPS's geometry."""
+    name, wavenumber, amplitude, poisson_ratio = wave
+    return theory.Wave.of_mode(name, wavenumber, amplitude, Contact(poisson_ratio, overlap_ratio=overlap_ratio))
+
+
 class Stepped:
     """Trajectories of waves by steps per sample, computed side by side and kept."""
 
@@ -95,7 +105,8 @@ class Stepped:
         for count in sorted({count for _, count in missing}):
             waves = [wave for wave, other in missing if other == count]
             records = max(RECORDS[wave] for wave in waves)
-            for wave, record in zip(waves, stepped(waves, count, records=records, points=17), strict=True):
+            made = stepped([in_lammps(wave) for wave in waves], count, records=records, points=17)
+            for wave, record in zip(waves, made, strict=True):
                 self.kept[wave, count] = record[: RECORDS[wave] + 1]
 
     def single(self, wave: Wave, count: int) -> np.ndarray:
@@ -106,7 +117,7 @@ class Stepped:
         """The errors of p, q, φ, of those that do not vanish by symmetry."""
         if wave not in self.limits:
             # With rtol = 1e-9 the steps are at the edge of stability where L is small, and rounding of φ grows to 4e-7
-            self.limits[wave] = limit(wave, timestep.TAU[: len(record)], rtol=1e-10)
+            self.limits[wave] = limit(in_lammps(wave), timestep.TAU[: len(record)], rtol=1e-10)
         exact = self.limits[wave]
         names = moving(dict(zip(NAMES, exact.T, strict=True)))
         return {name: relative_error(record[:, i], exact[:, i]) for i, name in enumerate(NAMES) if name in names}
@@ -209,9 +220,13 @@ def periodic(name: str, rows: int, waves: int, amplitude: float, **more: Any) ->
     )
 
 
-def wave_of(scene: Scene) -> Wave:
+def described(scene: Scene) -> Wave:
     wave = scene.wave
     return wave.mode, scene.wavenumber, wave.amplitude, scene.sphere.poisson_ratio  # type: ignore[return-value]
+
+
+def wave_of(scene: Scene) -> theory.Wave:
+    return in_lammps(described(scene), scene.sphere.overlap_ratio)
 
 
 def errors_of(record: Record, reference: np.ndarray) -> dict[str, float]:
@@ -231,9 +246,7 @@ def errors_of(record: Record, reference: np.ndarray) -> dict[str, float]:
 )
 def test_the_stepped_lattice_is_lammps(scene: Scene, per_sample: int, tmp_path: Path) -> None:
     record = run(with_step(scene, 0.5 / per_sample), tmp_path / "run")
-    options = {"records": scene.time.samples, "overlap_ratio": scene.sphere.overlap_ratio}
-    (model,) = stepped([wave_of(scene)], per_sample, **options)  # type: ignore[arg-type]
-    (other,) = stepped([wave_of(scene)], per_sample + 1, **options)  # type: ignore[arg-type]
+    model, other = (stepped([wave_of(scene)], per_sample + more, records=scene.time.samples)[0] for more in (0, 1))
     for name, error in errors_of(record, model).items():
         # Rounding of positions of 1e4 nm, of the p of RT (1e-4 of D0) the most
         assert error < (3e-6 if name == "p" else 1e-8), name
@@ -257,7 +270,7 @@ def test_lammps_meets_a_tolerance(scene: Scene, tolerance: float, tmp_path: Path
     scene = scene.with_values({"time.tolerance": tolerance})
     record = run(scene, tmp_path / "run")
     estimated = record.info["error_estimate"]
-    found = errors_of(record, limit(wave_of(scene), record.tau, scene.sphere.overlap_ratio))
+    found = errors_of(record, limit(wave_of(scene), record.tau))
     found = {name: error for name, error in found.items() if estimated[name] is not None}  # the others vanish at π
     assert max(found.values()) <= tolerance
     assert record.info["tolerance"] == tolerance
@@ -278,7 +291,7 @@ def test_a_ladder_that_begins_too_coarse_goes_on_and_says_so(tmp_path: Path, cap
     assert "(tolerance 0.001)" in said.out
     record = Record.load(tmp_path / "run")
     assert len(list((tmp_path / "run").glob("*_per_sample"))) == RUNGS + len(record.info["refinements"])
-    exact = limit(wave_of(scene), record.tau, scene.sphere.overlap_ratio)
+    exact = limit(wave_of(scene), record.tau)
     assert max(errors_of(record, exact).values()) <= 1e-3
 
 
@@ -378,7 +391,7 @@ def test_the_law_of_rounding_is_lammps_s_within_a_factor_of_three(tmp_path: Path
     # 201 rows at a = 0.01, where 2e-5 of p is rounding; against the same steps without LAMMPS
     scene = PAPER.with_values({"wave.amplitude": 0.01, "time.timestep": 0.1, "time.duration": 60.0})
     record = run(scene, tmp_path / "run")
-    (model,) = stepped([wave_of(scene)], 5, records=120, overlap_ratio=scene.sphere.overlap_ratio)
+    (model,) = stepped([wave_of(scene)], 5, records=120)
     assert 1 / 3 < errors_of(record, model)["p"] / rounding(scene, record.signals)["p"] < 3
 
 
@@ -467,7 +480,7 @@ def test_a_deck_of_a_scene_with_a_tolerance_is_the_finest_run(capsys: pytest.Cap
 def pair() -> tuple[Scene, Callable[[int], Record]]:
     """A scene whose runs, by steps per sample, err as c h² on top of a wave."""
     scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
-    runs, wave = Stepped(), wave_of(scene)
+    runs, wave = Stepped(), described(scene)
     RECORDS.setdefault(wave, scene.time.samples)
     return scene, lambda count: runs.record(with_step(scene, 0.5 / count), wave)
 

@@ -13,7 +13,7 @@ from analysis.measure import sheets
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import traits_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.errors import RunInterrupted
@@ -246,7 +246,7 @@ def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path:
 def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path) -> None:
     record = run(scene.with_values({"time.duration": 8.0}), tmp_path / "run")
     (note,) = (note for note in compare.notes(record) if "compared" in note)
-    script = catalogue.script_for(physics_of(record).traits)
+    script = catalogue.script_for(traits_of(record))
     assert script is None or script in note
     if script == "analysis.figures.sheets":
         sheets.refuse(record)

@@ -24,7 +24,7 @@ from analysis.figures.accuracy import (
     recommended,
 )
 from analysis.measure import signals
-from analysis.theory.choice import Wave, trajectory
+from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.lammps.outputs import PER_SAMPLE
@@ -204,7 +204,7 @@ def test_the_costs_in_the_readme_are_of_these_runs(wanted: float, tmp_path: Path
         assert {round(scene.time.sample / Fraction(step)) for step in steps.split(" + ")} == taken
     assert work == f"{scene.shape.spheres} × {record.info['steps']}"
     assert all(float(error) <= wanted for error in shown.split(", "))
-    found = signals.errors(record, trajectory("exact-lattice", Wave.of(record), record.tau))
+    found = signals.errors(record, trajectory("exact-lattice", wave_of(record), record.tau))
     # Two digits are printed, half a unit of the second is at most 5 %
     assert [float(error) for error in shown.split(", ")] == pytest.approx([found["p"], found["q"]], rel=0.05)
 
@@ -215,8 +215,8 @@ def test_the_tightest_tolerance_has_no_row() -> None:
 
 def test_the_formulas_in_the_readme_are_as_good_as_it_says() -> None:
     record = from_theory(PAPER, "exact-lattice", np.arange(0.0, 120.5, 0.5))
-    wave = Wave.of(record)
-    for module, theory in (("second_harmonic", "second-order"), ("resonance", "three-mode")):
+    wave = wave_of(record)
+    for module, theory in (("second_harmonic", "second-order"), ("theory.resonance", "three-mode")):
         (line,) = [line for line in README.splitlines() if f"`analysis.{module}` |" in line]
         shown = [float(word) for word in re.findall(r"\d\.\de-\d\d", line)]
         found = signals.errors(record, trajectory(theory, wave, record.tau))

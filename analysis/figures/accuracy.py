@@ -36,8 +36,9 @@ from analysis.figures.plotting import parser, save, start, write
 from analysis.measure.runs import load
 from analysis.measure.signals import errors
 from analysis.theory.catalogue import missing
-from analysis.theory.choice import THEORIES, Trajectory, Wave, holding, physics_of
+from analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
 from analysis.theory.lattice import torus
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -121,9 +122,9 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
     record = study.record
     if unheld(record):
         return []
-    wave, tau = Wave.of(record), record.tau
+    wave, tau = wave_of(record), record.tau
     theories: dict[tuple[str, str], Callable[[], Trajectory]] = {}
-    for name in holding(wave.physics):
+    for name in holding(wave):
         if name not in NOT_CLOSED:
             theories[FORMULA, name] = lambda name=name: THEORIES[name](wave, tau)  # type: ignore[misc]
     for rtol in RTOL:
@@ -146,13 +147,12 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
 
 def unheld(record: Record) -> list[str]:
     """Return what a run has that the exact lattice, which holds more than the formulas, does not hold."""
-    return missing("exact-lattice", physics_of(record).traits)
+    return missing("exact-lattice", traits_of(record))
 
 
 def lattice(wave: Wave, tau: NDArray[np.float64], rtol: float) -> Trajectory:
     """p, q, φ of the exact lattice, the tolerance of the integrator given."""
-    physics = wave.physics
-    return torus(wave.mode, wave.amplitude, tau, physics.poisson_ratio, phase=wave.phase, rtol=rtol, **physics.effects)
+    return torus(wave, tau, rtol=rtol)
 
 
 # --- what to take ----------------------------------------------------------------------------------------------------

@@ -26,6 +26,8 @@ from analysis.figures.plotting import parser, save, start
 from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import Mode, ModeName, Ratios, mode, ratios, second_order
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 POISSON_RATIO = 0.17  # silica, the paper's spheres
 TAU = np.linspace(0.0, 120.0, 241)
@@ -75,7 +77,7 @@ def convergence(waves: Iterable[tuple[ModeName, float]] = WAVES, theory: Ratios 
 def _errors(wave: Mode, theory: Ratios, amplitude: float) -> dict[tuple[int, str], float]:
     """Relative error at each row and of each displacement that is not identically zero."""
     # rtol: the smallest reference is p of RT, 1e-5 at a=0.0125, with an error of 5e-6 to be resolved in it.
-    trajectory = lattice.torus_trajectory(wave, amplitude, TAU, POISSON_RATIO, rtol=1e-12)
+    trajectory = lattice.torus_trajectory(Wave(wave, amplitude, Contact(POISSON_RATIO)), TAU, rtol=1e-12)
     phases = lattice.torus_phases(trajectory.shape[-1])
     errors = {}
     for row in ROWS:

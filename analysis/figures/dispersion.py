@@ -17,8 +17,6 @@ from analysis.figures.plotting import parser, save, start
 from analysis.measure.dispersion import Sheet, density, misses, zone_path
 
 Floats = NDArray[np.float64]
-
-
 BRANCHES = ("lower", "middle", "upper")
 
 

@@ -8,35 +8,24 @@ no echo of the far end is heard. It prints median deviations over those rows and
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.rows import AIRY, Rows, echo, load_form
-from analysis.second_harmonic import Mode, Ratios, mode
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import wave_of
 from analysis.theory.driven import beat_length, driven_amplitudes, slowest, static
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 Complexes = NDArray[np.complex128]
-
-
 PERIODS = 5  # fewest in the window of the fit: Hann's sidelobes then keep 1, Ω and 2Ω apart
-
-
 PER_PERIOD = 8  # fewest snapshots: above Nyquist's 6 of the third harmonic
-
-
 FEWEST_ROWS = 3
-
-
 PART = 1 / 3  # of the time after the ramp, the window
 
 
@@ -56,9 +45,7 @@ def fit(tau: Floats, signals: Floats, frequency: float) -> tuple[Floats, Complex
 class Comparison:
     """Amplitudes of a run and of theory over the rows n (N,), by name: components of the fundamental, 2Ω, the mean."""
 
-    linear: Mode
-    ratios: Ratios
-    amplitude: float
+    wave: Wave
     n: NDArray[np.intp]
     run: dict[str, Complexes]
     theory: dict[str, Complexes]
@@ -79,9 +66,8 @@ def compare(record: Record, rows: Rows) -> Comparison:
 
     Raises ValueError, in one line, for a run that is too short or too coarse in time for that.
     """
-    scene, wave = record.scene, record.scene.wave
-    constants = physics_of(record).ratios
-    linear = mode(wave.mode, scene.wavenumber, constants)  # type: ignore[arg-type]  # checked by the scene
+    scene, wave = record.scene, wave_of(record)
+    linear, constants = wave.mode, wave.ratios
     period = 2 * np.pi / linear.frequency
     first, last = _window(rows.tau, scene.envelope.ramp, period)
     tau, velocity = rows.tau[first:], slowest(linear, constants)
@@ -107,7 +93,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
     if linear.name == "L" or not constants.memory:
         run["mean p"], theory["mean p"] = means + 0j, static(linear, constants, wave.amplitude, n) + 0j
-    return Comparison(linear, constants, wave.amplitude, n, run, theory)
+    return Comparison(wave, n, run, theory)
 
 
 def _window(tau: Floats, ramp: float, period: float) -> tuple[int, float]:
@@ -126,8 +112,6 @@ def _window(tau: Floats, ramp: float, period: float) -> tuple[int, float]:
 
 
 LINES = {"p": "tab:blue", "q": "tab:blue", "phi": "tab:orange", "p at 2Ω": "tab:blue", "mean p": "tab:orange"}
-
-
 LABELS = {"phi": r"$\varphi$", "p at 2Ω": r"$p$ at $2\Omega$", "mean p": "mean of $p$", "q": "$q$", "p": "$p$"}
 
 
@@ -141,7 +125,7 @@ def draw(found: Comparison) -> Figure:
         upper.plot(all_rows, _theory(found, name, all_rows), color=LINES[name], linewidth=1.0)
         upper.plot(found.n, np.abs(found.run[name]), "o", color=LINES[name], markersize=4, label=LABELS[name])
         lower.semilogy(found.n, np.abs(found.run[name] - theory), "o-", color=LINES[name], markersize=3, linewidth=0.5)
-    beat = beat_length(found.linear, found.ratios)
+    beat = beat_length(found.wave.mode, found.wave.ratios)
     second = "free wave above the cutoff" if np.isnan(beat) else f"beat length {beat:.4g} rows"
     for axes, title in zip(panels[0], ("(a) fundamental", f"(b) second order; {second}"), strict=True):
         axes.set_title(title, fontsize="medium", loc="right")
@@ -155,7 +139,7 @@ def draw(found: Comparison) -> Figure:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     numbers = ",  ".join(f"{LABELS[name]} {whole:.1e}" for name, (whole, _) in found.deviations().items())
     figure.suptitle(
-        rf"driven {found.linear.name}, $\xi$ = {found.linear.wavenumber:.4g}, $a$ = {found.amplitude:g}; "
+        rf"driven {found.wave.mode.name}, $\xi$ = {found.wave.mode.wavenumber:.4g}, $a$ = {found.wave.amplitude:g}; "
         f"median relative deviations: {numbers}",
         fontsize="medium",
     )
@@ -163,27 +147,25 @@ def draw(found: Comparison) -> Figure:
 
 
 def _theory(found: Comparison, name: str, rows: NDArray[np.intp]) -> Floats:
+    wave = found.wave
     if name == "mean p":
-        return np.abs(static(found.linear, found.ratios, found.amplitude, rows))
-    fundamental, second = driven_amplitudes(found.linear, found.ratios, found.amplitude, rows)
+        return np.abs(static(wave.mode, wave.ratios, wave.amplitude, rows))
+    fundamental, second = driven_amplitudes(wave.mode, wave.ratios, wave.amplitude, rows)
     return np.abs(second if name == "p at 2Ω" else fundamental[["p", "q", "phi"].index(name)])
+
+
+def table(found: Comparison) -> str:
+    """Return the median deviations, a line each."""
+    lines = [f"rows {found.n[0]} to {found.n[-1]}; median deviation: complex, of the modulus"]
+    lines += [f"{name:10s} {whole:.2e} {modulus:.2e}" for name, (whole, modulus) in found.deviations().items()]
+    return "\n".join(lines)
 
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/driven.png")
-    options.add_argument("run", metavar="RUN", type=Path, help="run folder of a driven row, with snapshots")
+    options = parser(__doc__, "figures/driven.png", run="run folder of a driven row, with snapshots")
     chosen = options.parse_args(argv)
-    try:
-        found = compare(*load_form(chosen.run, "driven"))
-    except ValueError as error:
-        raise SystemExit(f"{chosen.run}: {error}") from error
-    print(f"rows {found.n[0]} to {found.n[-1]}; median deviation: complex, of the modulus")
-    for name, (whole, modulus) in found.deviations().items():
-        print(f"{name:10s} {whole:.2e} {modulus:.2e}")
-    save(draw(found), chosen.output)
-    print(chosen.output)
-    return 0
+    return show(chosen.run, lambda: compare(*load_form(chosen.run, "driven")), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,9 @@ from analysis.measure.runs import sweep
 from analysis.measure.signals import measured_amplitude
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
 from analysis.theory.catalogue import OBLIQUE, missing
-from analysis.theory.choice import Physics, Wave, holding, physics_of, trajectory
+from analysis.theory.choice import holding, traits_of, trajectory, wave_of
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 # Told apart by marker and dashes without colour.
@@ -35,15 +37,15 @@ STYLES: tuple[dict[str, Any], ...] = (
 )
 
 
-def name(physics: Physics) -> str:
-    """What sets the physics apart from that of the paper."""
+def name(contact: Contact) -> str:
+    """What sets a contact apart from that of the paper."""
     parts = {
-        "without rotation": not physics.rotation,
-        "without shear": not physics.shear,
-        "incremental law": physics.law == "incremental",
-        "compression for adhesion": physics.prestress == 1,
-        "viscous damping": physics.viscosity > 0,
-        "restitution": physics.restitution is not None,
+        "without rotation": not contact.rotation,
+        "without shear": not contact.shear,
+        "incremental law": contact.law == "incremental",
+        "compression for adhesion": contact.prestress == 1,
+        "viscous damping": contact.viscosity > 0,
+        "restitution": contact.restitution is not None,
     }
     return ", ".join(part for part, there in parts.items() if there) or "as the paper"
 
@@ -55,7 +57,7 @@ def strength(p: NDArray[np.float64], wave: Wave) -> float:
 
 def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
     """Wave numbers and amplitudes of the generated wave in |ε| D0, of the runs where it can be measured."""
-    waves = [Wave.of(record) for record in records]
+    waves = [wave_of(record) for record in records]
     found = [measured_amplitude(record, wave)[0] for record, wave in zip(records, waves, strict=True)]
     there = [(wave, value) for wave, value in zip(waves, found, strict=True) if value is not None]
     scale = [abs(nonlinearity(wave.ratios, wave.amplitude)) for wave, _ in there]
@@ -74,13 +76,13 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
     figure = Figure(figsize=(7.0, 8.5), layout="constrained")
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.5, 1.2))
     for number, (records, style) in enumerate(zip(sweeps, STYLES, strict=False)):
-        wave = Wave.of(records[0])
+        wave = wave_of(records[0])
         line = {key: style[key] for key in ("color", "linestyle")}
         marks = {"color": style["color"], "marker": style["marker"], "linestyle": "none", "markersize": 4.5}
-        label = name(wave.physics)
+        label = name(wave.contact)
         xis = [record.scene.wavenumber for record in records]
-        exact = [trajectory("exact-lattice", Wave.of(record), record.tau)[0] for record in records]
-        closed = "second-order" in holding(wave.physics)
+        exact = [trajectory("exact-lattice", wave_of(record), record.tau)[0] for record in records]
+        closed = "second-order" in holding(wave)
         if closed:
             above.semilogy(*curve(wave), **line, linewidth=1.2, label=label)
             above.semilogy(*amplitudes(records), **marks, markerfacecolor="white")
@@ -90,7 +92,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
         off = [np.linalg.norm(r.p - p) / np.linalg.norm(p) for r, p in zip(records, exact, strict=True)]
         below.semilogy(xis, off, **{**marks, "markersize": 3.5})
     first = sweeps[0][0]
-    wave, end = Wave.of(first), first.tau[-1]
+    wave, end = wave_of(first), first.tau[-1]
     above.set(
         ylim=(1e-5, 1e3),
         ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)",
@@ -105,8 +107,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/effects.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help=f"folders of sweeps, at most {len(STYLES)}")
+    options = parser(__doc__, "figures/effects.png", sweeps=f"folders of sweeps, at most {len(STYLES)}")
     chosen = options.parse_args(arguments)
     if len(chosen.sweeps) > len(STYLES):
         options.error(f"{len(chosen.sweeps)} sweeps; at most {len(STYLES)} can be told apart")
@@ -115,10 +116,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if empty:
         options.error(f"{empty[0]}: no sweep with finished runs")
     for record in (record for records in sweeps for record in records):
-        physics = physics_of(record)
-        if left_out := missing("exact-lattice", physics.traits):
+        traits = traits_of(record)
+        if left_out := missing("exact-lattice", traits):
             options.error(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
-        if OBLIQUE in physics.traits:
+        if OBLIQUE in traits:
             options.error(
                 f"{record.folder}: its wave is not along y, as those drawn are; analysis.figures.oblique takes it"
             )

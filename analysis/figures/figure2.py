@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import COLOURS, parser, save, start
-from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, ratios, resonance
+from analysis.figures.plotting import COLOURS, parser, save, spheres, start
+from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, resonance
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
 
@@ -73,17 +73,9 @@ def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    options = parser(__doc__, "figures/figure2.png")
-    options.add_argument(
-        "--poisson-ratio", type=float, default=0.17, metavar="NU", help="of the spheres (default: 0.17)"
-    )
-    chosen = options.parse_args(argv)
-    try:
-        constants = ratios(chosen.poisson_ratio)
-    except ValueError as error:
-        options.error(str(error))
-    save(draw(constants), chosen.output)
-    print(chosen.output)
+    contact, output = spheres(parser(__doc__, "figures/figure2.png"), argv)
+    save(draw(contact.ratios), output)
+    print(output)
     return 0
 
 

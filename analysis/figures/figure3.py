@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from analysis.figures.plotting import parser, save, start
 from analysis.measure.runs import load
 from analysis.measure.signals import errors
-from analysis.theory.choice import TheoryError, Wave, best, trajectory
+from analysis.theory.choice import TheoryError, best, trajectory, wave_of
 from granular_lmp.runs.record import Record
 
 ROWS = 4
@@ -46,7 +46,7 @@ def draw(records: list[Record]) -> Figure:
 
 def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
     upper, beyond, middle, lower = panels
-    wave = Wave.of(record)
+    wave = wave_of(record)
     ours = best(wave, record.tau)
     upper.plot(record.tau, record.q, color="black", linewidth=2.5, label="$q$: LAMMPS")
     upper.plot(record.tau, record.phi, color="tab:grey", linewidth=2.5, label=r"$\phi$: LAMMPS")

@@ -14,29 +14,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as sh
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import SILICA, parser, save, spheres, start
 from analysis.second_harmonic import Mode
-from analysis.theory.lattice import Law, torus
-from analysis.theory.laws import LAWS, SILICA, antiresonance, generated_amplitude, second_harmonic
+from analysis.theory.contact import LAWS, Contact, Law
+from analysis.theory.lattice import torus
+from analysis.theory.laws import antiresonance, generated_amplitude, second_harmonic
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
-
-
 AMPLITUDE = 0.2  # D0/Δ0 of the paper's simulations
-
-
 TAU = np.linspace(0.0, 120.0, 241)  # the paper's duration
-
-
 NEAR_ANTIRESONANCE = 2.127  # rad per row, of the paper's third case
-
-
 SMALL = 0.005  # amplitude of the circles: the lattice is off second order by a² of it, by 150 a² at the antiresonance
-
-
 CIRCLES = (0.3, 0.6, 0.802, 1.1, 1.3, 1.475, 1.65, 1.9, NEAR_ANTIRESONANCE, 2.4, 2.7, 3.0)  # rad per row
-
-
 # Dark to light, and told apart by their dashes in grey.
 LINES: Final[dict[Law, dict[str, str]]] = {
     "secant": {"color": "black", "linestyle": "-"},
@@ -50,21 +40,21 @@ def ratio_to_secant(wavenumber: float, law: Law, poisson_ratio: float = SILICA) 
 
     Norm: root mean square over 0 ≤ τ ≤ 120 (every 0.5) in the row and at the phase where ϑ = −Ωτ.
     """
-    wave = sh.mode("TR", wavenumber, sh.ratios(poisson_ratio))
-    own, secant = (np.stack(torus(wave, AMPLITUDE, TAU, poisson_ratio, law=kind)) for kind in (law, "secant"))
+    laws: tuple[Law, Law] = (law, "secant")
+    contacts = [Contact(poisson_ratio, law=each) for each in laws]
+    own, secant = (np.stack(torus(Wave.of_mode("TR", wavenumber, AMPLITUDE, each), TAU)) for each in contacts)
     p, q, phi = np.sqrt(np.mean(own**2, axis=-1) / np.mean(secant**2, axis=-1))
     return float(p), float(q), float(phi)
 
 
-def lattice_amplitude(mode: Mode, poisson_ratio: float, law: Law) -> float:
+def lattice_amplitude(mode: Mode, contact: Contact) -> float:
     """|P̃1| per ε as the exact lattice shows it: |`generated_amplitude`| × rms p (lattice)/rms p (`second_harmonic`).
 
     At a = 0.005 and τ ≤ 60, in the row and at the phase where ϑ = −Ωτ.
     """
-    tau = TAU[TAU <= 60]
-    exact = torus(mode, SMALL, tau, poisson_ratio, law=law)[0]
-    theory = second_harmonic(mode, poisson_ratio, law, SMALL, tau)
-    return abs(generated_amplitude(mode, poisson_ratio, law)) * float(np.linalg.norm(exact) / np.linalg.norm(theory))
+    wave, tau = Wave(mode, SMALL, contact), TAU[TAU <= 60]
+    exact, theory = torus(wave, tau)[0], second_harmonic(wave, tau)
+    return abs(generated_amplitude(mode, contact)) * float(np.linalg.norm(exact) / np.linalg.norm(theory))
 
 
 def draw(poisson_ratio: float) -> Figure:
@@ -75,12 +65,13 @@ def draw(poisson_ratio: float) -> Figure:
     figure = Figure(figsize=(7.0, 7.0), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
     for law in LAWS:
-        zero = antiresonance(poisson_ratio, law)
+        contact = Contact(poisson_ratio, law=law)
+        zero = antiresonance(contact)
         # Real fields have half the amplitude of complex ones.
         grid = np.union1d(np.linspace(0.02, np.pi - 1e-3, 1200), [] if zero is None else [zero])
-        curve = [abs(generated_amplitude(sh.mode("TR", xi, constants), poisson_ratio, law)) / 2 for xi in grid]
+        curve = [abs(generated_amplitude(sh.mode("TR", xi, constants), contact)) / 2 for xi in grid]
         above.semilogy(grid, curve, label=law, **LINES[law])
-        dots = [lattice_amplitude(sh.mode("TR", xi, constants), poisson_ratio, law) / 2 for xi in CIRCLES]
+        dots = [lattice_amplitude(sh.mode("TR", xi, constants), contact) / 2 for xi in CIRCLES]
         above.semilogy(CIRCLES, dots, "o", color=LINES[law]["color"], markersize=5, markerfacecolor="white")
         if zero is not None:
             side, align = (8, "left") if zero < 2.4 else (-8, "right")
@@ -92,8 +83,7 @@ def draw(poisson_ratio: float) -> Figure:
                 ha=align,
                 fontsize=9,
             )
-        wave = sh.mode("TR", NEAR_ANTIRESONANCE, constants)
-        p = torus(wave, AMPLITUDE, times, poisson_ratio, law=law)[0]
+        p = torus(Wave.of_mode("TR", NEAR_ANTIRESONANCE, AMPLITUDE, contact), times)[0]
         below.plot(times, 1e3 * p, label=rf"{law}, max {1e3 * np.max(np.abs(p)):.2g}", **LINES[law])
     above.axvline(resonance, color="0.6", linewidth=0.8, zorder=0)
     above.annotate(
@@ -121,14 +111,8 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the figure into a file."""
-    options = parser(__doc__, "figures/laws.png")
-    options.add_argument(
-        "--poisson-ratio", type=float, default=SILICA, metavar="NU", help="-1 to 0.5; default: %(default)s"
-    )
-    chosen = options.parse_args(arguments)
-    if not -1.0 <= chosen.poisson_ratio <= 0.5:
-        options.error(f"--poisson-ratio is {chosen.poisson_ratio}; allowed: -1 to 0.5")
-    save(draw(chosen.poisson_ratio), chosen.output)
+    contact, output = spheres(parser(__doc__, "figures/laws.png"), arguments)
+    save(draw(contact.poisson_ratio), output)
 
 
 if __name__ == "__main__":

@@ -27,10 +27,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, save, spheres, start
+from analysis.theory.contact import Contact
 from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
 
-SILICA = 0.17  # Poisson's ratio of the paper's spheres
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
 COLOURS = (1e-3, 1e1)  # what lies past them lies at resonances, at Γ and at zeros
 BRANCHES = ("lower", "middle", "upper")
@@ -49,21 +49,21 @@ def wave_vectors(points: int) -> Floats:
 def names_along_y(branch: int, poisson_ratio: float) -> str:
     """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
     line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
-    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, poisson_ratio))
+    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, Contact(poisson_ratio)))
 
 
 def draw(poisson_ratio: float) -> Figure:
     """Return the figure of the three maps for one Poisson's ratio (−1 to 0.5)."""
-    k = wave_vectors(POINTS)
-    fundamental, _ = modes(k, poisson_ratio)
-    doubled, _ = modes(2.0 * k, poisson_ratio)
+    k, contact = wave_vectors(POINTS), Contact(poisson_ratio)
+    fundamental, _ = modes(k, contact)
+    doubled, _ = modes(2.0 * k, contact)
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     angles = np.deg2rad(np.arange(0, 360, 60))
     zone = CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     targets: set[int] = set()
     for branch, panel in enumerate(panels):
-        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, poisson_ratio), axis=-1)
+        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
         outline = panel.add_patch(Polygon(zone, fill=False, edgecolor="black", linewidth=1.0, zorder=3))
         image = panel.imshow(
             amplitude,
@@ -113,14 +113,8 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the maps into a file."""
-    command = parser(__doc__, "figures/map.png")
-    command.add_argument(
-        "--poisson-ratio", type=float, default=SILICA, metavar="NU", help="-1 to 0.5; default: %(default)s"
-    )
-    options = command.parse_args(arguments)
-    if not -1.0 <= options.poisson_ratio <= 0.5:
-        command.error(f"--poisson-ratio is {options.poisson_ratio}; allowed: -1 to 0.5")
-    save(draw(options.poisson_ratio), options.output)
+    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments)
+    save(draw(contact.poisson_ratio), output)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ spheres, over two time steps h and h/2 as well if Richardson's extrapolation is 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,25 +17,16 @@ from numpy.typing import NDArray
 from analysis.figures.plotting import parser, save, start
 from analysis.measure.oblique import SILENT, Point, points, predicted, strength
 from analysis.measure.runs import sweep
-from analysis.theory.choice import Physics, physics_of
+from analysis.theory.choice import linear_mode, wave_of
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
-
-
 Complexes = NDArray[np.complex128]
-
-
 BOUND = 1e-2  # drawn: the relative error is to stay below it
-
-
 # Told apart by marker and dashes without colour
 COMPONENTS = {"p": ("black", "o", "-"), "q": ("tab:red", "s", "--"), "phi": ("tab:blue", "^", "-.")}
-
-
 AXES = (r"$\Gamma$K ($x$)", r"$\Gamma$M", r"$\Gamma$K", r"$\Gamma$M ($y$)")  # every 30 degrees
-
-
 LABELS = {"p": "$p$, along $k$", "q": "$q$, across $k$", "phi": r"$\varphi = R\theta$"}
 
 
@@ -63,7 +55,7 @@ def draw(made: Sequence[Point], records: Sequence[Record]) -> Figure:
     lowest, highest = (limit(each.error for each in made) for limit in (min, max))
     for name, above, below in zip(names, *panels, strict=True):
         these = [each for each in made if each.mode == name]
-        _strengths(above, these, wavenumber, amplitude, _physics(records, name))
+        _strengths(above, these, wavenumber, _wave(records, name))
         above.set_title(name, fontsize="medium")
         below.semilogy([each.direction for each in these], [each.error for each in these], "ko", markersize=3.5)
         below.axhline(BOUND, color="black", linewidth=0.8, linestyle=":")
@@ -84,16 +76,16 @@ def draw(made: Sequence[Point], records: Sequence[Record]) -> Figure:
     return figure
 
 
-def _physics(records: Sequence[Record], name: str) -> Physics:
+def _wave(records: Sequence[Record], name: str) -> Wave:
     """Of the first oblique run of a mode: along an axis an L wave runs without rotation."""
-    these = [record for record in records if record.scene.wave.mode == name]
-    return physics_of(next((record for record in these if physics_of(record).rotation), these[0]))
+    these = [wave_of(record) for record in records if record.scene.wave.mode == name]
+    return next((wave for wave in these if wave.contact.rotation), these[0])
 
 
-def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, amplitude: float, physics: Physics) -> None:
+def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave) -> None:
     angles = np.linspace(min(each.direction for each in these), max(each.direction for each in these), 181)
-    tau = these[0].tau
-    theory = [strength(predicted(these[0].mode, wavenumber, angle, amplitude, tau, physics)) for angle in angles]
+    turned = (replace(wave, mode=linear_mode(wave.mode.name, wavenumber, angle, wave.contact)) for angle in angles)
+    theory = [strength(predicted(each, these[0].tau)) for each in turned]
     largest = np.max(theory)
     for index, (name, (colour, marker, line)) in enumerate(COMPONENTS.items()):
         sizes = np.array(theory)[:, index]
@@ -107,8 +99,7 @@ def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, amplitude:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/oblique.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folders of sweeps over wave.mode, wave.direction")
+    options = parser(__doc__, "figures/oblique.png", sweeps="folders of sweeps over wave.mode, wave.direction")
     chosen = options.parse_args(arguments)
     records = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not records:

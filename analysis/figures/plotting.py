@@ -4,19 +4,34 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from matplotlib.figure import Figure
 
+from analysis.theory.contact import Contact
+from granular_lmp.runs.record import GranularError
+
+T = TypeVar("T")
+
+SILICA = 0.17  # Poisson's ratio of the paper's spheres
 COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
 
-def parser(doc: str | None, default: str) -> argparse.ArgumentParser:
-    """A parser with the first line of the script's docstring and the option -o with its default."""
+def parser(
+    doc: str | None, default: str, *, run: str | None = None, sweeps: str | None = None
+) -> argparse.ArgumentParser:
+    """A parser with the first line of the script's docstring and the option -o with its default.
+
+    run, sweeps : what the argument RUN, or the arguments SWEEP, are; None where the script takes none.
+    """
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
+    if run:
+        result.add_argument("run", metavar="RUN", help=run)
+    if sweeps:
+        result.add_argument("sweeps", nargs="+", metavar="SWEEP", help=sweeps)
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")
     return result
 
@@ -45,6 +60,29 @@ def start(main: Callable[[], int | None]) -> NoReturn:
         except OSError:  # the interpreter would try again at its end, and complain
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(status)
+
+
+def spheres(command: argparse.ArgumentParser, arguments: Sequence[str] | None) -> tuple[Contact, str]:
+    """Return the contact of the spheres that ``--poisson-ratio`` names, silica's unless given, and the output file."""
+    command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
+    options = command.parse_args(arguments)
+    try:
+        return Contact(options.poisson_ratio), options.output
+    except ValueError as error:
+        command.error(str(error))
+
+
+def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str) -> int:
+    """Print the table of a comparison with one run and draw it into a file; bad input is one line and SystemExit."""
+    try:
+        found = compare()
+    except GranularError as error:  # which names the folder
+        raise SystemExit(str(error)) from error
+    except ValueError as error:
+        raise SystemExit(f"{run}: {error}") from error
+    print(table(found))
+    save(draw(found), path)
+    return 0
 
 
 def save(figure: Figure, path: str | Path) -> None:

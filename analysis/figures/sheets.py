@@ -11,11 +11,10 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.runs import load
 from analysis.measure.sheets import Comparison, compare, relative
 from analysis.theory.quasilinear import ROW, in_frame
-from granular_lmp.runs.record import GranularError
 
 COMPONENTS = ("displacement along k ($D_0$)", "displacement across k ($D_0$)", r"rotation $R\theta$ ($D_0$)")
 
@@ -82,20 +81,14 @@ def draw(c: Comparison, snapshot: int = -1) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/sheets.png")
-    options.add_argument("run", metavar="RUN", help="run folder with snapshots of all spheres")
+    options = parser(__doc__, "figures/sheets.png", run="run folder with snapshots of all spheres")
     options.add_argument("--tau", type=float, default=np.inf, help="draw the snapshot nearest to it (default: last)")
     chosen = options.parse_args(arguments)
-    try:
-        comparison = compare(load(chosen.run))
-    except GranularError as error:  # which names the folder
-        raise SystemExit(str(error)) from error
-    except ValueError as error:
-        raise SystemExit(f"{chosen.run}: {error}") from error
-    print(table(comparison))
-    nearest = np.argmin(np.abs(comparison.tau - min(chosen.tau, comparison.tau[-1])))
-    save(draw(comparison, int(nearest)), chosen.output)
-    return 0
+
+    def nearest(c: Comparison) -> Figure:
+        return draw(c, int(np.argmin(np.abs(c.tau - min(chosen.tau, c.tau[-1])))))
+
+    return show(chosen.run, lambda: compare(load(chosen.run)), table, nearest, chosen.output)
 
 
 if __name__ == "__main__":

@@ -19,15 +19,12 @@ from analysis import second_harmonic as closed
 from analysis.figures.plotting import COLOURS, parser, save, start
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
-from analysis.theory.choice import Wave
+from analysis.theory.choice import wave_of
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
-
-
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
 
 
@@ -63,7 +60,7 @@ def _names(points: Sequence[Point]) -> list[str]:
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
     """Of the first run of a mode; L runs have other constants than TR, because no sphere turns in them."""
-    return Wave.of(next(record for record in records if record.scene.wave.mode == name))
+    return wave_of(next(record for record in records if record.scene.wave.mode == name))
 
 
 def draw(points: Sequence[Point], records: Sequence[Record]) -> Figure:
@@ -107,8 +104,7 @@ def _deviations(axes: Axes, points: Sequence[Point]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
-    options = parser(__doc__, "figures/spectrum.png")
-    options.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folders of sweeps over wave.mode, wave.wavenumber")
+    options = parser(__doc__, "figures/spectrum.png", sweeps="folders of sweeps over wave.mode, wave.wavenumber")
     chosen = options.parse_args(arguments)
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not runs:

@@ -1,6 +1,8 @@
 """The error of p and q over the cost, of single runs and of Richardson pairs, by `analysis.theory.timestep`.
 
-python -m analysis.figures.timestep [-o FILE]
+    python -m analysis.figures.timestep [-o FILE]
+
+Dots are runs of the stepped lattice, lines the law of their phase.
 """
 
 from collections.abc import Sequence
@@ -12,22 +14,23 @@ from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, save, start
 from analysis.measure.norms import relative_error
-from analysis.second_harmonic import mode, ratios
-from analysis.theory.timestep import OVERLAP_RATIO, SAMPLE, TAU, Wave, extrapolated, limit, phase_error, stepped
+from analysis.second_harmonic import ModeName
+from analysis.theory.contact import Contact
+from analysis.theory.timestep import SAMPLE, TAU, extrapolated, limit, phase_error, stepped
+from analysis.theory.wave import Wave
 
-SHOWN: dict[str, Wave] = {
-    r"TR, $\xi$ = 0.802": ("TR", 0.802, 0.2, 0.17),
-    r"TR, $\xi$ = 1.475, resonance": ("TR", 1.475, 0.2, 0.17),
-    r"TR, $\xi$ = 2.127, antiresonance": ("TR", 2.127, 0.2, 0.17),
-    r"RT, $\xi$ = 0.802": ("RT", 0.802, 0.2, 0.17),
-    r"L, $\xi$ = 0.802": ("L", 0.802, 0.2, 0.17),
-}
-
-
+WAVES: tuple[tuple[ModeName, float, str], ...] = (
+    ("TR", 0.802, ""),
+    ("TR", 1.475, ", resonance"),
+    ("TR", 2.127, ", antiresonance"),
+    ("RT", 0.802, ""),
+    ("L", 0.802, ""),
+)
+# The paper's spheres in LAMMPS's geometry
+SPHERES = Contact(0.17, overlap_ratio=2.4985144e-4)
+SHOWN = {rf"{name}, $\xi$ = {xi}{place}": Wave.of_mode(name, xi, 0.2, SPHERES) for name, xi, place in WAVES}
 SILENT = 1e-9  # D0: what a symmetry makes zero is rounding, 1e-12 after a run; the smallest p here is 1e-4
 COLOURS = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito's
-
-
 PER_SAMPLE = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 
 
@@ -65,10 +68,9 @@ def draw(waves: dict[str, Wave]) -> Figure:
             style = {"color": colour, "markersize": 4, "linewidth": 0.6, "linestyle": ":"}
             axes.loglog(counts / SAMPLE, single[w, :, component], marker="o", **style)
             axes.loglog(3 * counts / SAMPLE, pair[w, :, component], marker="s", markerfacecolor="w", **style)
-            if (component == 0) == (wave[0] == "L"):
-                frequency = mode(wave[0], wave[1], ratios(wave[3], overlap_ratio=OVERLAP_RATIO)).frequency
+            if (component == 0) == (wave.mode.name == "L"):
                 fine = np.geomspace(counts[0], counts[-1], 100)
-                for cost, law in zip((1, 3), phase_error(frequency, SAMPLE / fine, TAU[-1]), strict=True):
+                for cost, law in zip((1, 3), phase_error(wave.mode.frequency, SAMPLE / fine, TAU[-1]), strict=True):
                     axes.loglog(cost * fine / SAMPLE, law, color=colour, linewidth=0.8)
         axes.set(xlabel=r"steps per unit of $\tau$, all runs together", ylim=(1e-8, 3), title=f"error of {title}")
         axes.grid(alpha=0.3)

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from analysis.measure.norms import relative_error
-from analysis.theory.choice import Trajectory, Wave, holding, linear_mode, trajectory
+from analysis.theory.choice import Trajectory, holding, linear_mode, trajectory
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -71,12 +72,12 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
         for line in record.info.get("error_budget", [])
     ]
     found = {("run", "all of it, measured"): (dict(measured), "what is largest above")}
-    if wave.physics.overlap_ratio:
+    if wave.contact.overlap_ratio:
         found["theory", "geometry"] = (
             _distance(trajectory("exact-lattice", points_of_contact(wave), record.tau), exact, measured),
             "sphere.radius x 2.83, or a theory with overlap_ratio",
         )
-    if "second-order" in holding(wave.physics):
+    if "second-order" in holding(wave):
         found["theory", "perturbation order"] = (
             _distance(trajectory("second-order", wave, record.tau), exact, measured),
             "wave.amplitude x 0.71, or a theory of higher order",
@@ -99,9 +100,9 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
 
 def points_of_contact(wave: Wave) -> Wave:
     """Return the wave of the same name in the paper's geometry, Δ0/R → 0."""
-    physics = replace(wave.physics, overlap_ratio=0.0)
-    mode = linear_mode(wave.mode.name, wave.mode.wavenumber, physics)
-    return replace(wave, mode=mode, ratios=physics.ratios, physics=physics)
+    contact = replace(wave.contact, overlap_ratio=0.0)
+    mode = linear_mode(wave.mode.name, wave.mode.wavenumber, wave.mode.direction, contact)
+    return replace(wave, mode=mode, contact=contact)
 
 
 def _distance(theory: Trajectory, exact: Trajectory, measured: Errors) -> dict[str, float | None]:

@@ -13,24 +13,16 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import SOLID_SPHERE
 from analysis.theory.catalogue import COMPRESSED, missing
+from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 
 Floats = NDArray[np.float64]
-
-
 PADDING = 4  # points of the transform to a resolution
-
-
 # Of the largest power at a wave vector: smaller maxima are no peaks. The side lobes of the Hann window are 7e-4.
 FLOOR = 2e-3
-
-
 # Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
 LOBE = 2.0
-
-
 FEWEST = 8  # records: below, the window leaves next to nothing
 
 
@@ -81,7 +73,7 @@ class Sheet:
 
     def theory(self, wavevectors: Floats) -> Floats:
         """Frequencies (K, 3) of the three branches, ascending."""
-        return modes(wavevectors, float(self.poisson_ratio), float(SOLID_SPHERE / (1 - self.overlap_ratio)))[0]
+        return modes(wavevectors, Contact(float(self.poisson_ratio), overlap_ratio=float(self.overlap_ratio)))[0]
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:

@@ -19,17 +19,15 @@ from numpy.typing import NDArray
 from analysis.measure.norms import relative_error
 from analysis.measure.sheets import fields_of, rest_of
 from analysis.theory import directions
+from analysis.theory.bloch import wavevector_of
 from analysis.theory.catalogue import missing
-from analysis.theory.choice import Physics, physics_of
+from analysis.theory.choice import traits_of, wave_of
 from analysis.theory.quasilinear import component, in_frame
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 Complexes = NDArray[np.complex128]
-
-
 SILENT = 1e-3  # of the largest component: less is zero by symmetry
 
 
@@ -71,7 +69,7 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
     Raises ValueError where 2k and −2k are one wave vector of the lattice: X is then not told from its conjugate.
     """
     particles, scene = record.particles(), record.scene
-    k = directions.wavevector_of(scene.wavenumber, scene.direction)
+    k = wavevector_of(scene.wavenumber, scene.direction)
     rest = rest_of(particles)
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]
     if np.allclose(np.exp(4j * rest @ k), 1, atol=1e-6):
@@ -79,21 +77,17 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
     return particles.tau, in_frame(component(fields_of(particles), rest, 2 * k), k)
 
 
-def predicted(
-    mode: str, wavenumber: float, direction: float, amplitude: float, tau: Floats, physics: Physics, phase: float = 0.0
-) -> Complexes:
+def predicted(wave: Wave, tau: Floats) -> Complexes:
     """X(τ) (T, 3) of p, q, φ by theory."""
-    k, contacts = directions.wavevector_of(wavenumber, direction), physics.springs
-    branch = int(directions.branch_index(mode, k, physics.poisson_ratio, **contacts))
-    wave = directions.doubled_wave(
-        k, branch, amplitude, tau, poisson_ratio=physics.poisson_ratio, phase=phase, **contacts
-    )
-    return in_frame(wave, k)
+    k = wavevector_of(wave.mode.wavenumber, wave.mode.direction)
+    branch = int(directions.branch_index(wave.mode.name, k, wave.contact))
+    field = directions.doubled_wave(k, branch, wave.amplitude, tau, wave.contact, phase=wave.phase)
+    return in_frame(field, k)
 
 
 def refusal(record: Record) -> str | None:
     """Why a run is not one of these, or None."""
-    left_out = missing("analysis.figures.oblique", physics_of(record).traits)
+    left_out = missing("analysis.figures.oblique", traits_of(record))
     return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 
 
@@ -123,7 +117,4 @@ def _point(runs: list[Record]) -> Point:
         raise ValueError(f"{mode} at {direction:.5g} degrees: {len(runs)} runs that are no pair of steps h and h/2")
     for _, rougher in coarse:
         wave = (4 * wave - rougher) / 3
-    theory = predicted(
-        mode, wavenumber, direction, scene.wave.amplitude, tau, physics_of(runs[0]), phase=scene.wave.phase
-    )
-    return Point(mode, wavenumber, direction, tau, wave, theory)
+    return Point(mode, wavenumber, direction, tau, wave, predicted(wave_of(runs[0]), tau))

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.measure.runs import load
 from analysis.theory.catalogue import missing
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import traits_of
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     found = record.scene.wave.form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
-    left_out = missing(f"analysis.figures.{form}", physics_of(record).traits)
+    left_out = missing(f"analysis.figures.{form}", traits_of(record))
     if left_out:
         raise SystemExit(f"{folder}: the theory leaves out {', '.join(left_out)}, which this run has")
     try:

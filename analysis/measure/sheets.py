@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from analysis.theory.catalogue import missing
-from analysis.theory.choice import physics_of
+from analysis.theory.choice import traits_of
 from analysis.theory.directions import Floats
 from analysis.theory.quasilinear import Sheet, evolve
 from granular_lmp.runs.record import Record
@@ -99,7 +99,7 @@ def compare(record: Record) -> Comparison:
 
 def refuse(record: Record) -> None:
     """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
-    left_out = missing("analysis.figures.sheets", physics_of(record).traits)
+    left_out = missing("analysis.figures.sheets", traits_of(record))
     if left_out:
         raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
 

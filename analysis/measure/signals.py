@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from analysis.measure.norms import relative_error
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
-from analysis.theory.choice import ALONG_Y, Wave, drive_cancels, holding
+from analysis.theory.choice import drive_cancels, holding
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
@@ -19,7 +20,7 @@ def predicted_amplitude(wave: Wave) -> float | None:
     None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
     harmonic is three waves, in p, q and φ, not one amplitude.
     """
-    if "second-order" not in holding(wave.physics) or wave.physics.direction != ALONG_Y:
+    if "second-order" not in holding(wave) or not wave.mode.along_y:
         return None
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 

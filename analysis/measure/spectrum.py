@@ -18,12 +18,11 @@ from scipy.optimize import least_squares
 
 from analysis import second_harmonic as closed
 from analysis.theory.catalogue import OBLIQUE, missing
-from analysis.theory.choice import Wave, physics_of
+from analysis.theory.choice import traits_of, wave_of
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
-
-
 # Runs on which a location rests, and degree of the polynomial through them. A degree or two runs more or less move the
 # locations of `make spectrum` by less than 3e-6.
 AROUND, DEGREE = 8, 4
@@ -134,7 +133,7 @@ def measured(record: Record, start: Frequencies) -> Frequencies:
 
 def point(record: Record) -> Point:
     """The generated amplitude of a run, by the frequencies of the linear lattice."""
-    wave = Wave.of(record)
+    wave = wave_of(record)
     epsilon = closed.nonlinearity(wave.ratios, wave.amplitude)
     frequencies = linear(wave)
     factors, errors, _ = least_squares_fit(columns(record, frequencies), record.p)
@@ -200,7 +199,7 @@ def locate_resonance(records: Iterable[Record]) -> tuple[float, float]:
 
 def _inverse(record: Record) -> tuple[float, float, float]:
     """Wave number, (w̃² − 4Ω²)/B = 1/A in 1/D0, and the standard error of it."""
-    frequencies = measured(record, linear(Wave.of(record)))
+    frequencies = measured(record, linear(wave_of(record)))
     (drive, *_), (its_error, *_), _ = least_squares_fit(columns(record, frequencies), record.p)
     inverse = frequencies.detuning / drive
     error = np.hypot(frequencies.detuning_error / drive, inverse * its_error / drive)
@@ -234,7 +233,7 @@ def refusal(record: Record) -> str | None:
     """Why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
-    left_out = missing("analysis.figures.spectrum", physics_of(record).traits)
+    left_out = missing("analysis.figures.spectrum", traits_of(record))
     if OBLIQUE in left_out:
         return "its wave is not along y, as those of the closed form are; analysis.figures.oblique takes it"
     return f"the closed form leaves out {', '.join(left_out)}" if left_out else None

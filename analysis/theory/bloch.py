@@ -57,3 +57,21 @@ def unit(wavevector: ArrayLike) -> Floats:
     k = np.asarray(wavevector, dtype=float)
     length = np.linalg.norm(k, axis=-1, keepdims=True)
     return np.where(length > 0.0, k / np.where(length > 0.0, length, 1.0), [0.0, 1.0])
+
+
+def wavevector_of(wavenumber: float, direction: float) -> Floats:
+    """Return k (2,) in 1/lattice constant from ξ = (√3/2)|k| and the direction in degrees from x towards y.
+
+    Raises ValueError unless ξ is positive and both are finite.
+    """
+    if not 0.0 < wavenumber < np.inf:
+        raise ValueError(f"wavenumber is {wavenumber!r}; allowed: above 0, finite")
+    if not np.isfinite(direction):
+        raise ValueError(f"direction is {direction!r}; allowed: degrees, finite")
+    return 2.0 / np.sqrt(3.0) * wavenumber * frame(direction)[0]
+
+
+def frame(direction: float) -> Floats:
+    """Return the unit vectors along k and along ẑ × k as rows: (p, q) = frame @ (u, v)."""
+    cosine, sine = np.cos(np.radians(direction)), np.sin(np.radians(direction))
+    return np.array([[cosine, sine], [-sine, cosine]])

@@ -1,13 +1,15 @@
 """The catalogue of theories: what each holds, by name. What a theory does not name here it does not hold.
 
 A run has traits: the effects that are on, the form of its wave, its shear law, mode and ends, and every key of its
-scene that is not known here and is not at its default (`analysis.theory.choice.Physics.traits`). A theory holds a run
+scene that is not known here and is not at its default (`analysis.theory.choice.traits_of`). A theory holds a run
 if it names all of them. A trait in no line of this file, an effect that somebody has added, is refused by every script.
 
 To extend a theory, add the trait to its line and a test that compares it with the exact lattice.
 """
 
 from collections.abc import Iterable
+
+from analysis.theory.contact import Contact
 
 OBLIQUE = "another direction than y"
 ENVELOPE = "an envelope"
@@ -68,6 +70,19 @@ KEYS = frozenset(
     }.items()
     for key in keys.split()
 )
+
+
+def contact_traits(contact: Contact, *, along_y: bool) -> frozenset[str]:
+    """Return the traits of a contact, and of the direction of the wave."""
+    present = {
+        "effects.shear" if contact.shear else NO_SHEAR: True,
+        "effects.rotation" if contact.rotation else NO_ROTATION: True,
+        said("effects.shear_law", contact.law): contact.shear,
+        COMPRESSED: contact.prestress > 0,
+        DAMPING: contact.viscosity > 0 or contact.restitution is not None,
+        OBLIQUE: not along_y,
+    }
+    return frozenset(name for name, there in present.items() if there)
 
 
 def missing(theory: str, traits: Iterable[str]) -> list[str]:

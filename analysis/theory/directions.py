@@ -3,12 +3,12 @@
 The springs, and the gauge W = (u, v, f), φ = i f, in which everything is real, are those of `analysis.theory.springs`:
 a mode has no phase to choose, only a sign, and the Bloch matrix is a real sum over the three bonds of a cell.
 
-Units: displacements and φ in D0 (the amplitude of the fundamental), time in √(m/(2(g1+3k1))), wave vectors in
-1/lattice constant. Then all depends on κ = g1/k1 = 2(1−ν)/(2−ν) and on Ĩ = I/(mR²) alone, in the paper's geometry;
-what LAMMPS's adds (η = Δ0/2R), compression, the incremental law, no shear and no rotation are options of every function
-here (`springs.Contacts`). x lies along a close-packed row. **The paper's variables** are those of a wave along y:
-p = v, q = −u, φ = φ, ξ = (√3/2) k_y; in any direction p is the component along k, q the one along ẑ × k and
-ξ = (√3/2)|k|. `mode` and `trajectory` speak them.
+Units: displacements and φ in D0 (the amplitude of the fundamental), time in √(m/(2(g1+3k1))), wave vectors in 1/lattice
+constant. Then all depends on κ = g1/k1 = 2(1−ν)/(2−ν) and on Ĩ = I/(mR²) alone, in the paper's geometry; what LAMMPS's
+adds (η = Δ0/2R), compression, the incremental law, no shear and no rotation stand in the
+`analysis.theory.contact.Contact` that every function here takes. x lies along a close-packed row. **The paper's
+variables** are those of a wave along y: p = v, q = −u, φ = φ, ξ = (√3/2) k_y; in any direction p is the component along
+k, q the one along ẑ × k and ξ = (√3/2)|k|. `mode` and `trajectory` speak them.
 
 Branches are sorted by frequency: 0, 1, 2 are lower and middle (acoustic) and upper (optical, a pure rotation at Γ; at
 K it is the lower that only rotates; there is no optical one where spheres do not turn). L, TR, RT name modes only where
@@ -18,17 +18,14 @@ When it breaks: where a contact opens; where the second harmonic is not small ag
 long on a resonance. Where two branches touch (middle and upper at K) a single mode is not defined.
 """
 
-from typing import Unpack
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, ModeName
-from analysis.theory.bloch import real_modes, select, unit
+from analysis.theory.bloch import frame, real_modes, select, unit, wavevector_of
+from analysis.theory.contact import Contact
 from analysis.theory.springs import (
     BONDS,
-    SOLID_SPHERE,
-    Contacts,
     Elongations,
     Springs,
     drive,
@@ -36,8 +33,8 @@ from analysis.theory.springs import (
     quadratic_forces,
     springs,
     stiffness,
-    stiffness_ratio,
 )
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -45,52 +42,32 @@ Complexes = NDArray[np.complex128]
 _GAUGE = np.array([1.0, 1.0, 1j])  # (u, v, φ) = _GAUGE · (u, v, f)
 
 
-def nonlinearity(amplitude: float, poisson_ratio: float) -> float:
+def nonlinearity(amplitude: float, contact: Contact) -> float:
     """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) for the amplitude a = D0/Δ0.
 
     The paper prints 3/2 for √3; its equations hold with √3.
     """
-    kappa = stiffness_ratio(poisson_ratio)
+    kappa = contact.kappa
     return -np.sqrt(3.0) * amplitude * (2.0 * kappa + 3.0) / (4.0 * (kappa + 3.0))
 
 
-def wavevector_of(wavenumber: float, direction: float) -> Floats:
-    """Return k (2,) in 1/lattice constant from ξ = (√3/2)|k| and the direction in degrees from x towards y.
-
-    Raises ValueError unless ξ is positive and both are finite.
-    """
-    if not 0.0 < wavenumber < np.inf:
-        raise ValueError(f"wavenumber is {wavenumber!r}; allowed: above 0, finite")
-    if not np.isfinite(direction):
-        raise ValueError(f"direction is {direction!r}; allowed: degrees, finite")
-    return 2.0 / np.sqrt(3.0) * wavenumber * _frame(direction)[0]
-
-
-def _frame(direction: float) -> Floats:
-    """Return the unit vectors along k and along ẑ × k as rows: (p, q) = frame @ (u, v)."""
-    cosine, sine = np.cos(np.radians(direction)), np.sin(np.radians(direction))
-    return np.array([[cosine, sine], [-sine, cosine]])
-
-
-def bloch_matrix(wavevector: ArrayLike, poisson_ratio: float, **contacts: Unpack[Contacts]) -> Complexes:
+def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:
     """Return the Hermitian D(k) of M U″ = −D U, M = diag(1, 1, Ĩ/(1−η)), on U = (u, v, φ).
 
     Parameters
     ----------
     wavevector : (..., 2), in 1/lattice constant
-    poisson_ratio : −1 to 0.5
+    contact : any law; the matrix does not depend on it
 
     Returns
     -------
     (..., 3, 3)
     """
-    matrix = stiffness(elongations(wavevector), springs(poisson_ratio, **contacts))
+    matrix = stiffness(elongations(wavevector), springs(contact))
     return _GAUGE[:, None] * matrix * _GAUGE.conj()
 
 
-def modes(
-    wavevector: ArrayLike, poisson_ratio: float, inertia: float = SOLID_SPHERE, **contacts: Unpack[Contacts]
-) -> tuple[Floats, Complexes]:
+def modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Complexes]:
     """Return the three modes of D(k) U = Ω² M U in ascending frequency, or two with φ = 0 if spheres do not turn.
 
     Normalised to |u|² + |v|² + |φ|² = 1, without the weight Ĩ (so Q² + f² = 1 along y). Phase: u and v real, φ
@@ -100,21 +77,18 @@ def modes(
     Parameters
     ----------
     wavevector : (..., 2), in 1/lattice constant; at k = 0 the direction is taken as y
-    poisson_ratio : −1 to 0.5
-    inertia : Ĩ = I/(mR²) > 0
+    contact : any law; the modes do not depend on it
 
     Returns
     -------
     frequencies : (..., 3)
     polarisations : (..., 3, 3), the branch before the component: polarisations[..., j, :] is (u, v, φ) of branch j
     """
-    frequencies, shapes = real_modes(wavevector, springs(poisson_ratio, inertia, **contacts))
+    frequencies, shapes = real_modes(wavevector, springs(contact))
     return frequencies, shapes * _GAUGE
 
 
-def branch_index(
-    name: str, wavevector: ArrayLike, poisson_ratio: float, inertia: float = SOLID_SPHERE, **contacts: Unpack[Contacts]
-) -> NDArray[np.intp]:
+def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[np.intp]:
     """Return which branch is L, TR or RT: L has the largest component along k; of the other two, TR is the lower.
 
     That is exact where a mirror holds k (along y: the paper's modes). Elsewhere it labels quasi-modes, and jumps
@@ -134,11 +108,11 @@ def branch_index(
     ValueError
         For another name, and for RT of spheres that do not turn.
     """
-    contact = springs(poisson_ratio, inertia, **contacts)
-    names = ("L", "TR", "RT")[: contact.coordinates]
+    spring = springs(contact)
+    names = ("L", "TR", "RT")[: spring.coordinates]
     if name not in names:
         raise ValueError(f"name is {name!r}; allowed: {', '.join(names)}")
-    _, shapes = real_modes(wavevector, contact)
+    _, shapes = real_modes(wavevector, spring)
     along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(wavevector))
     longitudinal = np.argmax(np.abs(along), axis=-1)
     lower, upper = np.where(longitudinal == 0, 1, 0), np.where(longitudinal == 2, 1, 2)
@@ -149,9 +123,7 @@ def mode(
     name: ModeName,
     wavenumber: float,
     direction: float,
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
-    **contacts: Unpack[Contacts],
+    contact: Contact,
 ) -> Mode:
     """Return one mode in the paper's variables, p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = k·r − Ωτ + phase.
 
@@ -163,7 +135,7 @@ def mode(
     name : "L", "TR" or "RT"
     wavenumber : ξ = (√3/2)|k| > 0, rad per row for a wave along y
     direction : of k, in degrees from x (a close-packed row) towards y
-    poisson_ratio, inertia, contacts : as in `springs.springs`; inertia is the sphere's, without the factor of η
+    contact : any law; the modes do not depend on it
 
     Raises
     ------
@@ -171,9 +143,9 @@ def mode(
         For a value out of range, and for RT of spheres that do not turn.
     """
     k = wavevector_of(wavenumber, direction)
-    branch = int(branch_index(name, k, poisson_ratio, inertia, **contacts))
-    frequencies, shapes = real_modes(k, springs(poisson_ratio, inertia, **contacts))
-    p, q = _frame(direction) @ shapes[branch, :2]
+    branch = int(branch_index(name, k, contact))
+    frequencies, shapes = real_modes(k, springs(contact))
+    p, q = frame(direction) @ shapes[branch, :2]
     return Mode(
         name,
         float(wavenumber),
@@ -188,9 +160,7 @@ def mode(
 def second_harmonic_amplitude(
     wavevector: ArrayLike,
     branch: ArrayLike,
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
-    **contacts: Unpack[Contacts],
+    contact: Contact,
 ) -> Complexes:
     """Return the forced second harmonic U₂ = [D(2k) − 4Ω²M]⁻¹ N(U, U) of U exp i(k·r − Ωτ), per unit ε.
 
@@ -215,29 +185,27 @@ def second_harmonic_amplitude(
         On a resonance met to the last bit, as for the acoustic branches at k = 0. Nearby the amplitude is large and
         true, but see `second_order`.
     """
-    contact = springs(poisson_ratio, inertia, **contacts)
-    frequency, shape = select(*real_modes(wavevector, contact), branch)
+    spring = springs(contact)
+    frequency, shape = select(*real_modes(wavevector, spring), branch)
     doubled = elongations(2.0 * np.asarray(wavevector, dtype=float))
-    running, _ = quadratic_forces(elongations(wavevector).of(shape), contact)
-    dynamic = stiffness(doubled, contact) - 4.0 * frequency[..., None, None] ** 2 * np.diag(contact.mass)
-    moving = contact.coordinates
+    running, _ = quadratic_forces(elongations(wavevector).of(shape), spring)
+    dynamic = stiffness(doubled, spring) - 4.0 * frequency[..., None, None] ** 2 * np.diag(spring.mass)
+    moving = spring.coordinates
     response = np.zeros_like(shape)
-    force = _per_epsilon(contact) * drive(doubled, running)
+    force = _per_epsilon(spring) * drive(doubled, running)
     response[..., :moving] = np.linalg.solve(dynamic[..., :moving, :moving], force[..., :moving, None])[..., 0]
     return -1j * _GAUGE * response
 
 
-def _per_epsilon(contact: Springs) -> float:
+def _per_epsilon(spring: Springs) -> float:
     """Return 2a/ε · ½C, C = 1/(2(κ+3)): the force −½iCa·`drive` of real fields is (ε/2)(−i) times this and `drive`."""
-    return -2.0 / (np.sqrt(3.0) * (2.0 * contact.kappa + 3.0))
+    return -2.0 / (np.sqrt(3.0) * (2.0 * spring.kappa + 3.0))
 
 
 def mean_rotation(
     wavevector: ArrayLike,
     branch: ArrayLike,
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
-    **contacts: Unpack[Contacts],
+    contact: Contact,
 ) -> Floats:
     """Return the steady rotation φ̄ = N_φ(U, U*)/D_φφ(0) that every sphere gains, per unit ε; real fields hold (ε/2) φ̄.
 
@@ -250,13 +218,13 @@ def mean_rotation(
 
     Parameters and shapes as in `second_harmonic_amplitude`; returns (...), in units of ε D0.
     """
-    contact = springs(poisson_ratio, inertia, **contacts)
-    _, shape = select(*real_modes(wavevector, contact), branch)
-    running, left = quadratic_forces(elongations(wavevector).of(shape), contact)
-    if not contact.turns:
+    spring = springs(contact)
+    _, shape = select(*real_modes(wavevector, spring), branch)
+    running, left = quadratic_forces(elongations(wavevector).of(shape), spring)
+    if not spring.turns:
         return np.zeros(shape.shape[:-1])
-    torque = 2.0 * _per_epsilon(contact) * (running.turning + left.turning).sum(axis=-1)
-    return torque * (contact.kappa + 3.0) / (6.0 * contact.kappa)
+    torque = 2.0 * _per_epsilon(spring) * (running.turning + left.turning).sum(axis=-1)
+    return torque * (spring.kappa + 3.0) / (6.0 * spring.kappa)
 
 
 def doubled_wave(
@@ -264,11 +232,9 @@ def doubled_wave(
     branch: int,
     amplitude: float,
     tau: ArrayLike,
+    contact: Contact,
     *,
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
     phase: float = 0.0,
-    **contacts: Unpack[Contacts],
 ) -> Complexes:
     """Return the factor X(τ) of the field Re[X exp(2ik·r)] that a wave drives at 2k, in a lattice without any at τ = 0.
 
@@ -286,25 +252,25 @@ def doubled_wave(
     amplitude : D0/Δ0
     tau : (...), dimensionless time
     phase : of the fundamental, Re U exp i(k·r − Ωτ + phase)
-    poisson_ratio, inertia, contacts : as in `springs.springs`
+    contact : secant or incremental law; its dashpots are left out
 
     Returns
     -------
     (..., 3), the complex amplitudes of (u, v, φ) in units of D0
     """
-    k, contact = np.asarray(wavevector, dtype=float), springs(poisson_ratio, inertia, **contacts)
-    frequency, shape = select(*real_modes(k, contact), branch)
-    targets, shapes = real_modes(2.0 * k, contact)
+    k, spring = np.asarray(wavevector, dtype=float), springs(contact)
+    frequency, shape = select(*real_modes(k, spring), branch)
+    targets, shapes = real_modes(2.0 * k, spring)
     time = np.asarray(tau, dtype=float)[..., None]
-    doubled, norms = elongations(2.0 * k), shapes**2 @ contact.mass
+    doubled, norms = elongations(2.0 * k), shapes**2 @ spring.mass
 
     def response(forces: Elongations, forcing: ArrayLike) -> Complexes:
         share = shapes @ drive(doubled, forces) / norms
         return (share * _duhamel(targets, forcing, time)) @ shapes
 
-    running, left = quadratic_forces(elongations(k).of(shape), contact)
-    field = _per_epsilon(contact) * (response(running, 2.0 * frequency) + response(left, 0.0))
-    return -0.5j * nonlinearity(amplitude, poisson_ratio) * np.exp(2j * phase) * _GAUGE * field
+    running, left = quadratic_forces(elongations(k).of(shape), spring)
+    field = _per_epsilon(spring) * (response(running, 2.0 * frequency) + response(left, 0.0))
+    return -0.5j * nonlinearity(amplitude, contact) * np.exp(2j * phase) * _GAUGE * field
 
 
 def second_order(
@@ -312,12 +278,10 @@ def second_order(
     branch: int,
     amplitude: float,
     tau: ArrayLike,
-    site: tuple[int, int] = (0, 0),
+    contact: Contact,
     *,
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
+    site: tuple[int, int] = (0, 0),
     phase: float = 0.0,
-    **contacts: Unpack[Contacts],
 ) -> Floats:
     """Return the second-order field of the real fundamental Re U exp i(k·r − Ωτ + phase), if there is none at τ = 0.
 
@@ -328,45 +292,30 @@ def second_order(
 
     Parameters
     ----------
-    wavevector, branch, amplitude, tau, poisson_ratio, inertia, phase, contacts : as in `doubled_wave`
+    wavevector, branch, amplitude, tau, contact, phase : as in `doubled_wave`
     site : (i, j) for the sphere at i(1, 0) + j(1/2, √3/2); for k along y, j is the paper's row n
 
     Returns
     -------
     (..., 3), (u, v, φ) in units of D0: the paper's p = v, q = −u
     """
-    k, contact = np.asarray(wavevector, dtype=float), springs(poisson_ratio, inertia, **contacts)
+    k, spring = np.asarray(wavevector, dtype=float), springs(contact)
     place = phase + float(k @ (np.array(site, dtype=float) @ BONDS[:2]))
-    field = np.real(
-        doubled_wave(k, branch, amplitude, tau, poisson_ratio=poisson_ratio, inertia=inertia, phase=place, **contacts)
-    )
-    optical = np.sqrt(6.0 * contact.kappa / ((contact.kappa + 3.0) * contact.inertia))
-    mean = 0.5 * nonlinearity(amplitude, poisson_ratio) * mean_rotation(k, branch, poisson_ratio, inertia, **contacts)
+    field = np.real(doubled_wave(k, branch, amplitude, tau, contact, phase=place))
+    optical = np.sqrt(6.0 * spring.kappa / ((spring.kappa + 3.0) * spring.inertia))
+    mean = 0.5 * nonlinearity(amplitude, contact) * mean_rotation(k, branch, contact)
     field[..., 2] += mean * (1.0 - np.cos(optical * np.asarray(tau, dtype=float)))
     return field
 
 
-def trajectory(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    inertia: float = SOLID_SPHERE,
-    phase: float = 0.0,
-    **contacts: Unpack[Contacts],
-) -> tuple[Floats, Floats, Floats]:
-    """Return p, q, φ (...) in units of D0 to second order, the mode and `second_order`, of the sphere at r = 0.
-
-    mode : of the function `mode`, with the same ν, Ĩ and contacts; the others as in `doubled_wave`.
-    """
-    k, time = wavevector_of(mode.wavenumber, mode.direction), np.asarray(tau, dtype=float)
-    branch = int(branch_index(mode.name, k, poisson_ratio, inertia, **contacts))
-    field = second_order(
-        k, branch, amplitude, time, poisson_ratio=poisson_ratio, inertia=inertia, phase=phase, **contacts
-    )
-    p, q = np.moveaxis(field[..., :2] @ _frame(mode.direction).T, -1, 0)
-    theta = phase - mode.frequency * time
+def trajectory(wave: Wave, tau: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return p, q, φ (...) in units of D0 to second order, the mode and `second_order`, of the sphere at r = 0."""
+    mode, time = wave.mode, np.asarray(tau, dtype=float)
+    k = wavevector_of(mode.wavenumber, mode.direction)
+    branch = int(branch_index(mode.name, k, wave.contact))
+    field = second_order(k, branch, wave.amplitude, time, wave.contact, phase=wave.phase)
+    p, q = np.moveaxis(field[..., :2] @ frame(mode.direction).T, -1, 0)
+    theta = wave.phase - mode.frequency * time
     return mode.p * np.cos(theta) + p, mode.q * np.cos(theta) + q, -mode.f * np.sin(theta) + field[..., 2]
 
 

@@ -42,8 +42,6 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.second_harmonic import Mode, Ratios, nonlinearity
 
 Floats = NDArray[np.float64]
-
-
 Complexes = NDArray[np.complex128]
 
 

@@ -28,19 +28,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.second_harmonic import SOLID_SPHERE, Mode
-from analysis.theory.lattice import (
-    Contact,
-    Law,
-    Neighbours,
-    contact,
-    initial_state,
-    integrate,
-    longest_step,
-    rhs,
-    torus_neighbours,
-    torus_phases,
-)
+from analysis.theory.contact import Contact
+from analysis.theory.lattice import integrate, longest_step, on_torus, rhs
+from analysis.theory.neighbours import Neighbours
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
@@ -110,53 +101,31 @@ def law_power(states: Floats, contact: Contact, neighbours: Neighbours) -> Float
     return power
 
 
-def ledger(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    law: Law = "secant",
-    inertia: float = SOLID_SPHERE,
-    points: int = 31,
-    rtol: float = 1e-11,
-) -> Ledger:
+def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11) -> Ledger:
     """Energy and work of the shear law along the trajectory of `lattice.torus_trajectory`, arguments as there.
 
     The gap of the ledger is about 10 rtol at the resonance (ξ=1.475, a=0.2, τ ≤ 400).
     """
-    laws = contact(poisson_ratio, law=law, inertia=inertia)
-    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
-    start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
+    laws = wave.contact
+    start, neighbours = on_torus(wave, points)
 
     def derivative(state: Floats) -> Floats:
         moving = state[:-1]
         return np.concatenate([rhs(moving, laws, neighbours), law_power(moving, laws, neighbours)[None]])
 
     start = np.concatenate([start, np.zeros((1, points))])
-    states = integrate(derivative, start, tau, rtol, amplitude, longest_step(laws))
+    states = integrate(derivative, start, tau, rtol, wave.amplitude, longest_step(laws))
     work = states[:, -1].mean(axis=-1)
     return Ledger(np.asarray(tau, dtype=float), energy(states[:, :-1], laws, neighbours), work)
 
 
-def opening_time(
-    mode: Mode,
-    amplitude: float,
-    until: float,
-    poisson_ratio: float,
-    *,
-    law: Law = "secant",
-    inertia: float = SOLID_SPHERE,
-    points: int = 31,
-    rtol: float = 1e-11,
-) -> float | None:
+def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e-11) -> float | None:
     """Time τ at which the first contact of the wave opens, its stretch x = 1; None if none has by τ = until.
 
     Past it the laws of the lattice are no longer those of a contact: this is where a wave that gains energy blows up.
     """
-    laws = contact(poisson_ratio, law=law, inertia=inertia)
-    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
-    start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
+    laws = wave.contact
+    start, neighbours = on_torus(wave, points)
 
     def closed(_: float, y: Floats) -> float:
         return float(1 - np.max(_stretch(y.reshape(start.shape)[:2], neighbours)))
@@ -168,7 +137,7 @@ def opening_time(
         start.ravel(),
         method="DOP853",
         rtol=rtol,
-        atol=rtol * amplitude,
+        atol=rtol * wave.amplitude,
         max_step=longest_step(laws),
         events=closed,
     )
@@ -198,8 +167,8 @@ def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple
     """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (3, ..., K)."""
     if contact.overlap_ratio:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
-    if contact.viscosity:
-        raise ValueError(f"viscosity = {contact.viscosity} is not 0: the ledger has no entry for what dashpots take")
+    if contact.dashpot:
+        raise ValueError(f"viscosity = {contact.dashpot} is not 0: the ledger has no entry for what dashpots take")
     difference, sums = _apart(states[..., :3, :], neighbours)
     stretch = _along(neighbours.normal, difference)
     overlap = np.maximum(1 - stretch, 0)

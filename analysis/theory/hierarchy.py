@@ -33,13 +33,13 @@ resonance), 8e-3 (L, ξ=0.802), 2.5e-2 (TR, ξ=2.127). A contact that opens has 
 1e-11 of order k+11 to order k, less than what a sum to order 6 leaves out at any a > 0.02.
 """
 
-from typing import Unpack
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
@@ -49,22 +49,14 @@ RADIUS = 0.1
 FEWEST = 11  # points of the circle: aliasing is then r¹¹ = 1e-11 of the order k+11
 
 
-def hierarchy_orders(
-    mode: Mode,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    order: int = 6,
-    rtol: float = 1e-10,
-    **effects: Unpack[lattice.Effects],
-) -> Floats:
+def hierarchy_orders(mode: Mode, contact: Contact, tau: ArrayLike, *, order: int = 6, rtol: float = 1e-10) -> Floats:
     """Every order of p, q, φ on the phase torus, (n, T, 3, 2n+1): [k−1] is yk, the factor of aᵏ in units of Δ0.
 
     Parameters
     ----------
-    mode : the wave at τ=0 (all of it in y1), made from ratios with the same ν and effects.
+    mode : the wave at τ=0 (all of it in y1), a mode of the contact's lattice.
+    contact : the physics of every contact.
     tau : (T,) ascending times.
-    poisson_ratio, effects : as in `lattice.contact`.
     order : n ≥ 2, the highest power of a.
     rtol : error per step of the waves of the circle, relative to their amplitude. At τ=60 the error of y2 has become up
         to 160 rtol (p of TR at the resonance); a higher order has up to ten times that for each power of a.
@@ -72,13 +64,13 @@ def hierarchy_orders(
     Raises
     ------
     ValueError
-        For an order below 2, a time or a contact that is none.
+        For an order below 2, a time that is none, and a mode that is none of the contact's.
 
     Source: the equations of `analysis.theory.lattice` (equ, eqv, eqphi of the paper).
     """
     if order < 2:
         raise ValueError(f"order = {order} must be at least 2")
-    contact = lattice.contact(poisson_ratio, **effects)
+    Wave(mode, RADIUS, contact)  # checks that the two agree
     points, circle = 2 * order + 1, max(FEWEST, order + 1)
     half = circle // 2 + 1
     amplitudes = RADIUS * np.exp(2j * np.pi * np.arange(half) / circle)
@@ -92,25 +84,15 @@ def hierarchy_orders(
 
 
 def hierarchy(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    order: int = 6,
-    row: float = 0,
-    phase: float = 0.0,
-    rtol: float = 1e-10,
-    **effects: Unpack[lattice.Effects],
+    wave: Wave, tau: ArrayLike, *, order: int = 6, row: float = 0, rtol: float = 1e-10
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ (T,) of one sphere to order n in units of D0: Σ aᵏ⁻¹ yk, where ϑ = ξ·row + phase at τ=0.
 
-    row is as in `lattice.torus`, amplitude a = D0/Δ0; the other arguments are those of `hierarchy_orders`, which serves
-    all amplitudes, rows and phases at once. For TR and RT along y, orders 2 and 3 differ in q and φ only, orders 3 and
-    4 in p only.
+    row is as in `lattice.torus`; order and rtol are those of `hierarchy_orders`, which serves all amplitudes, rows and
+    phases at once. For TR and RT along y, orders 2 and 3 differ in q and φ only, orders 3 and 4 in p only.
     """
-    orders = hierarchy_orders(mode, tau, poisson_ratio, order=order, rtol=rtol, **effects)
+    orders = hierarchy_orders(wave.mode, wave.contact, tau, order=order, rtol=rtol)
     points = orders.shape[-1]
-    weights = lattice.periodic_kernel(mode.wavenumber * row + phase - lattice.torus_phases(points), points)
-    p, q, phi = np.tensordot(amplitude ** np.arange(order), orders @ weights, axes=1).T
+    weights = lattice.periodic_kernel(wave.mode.wavenumber * row + wave.phase - lattice.torus_phases(points), points)
+    p, q, phi = np.tensordot(wave.amplitude ** np.arange(order), orders @ weights, axes=1).T
     return p, q, phi

@@ -22,121 +22,29 @@ the configuration (so it has no `potential`) and is integrated as a state,
 
 Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
 
-And the physics a scene calls for (`Effects`). `prestress`: adhesion holds the lattice at 0, compression at 1; the
-contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn (η > 0). `shear`,
-`rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'². `viscosity` c (in
-m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear, one along its
-tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity).
-`restitution`: the same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
+And the physics a scene calls for (`analysis.theory.contact.Contact`). `prestress`: adhesion holds the lattice at 0,
+compression at 1; the contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn
+(η > 0). `shear`, `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'².
+`viscosity` c (in m/t0, t0 the unit of τ): every closed contact has a dashpot along its normal and, if it resists shear,
+one along its tangent, N → N + 2(κ+3)c dx/dτ and S → S + 2(κ+3)c ds/dτ (LAMMPS damping velocity). `restitution`: the
+same with c ∝ (1−x)^{1/4} (LAMMPS damping coeff_restitution; see `damping`).
 
 Breaks when contacts open for long: the paper's law keeps the adhesive force at any distance (with prestress = 1 there
 is none), and shear springs are kept, a slip or under `incremental` a force, where LAMMPS forgets them.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import SOLID_SPHERE, Mode
-from analysis.theory.damping import restitution_viscosity
+from analysis.second_harmonic import Mode, refuse_oblique
+from analysis.theory.contact import Contact
 from analysis.theory.integrator import dop853
 from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
-Law = Literal["secant", "incremental", "potential"]
-
-
-class Effects(TypedDict, total=False):
-    """Arguments of `contact` beyond ν, which every function that integrates a wave takes and hands on."""
-
-    law: Law
-    overlap_ratio: float
-    inertia: float
-    prestress: float
-    shear: bool
-    rotation: bool
-    viscosity: float
-    restitution: float | None
-
-
-@dataclass(frozen=True)
-class Contact:
-    """What rules a contact, by the terms of this module: made and checked by `contact`.
-
-    kappa is the spheres' own κ, which sets the unit of τ; a contact without shear has none of its force. viscosity is
-    that at rest, in m/t0; hertzian says whether it varies as (1−x)^{1/4}.
-    """
-
-    kappa: float
-    inertia: float
-    law: Law
-    overlap_ratio: float
-    prestress: float
-    shear: bool
-    rotation: bool
-    viscosity: float
-    hertzian: bool
-
-    @property
-    def shear_stiffness(self) -> float:
-        """κ of the contacts at rest; 0 without shear."""
-        return self.kappa if self.shear else 0.0
-
-    @property
-    def incremental(self) -> bool:
-        """Whether the shear force itself is the state, not the slip."""
-        return self.law == "incremental"
-
-    @property
-    def has_history(self) -> bool:
-        """Whether the shear of a contact is a state of its own rather than a function of the displacements."""
-        return self.shear and (self.incremental or self.overlap_ratio > 0)
-
-
-def contact(
-    poisson_ratio: float,
-    *,
-    law: Law = "secant",
-    overlap_ratio: float = 0.0,
-    inertia: float = SOLID_SPHERE,
-    prestress: float = 0.0,
-    shear: bool = True,
-    rotation: bool = True,
-    viscosity: float = 0.0,
-    restitution: float | None = None,
-) -> Contact:
-    """Hertz–Mindlin contact, κ = 2(1−ν)/(2−ν), with the physics named at the top of this module.
-
-    Raises ValueError for a law, ν, η, inertia, prestress, viscosity or restitution that is none, and for laws that do
-    not go together: `potential` with η > 0, `restitution` with `viscosity` or with adhesion (LAMMPS refuses it too).
-    """
-    if law not in get_args(Law):
-        raise ValueError(f"law = {law!r} is none of {get_args(Law)}")
-    if not -1.0 <= poisson_ratio <= 0.5:
-        raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
-    if not 0.0 <= overlap_ratio <= 0.1:
-        raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
-    if law == "potential" and overlap_ratio > 0:
-        raise ValueError(f"law = 'potential' needs overlap_ratio = 0, not {overlap_ratio}: slip has a history")
-    if not 0.0 < inertia < np.inf:
-        raise ValueError(f"inertia = {inertia} must be positive and finite")
-    if not 0.0 <= prestress <= 1.0:
-        raise ValueError(f"prestress = {prestress} is outside [0, 1]")
-    if not 0.0 <= viscosity < np.inf:
-        raise ValueError(f"viscosity = {viscosity} must be finite and not negative")
-    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
-    if restitution is not None:
-        if viscosity:
-            raise ValueError(f"restitution = {restitution} and viscosity = {viscosity}: a contact has one dashpot")
-        if prestress != 1:
-            raise ValueError(f"restitution = {restitution} needs prestress = 1, not {prestress}: it knows no adhesion")
-        viscosity = restitution_viscosity(restitution, kappa)
-    return Contact(
-        kappa, inertia, law, overlap_ratio, prestress, shear, rotation, viscosity, hertzian=restitution is not None
-    )
 
 
 def stretch_and_normal(
@@ -167,9 +75,9 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     contact : the contact's constants.
     neighbours : the contacts' directions and far ends.
     """
-    dashpot = 2 * (contact.kappa + 3) * contact.viscosity
+    dashpot = 2 * (contact.kappa + 3) * contact.dashpot
     # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
-    here = state[: 6 if contact.has_history or contact.viscosity else 3]
+    here = state[: 6 if contact.has_history or contact.dashpot else 3]
     apart = neighbours.ahead(here)
     sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
     apart -= here
@@ -190,8 +98,8 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
         shear = stiffness * slip
         if contact.law == "potential":
             normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
-    if contact.viscosity:
-        closed = np.sqrt(root) if contact.hertzian else overlap.real > 0
+    if contact.dashpot:
+        closed = np.sqrt(root) if contact.restitution else overlap.real > 0
         normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
         if contact.shear:
             shear = shear + dashpot * closed * slip_rate
@@ -256,10 +164,10 @@ def longest_step(contact: Contact) -> float:
     """
     kappa = contact.shear_stiffness
     squared, damping = 3 * (1 + kappa), 12.0 if contact.shear else 6.0
-    if contact.rotation and contact.shear:
+    if contact.turns:
         squared = max(squared, 6 * kappa / contact.inertia)
         damping = max(damping, 12 / contact.inertia)
-    half = damping * contact.viscosity / 2
+    half = damping * contact.dashpot / 2
     return REACH / float(half + np.sqrt(squared / (contact.kappa + 3) + half**2))
 
 
@@ -290,92 +198,70 @@ def motion(
     return integrate(lambda state: rhs(state, contact, neighbours), start, tau, rtol, scale, longest_step(contact))
 
 
-def torus_trajectory(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    points: int = 31,
-    rtol: float = 1e-11,
-    **effects: Unpack[Effects],
-) -> Floats:
+def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11) -> Floats:
     """P, Q, Φ in units of D0 on the phase torus, (T, 3, K): the wave in the infinite lattice, for any ξ.
 
     A wave p(r, τ) = P(k·r + phase, τ) with P 2π-periodic in its first argument obeys the equations of the lattice with
     "neighbour at d" = a shift of that argument by k·d. One period of K points thus holds every sphere and every phase
-    at once: no boundaries, in any direction, and k need not be commensurate.
+    at once, also that of the wave, which enters in `torus` only: no boundaries, in any direction, and k need not be
+    commensurate.
 
     Parameters
     ----------
-    mode : the wave at τ=0, of `analysis.second_harmonic.mode`, made from ratios with the same effects, or of
-        `analysis.theory.directions.mode` in any direction.
-    amplitude : a = D0/Δ0.
+    wave : the wave at τ=0.
     tau : (T,) ascending times.
-    poisson_ratio, effects : as in `contact`; inertia is the sphere's, without the factor of η.
     points : K, odd. At a = 0.2, τ ≤ 120, K=31 agrees with K=61 to 1e-12; K=21 does to 5e-9 (L at ξ=2), K=15 to 2e-6.
     rtol : error per step of the integration; at a = 0.2, τ=120 the error of φ, the largest, is about 50 rtol.
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
-    laws = contact(poisson_ratio, **effects)
-    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
-    start = initial_state(mode, amplitude, torus_phases(points), laws, neighbours)
-    return motion(start, laws, neighbours, tau, rtol, amplitude)[:, :3] / amplitude
+    start, neighbours = on_torus(wave, points)
+    return motion(start, wave.contact, neighbours, tau, rtol, wave.amplitude)[:, :3] / wave.amplitude
+
+
+def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:
+    """Return the state of a wave at τ=0 on the phase torus of K points, and who touches whom there."""
+    neighbours = torus_neighbours(wave.mode.wavenumber, points, wave.mode.direction)
+    return initial_state(wave.mode, wave.amplitude, torus_phases(points), wave.contact, neighbours), neighbours
 
 
 def torus(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    row: float = 0,
-    phase: float = 0.0,
-    points: int = 31,
-    rtol: float = 1e-11,
-    **effects: Unpack[Effects],
+    wave: Wave, tau: ArrayLike, *, row: float = 0, points: int = 31, rtol: float = 1e-11
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ (T,) of one sphere in units of D0, where ϑ = ξ·row + phase at τ=0. See `torus_trajectory`.
 
     row is the place along k in row spacings (√3/2 lattice constants): along y the number of the row.
     """
-    trajectory = torus_trajectory(mode, amplitude, tau, poisson_ratio, points=points, rtol=rtol, **effects)
-    weights = periodic_kernel(mode.wavenumber * row + phase - torus_phases(points), points)
+    trajectory = torus_trajectory(wave, tau, points=points, rtol=rtol)
+    weights = periodic_kernel(wave.mode.wavenumber * row + wave.phase - torus_phases(points), points)
     p, q, phi = (trajectory @ weights).T
     return p, q, phi
 
 
-def rows(
-    mode: Mode,
-    amplitude: float,
-    tau: ArrayLike,
-    poisson_ratio: float,
-    *,
-    rows: int = 201,
-    phase: float = 0.0,
-    rtol: float = 1e-11,
-) -> tuple[Floats, Floats, Floats]:
+def rows(wave: Wave, tau: ArrayLike, *, rows: int = 201, rtol: float = 1e-11) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ (T,) of the centre row, (rows−1)//2 counted from 0, in units of D0: the paper's set-up.
 
     The first and last row are held at zero, so they are one and the same row of a ring of rows−1.
+
+    Raises ValueError for fewer than 5 rows, and for a wave that does not run along y.
 
     Breaks when the walls are heard: the fastest wave, long L, covers half a row per τ. In 201 rows the centre departs
     from the infinite lattice by 1e-7 at τ=175 and by order 1 of the walls' signal at τ=200.
     """
     if rows < 5:
         raise ValueError(f"rows = {rows} must be at least 5")
-    laws, neighbours = contact(poisson_ratio), ring_neighbours()
+    refuse_oblique(wave.mode)
+    contact, neighbours = wave.contact, ring_neighbours()
     centre = (rows - 1) // 2
-    phases = mode.wavenumber * np.arange(-centre, rows - 1 - centre, dtype=np.float64) + phase
-    start = initial_state(mode, amplitude, phases, laws, neighbours)
+    phases = wave.mode.wavenumber * np.arange(-centre, rows - 1 - centre, dtype=np.float64) + wave.phase
+    start = initial_state(wave.mode, wave.amplitude, phases, contact, neighbours)
     start[:, 0] = 0.0
 
     def held(state: Floats) -> Floats:
-        rate = rhs(state, laws, neighbours)
+        rate = rhs(state, contact, neighbours)
         rate[:, 0] = 0.0
         return rate
 
-    states = integrate(held, start, tau, rtol, amplitude, longest_step(laws))
-    p, q, phi = states[:, :3, centre].T / amplitude
+    states = integrate(held, start, tau, rtol, wave.amplitude, longest_step(contact))
+    p, q, phi = states[:, :3, centre].T / wave.amplitude
     return p, q, phi

@@ -24,114 +24,35 @@ and that of L is −sin²(ξ/2) times 2κ+3, κ+3, 3κ+3.
 Not covered: LAMMPS mindlin_rescale, which shrinks the slip whenever the contact radius does and so damps the wave.
 """
 
-from dataclasses import replace
-from typing import Final, TypedDict, Unpack, get_args
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import second_harmonic as sh
-from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios
-from analysis.theory.lattice import Law
+from analysis.second_harmonic import Mode
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
 
-LAWS: Final[tuple[Law, ...]] = get_args(Law)
-
-
-SILICA = 0.17  # Poisson's ratio of the paper's spheres
-
-
-class Lattice(TypedDict, total=False):
-    """Options of `sh.ratios` beyond ν and inertia."""
-
-    overlap_ratio: float
-    prestress: float
-    shear: bool
-    rotation: bool
-
-
-def shear_law_ratios(
-    poisson_ratio: float, law: Law, mode: Mode | None = None, inertia: float = SOLID_SPHERE, **lattice: Unpack[Lattice]
-) -> Ratios:
-    """Constants with which the functions of `analysis.second_harmonic` give the second harmonic under a shear law.
-
-        secant       α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),   L: ε as in the paper
-        incremental  α = (κ−1)/(2κ+3),   β = κ/(2κ+3),    L: ε·(κ+3)/(2κ+3)
-        potential    α = −(κ+1)/(2κ+3),  β = −4κ/(2κ+3),  L: ε·(3κ+3)/(2κ+3),  and ζσ² beside −αdq² + (2/√3)βσdq in
-                     [eqp], ζ = 4κ/(2κ+3). In a mode σ = (Y/X)dq, so that term is in α: α − ζ(Y/X)²
-
-    γ keeps its value of the paper: no second harmonic depends on it. The modes are those of `sh.ratios`, for any law.
-
-    Parameters
-    ----------
-    poisson_ratio : ν in [−1, 0.5].
-    law : "secant", "incremental" or "potential".
-    mode : the fundamental; needed for "potential", whose α holds for this mode only.
-    inertia : I/(mR²).
-    lattice : overlap_ratio, prestress, shear, rotation of `sh.ratios`, for the secant and the incremental law. What
-        they change is the same for both: to second order the laws differ by ½κ(xt − ∫x dt), where x and t are linear.
-
-    Raises
-    ------
-    ValueError
-        For another law, a ν or an inertia out of range, or "potential" without a mode or with an option of the lattice.
-    """
-    secant = sh.ratios(poisson_ratio, inertia, **lattice)
-    kappa, unit = secant.kappa, 2 * secant.kappa + 3
-    if law == "secant":
-        return secant
-    if law == "incremental":
-        less = secant.shear_stiffness / unit
-        return replace(
-            secant,
-            alpha=secant.alpha - less,
-            beta=secant.beta - less,
-            longitudinal=secant.longitudinal - less,
-            memory=less,
-        )
-    if law != "potential":
-        raise ValueError(f"law = {law!r} is none of {LAWS}")
-    if mode is None:
-        raise ValueError("law = 'potential' needs the mode: it has a term in σ², which Ratios holds mode by mode")
-    if lattice:
-        raise ValueError(f"law = 'potential' is that of the paper's lattice, not with {', '.join(lattice)}")
-    alpha = -(kappa + 1) / unit
-    if mode.name != "L":
-        alpha -= 4 * kappa / unit * (mode.f / (mode.q * np.tan(mode.wavenumber / 2))) ** 2
-    return replace(secant, alpha=alpha, beta=-4 * kappa / unit, longitudinal=(3 * kappa + 3) / unit)
-
-
-def generated_amplitude(mode: Mode, poisson_ratio: float, law: Law, inertia: float = SOLID_SPHERE) -> float:
+def generated_amplitude(mode: Mode, contact: Contact) -> float:
     """Amplitude P̃1/i of the generated wave per ε (complex fields; real fields take half) under a shear law.
 
     ε is the secant law's, `sh.nonlinearity`, for all three. See `sh.generated_amplitude`.
     """
-    return sh.generated_amplitude(mode, shear_law_ratios(poisson_ratio, law, mode, inertia))
+    return sh.generated_amplitude(mode, contact.ratios_of(mode))
 
 
-def antiresonance(poisson_ratio: float, law: Law, inertia: float = SOLID_SPHERE) -> float | None:
+def antiresonance(contact: Contact) -> float | None:
     """Wavenumber where TR generates no p at order ε; None if there is none, and always for the potential law.
 
     Proof at the top of this module. The resonance belongs to the linear lattice and is the same for every law.
     """
-    if law == "potential":
-        return None
-    return sh.antiresonance(shear_law_ratios(poisson_ratio, law, inertia=inertia))
+    return None if contact.law == "potential" else sh.antiresonance(contact.ratios)
 
 
-def second_harmonic(
-    mode: Mode,
-    poisson_ratio: float,
-    law: Law,
-    amplitude: float,
-    tau: ArrayLike,
-    row: float = 0,
-    phase: float = 0.0,
-    inertia: float = SOLID_SPHERE,
-) -> Floats:
-    """Second-harmonic displacement p_SH(τ) in units of D0 under a shear law, arguments as of `sh.second_harmonic`.
+def second_harmonic(wave: Wave, tau: ArrayLike, row: float = 0) -> Floats:
+    """Second-harmonic displacement p_SH(τ) in units of D0 under the wave's shear law; see `sh.second_harmonic`.
 
     Under the incremental law it depends on how the start was reached. Here, as in `analysis.theory.lattice` and in
     LAMMPS after one force-free step, the wave starts with the force of the secant law. What the two laws disagree on at
@@ -141,5 +62,4 @@ def second_harmonic(
 
     It vanishes where ξn + phase is a multiple of π/2, as in the centre row at phase 0.
     """
-    own = shear_law_ratios(poisson_ratio, law, mode, inertia)
-    return sh.second_harmonic(mode, own, amplitude, tau, row, phase)
+    return sh.second_harmonic(wave.mode, wave.ratios, wave.amplitude, tau, row, wave.phase)

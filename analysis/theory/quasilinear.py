@@ -32,8 +32,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.second_harmonic import SOLID_SPHERE
+from analysis.theory.contact import Contact
 from analysis.theory.directions import Complexes, Floats, modes
-from analysis.theory.springs import BONDS, SOLID_SPHERE, TANGENTS, stiffness_ratio
+from analysis.theory.springs import BONDS, TANGENTS
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # Gauss's of [−1, 1]
 # ∫ from −1 to each point of the polynomial that is 1 there and 0 at the others: (to, of)
@@ -107,7 +109,7 @@ class Sheet:
     @cached_property
     def modes(self) -> tuple[Floats, Complexes]:
         """Frequencies (..., 3) and polarisations (..., mode, 3) of all wave vectors."""
-        return modes(self.wavevectors, self.poisson_ratio, self.inertia)
+        return modes(self.wavevectors, Contact(self.poisson_ratio, inertia=self.inertia))
 
     @cached_property
     def _turn(self) -> Complexes:
@@ -141,7 +143,7 @@ def quadratic_acceleration(
 
     gathered (6, N) is the bracket of S₂, which counts where η > 0.
     """
-    kappa, h = stiffness_ratio(sheet.poisson_ratio), sheet.slenderness
+    kappa, h = Contact(sheet.poisson_ratio).kappa, sheet.slenderness
     stretch, sideways, slide = bonds
     slip = -kappa * (0.5 * stretch * slide + h * gathered)
     normal = -0.25 * stretch**2 + h * sideways * (0.5 * sideways - kappa * slide)

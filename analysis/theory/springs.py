@@ -39,37 +39,26 @@ When it breaks: beyond second order; where contacts open; for sums of modes, who
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypedDict, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
-SpringLaw = Literal["secant", "incremental"]
+from analysis.theory.contact import Contact, Law
 
-SOLID_SPHERE = 0.4  # Ĩ = I/(mR²) of a homogeneous sphere
+Floats = NDArray[np.float64]
 
 # One bond of each ± pair: the contact at −d repeats the elongations of the one at d, up to a phase.
 BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
 TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
 
 
-class Contacts(TypedDict, total=False):
-    """Arguments of `springs` beyond ν and Ĩ, which every function of `theory.directions` takes and hands on."""
-
-    law: SpringLaw
-    overlap_ratio: float
-    prestress: float
-    shear: bool
-    rotation: bool
-
-
 @dataclass(frozen=True)
 class Springs:
-    """Constants of a contact, by the terms of this module: made and checked by `springs`.
+    """Constants of a contact, by the terms of this module: made by `springs`.
 
     kappa is the spheres' own κ, which sets the units; shear is κ too, or 0 where contacts do not resist shear.
-    inertia is Ĩ/(1−η); turns says whether spheres turn; memory is 1 for the incremental law, else 0.
+    inertia is Ĩ/(1−η); turns says whether spheres turn.
     """
 
     kappa: float
@@ -78,7 +67,7 @@ class Springs:
     chi: float
     inertia: float
     turns: bool
-    memory: float
+    law: Law
 
     @property
     def mass(self) -> Floats:
@@ -89,6 +78,13 @@ class Springs:
     def coordinates(self) -> int:
         """How many of (u, v, f) move."""
         return 3 if self.turns else 2
+
+    @property
+    def memory(self) -> float:
+        """1 for the incremental law, 0 for the secant law; ValueError for the potential law, whose S₂ is another."""
+        if self.law == "potential":
+            raise ValueError("law = 'potential' is not in these springs, whose second order knows secant, incremental")
+        return 1.0 if self.law == "incremental" else 0.0
 
 
 class Elongations(NamedTuple):
@@ -108,56 +104,17 @@ class Elongations(NamedTuple):
         return Elongations(*((rows @ shape[..., None])[..., 0] for rows in self))
 
 
-def stiffness_ratio(poisson_ratio: float) -> float:
-    """Return κ = g1/k1 = 2(1−ν)/(2−ν), shear over normal stiffness of a Hertz–Mindlin contact.
-
-    Raises ValueError unless −1 ≤ ν ≤ 0.5, the range of an isotropic solid.
-    """
-    if not -1.0 <= poisson_ratio <= 0.5:
-        raise ValueError(f"poisson_ratio is {poisson_ratio!r}; allowed: -1 to 0.5")
-    return 2.0 * (1.0 - poisson_ratio) / (2.0 - poisson_ratio)
-
-
-def springs(
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
-    *,
-    law: SpringLaw = "secant",
-    overlap_ratio: float = 0.0,
-    prestress: float = 0.0,
-    shear: bool = True,
-    rotation: bool = True,
-) -> Springs:
-    """Return the constants of a Hertz–Mindlin contact.
-
-    Parameters
-    ----------
-    poisson_ratio : −1 to 0.5
-    inertia : Ĩ = I/(mR²) > 0
-    law : of the shear force
-    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry
-    prestress : F0/(F0 + adhesive force) in [0, 1]; it does nothing at η = 0
-    shear, rotation : whether contacts resist shear, and whether spheres turn (which they do only if contacts do)
-
-    Raises ValueError for a value outside these ranges.
-    """
-    if not 0.0 < inertia < np.inf:
-        raise ValueError(f"inertia is {inertia!r}; allowed: above 0, finite")
-    if law not in get_args(SpringLaw):
-        raise ValueError(f"law is {law!r}; allowed: {', '.join(get_args(SpringLaw))}")
-    if not 0.0 <= overlap_ratio <= 0.1:
-        raise ValueError(f"overlap_ratio is {overlap_ratio!r}; allowed: 0 to 0.1")
-    if not 0.0 <= prestress <= 1.0:
-        raise ValueError(f"prestress is {prestress!r}; allowed: 0 to 1")
-    kappa, h = stiffness_ratio(poisson_ratio), overlap_ratio / (1.0 - overlap_ratio)
+def springs(contact: Contact) -> Springs:
+    """Return the springs of a contact; dashpots are in none of them, and the law is in the second order alone."""
+    h = contact.overlap_ratio / (1.0 - contact.overlap_ratio)
     return Springs(
-        kappa=kappa,
-        shear=kappa if shear else 0.0,
+        kappa=contact.kappa,
+        shear=contact.shear_stiffness,
         h=h,
-        chi=h * prestress / 1.5,
-        inertia=inertia / (1.0 - overlap_ratio),
-        turns=shear and rotation,
-        memory=1.0 if law == "incremental" else 0.0,
+        chi=h * contact.prestress / 1.5,
+        inertia=contact.inertia / (1.0 - contact.overlap_ratio),
+        turns=contact.turns,
+        law=contact.law,
     )
 
 

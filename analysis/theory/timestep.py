@@ -15,81 +15,75 @@ the finer run's phase error and the next order of its frequency; over a run, in 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import ModeName, mode, ratios
-from analysis.theory.lattice import (
-    Floats,
-    Neighbours,
-    contact,
-    initial_state,
-    rhs,
-    torus,
-    torus_neighbours,
-    torus_phases,
-)
+from analysis.second_harmonic import refuse_oblique
+from analysis.theory.contact import Contact
+from analysis.theory.lattice import on_torus, rhs, torus
+from analysis.theory.neighbours import Neighbours, torus_neighbours
+from analysis.theory.wave import Wave
 
-Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
-
-
-OVERLAP_RATIO = 2.4985144e-4  # Δ0/2R of the paper's spheres
-
+Floats = NDArray[np.float64]
 
 SAMPLE, RECORDS = 0.5, 240
-
-
 TAU = SAMPLE * np.arange(RECORDS + 1)
 
 
+@dataclass(frozen=True)
+class _Contacts(Contact):
+    """The contacts of several waves, alike but for κ, each of which holds for as many points of the last axis."""
+
+    kappas: tuple[float, ...] = ()
+    points: int = 1
+
+    @cached_property
+    def kappa(self) -> Floats:  # type: ignore[override]  # κ of each point
+        return np.repeat(self.kappas, self.points)
+
+
 def stepped(
-    waves: Sequence[Wave],
-    per_sample: int,
-    *,
-    sample: float = SAMPLE,
-    records: int = RECORDS,
-    overlap_ratio: float = OVERLAP_RATIO,
-    points: int = 25,
-) -> NDArray[np.float64]:
+    waves: Sequence[Wave], per_sample: int, *, sample: float = SAMPLE, records: int = RECORDS, points: int = 25
+) -> Floats:
     """p, q, φ in D0 of the row n = 0 of each wave, (waves, records + 1, 3), with `per_sample` steps to a sample.
 
     Parameters
     ----------
-    waves : (mode, ξ, a, ν) of each; they are stepped side by side.
+    waves : along y and of phase 0, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
-    overlap_ratio : η > 0.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
 
-    Not finite beyond the stability limit of the step.
+    Raises ValueError for other waves and contacts. Not finite beyond the stability limit of the step.
     """
-    states, kappas = [], []
-    for name, wavenumber, amplitude, poisson_ratio in waves:
-        law = contact(poisson_ratio, overlap_ratio=overlap_ratio)
-        start = mode(name, wavenumber, ratios(poisson_ratio, overlap_ratio=overlap_ratio))
-        neighbours = torus_neighbours(wavenumber, points)
-        states.append(initial_state(start, amplitude, torus_phases(points), law, neighbours))
-        kappas.append(np.full(points, law.kappa))
-    state = np.concatenate(states, axis=-1)
-    laws = replace(law, kappa=np.concatenate(kappas))  # type: ignore[arg-type]  # κ of each point
-    side_by_side = _side_by_side([wavenumber for _, wavenumber, _, _ in waves], points)
+    for wave in waves:
+        refuse_oblique(wave.mode)
+        if wave.phase or not wave.contact.overlap_ratio:
+            said = f"phase = {wave.phase} and overlap_ratio = {wave.contact.overlap_ratio}"
+            raise ValueError(f"{said}: waves are stepped with phase 0, in contacts with an overlap ratio above 0")
+    alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
+    if len(alike) != 1:
+        raise ValueError(f"{len(alike)} kinds of contact: waves that are stepped side by side may differ in ν only")
+    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves), points=points)
     step = sample / per_sample
-
+    state = np.concatenate([on_torus(wave, points)[0] for wave in waves], axis=-1)
+    neighbours = _side_by_side([wave.mode.wavenumber for wave in waves], points)
     record = np.empty((records + 1, 3, len(waves)))
     record[0] = state[:3, ::points]
     with np.errstate(over="ignore", invalid="ignore"):
-        acceleration = rhs(state, laws, side_by_side)[3:6]
+        acceleration = rhs(state, contact, neighbours)[3:6]
         for index in range(1, records + 1):
             for _ in range(per_sample):
                 state[3:6] += step / 2 * acceleration
                 state[:3] += step * state[3:6]
-                state[6:] += step * rhs(state, laws, side_by_side)[6:]
-                acceleration = rhs(state, laws, side_by_side)[3:6]
+                state[6:] += step * rhs(state, contact, neighbours)[6:]
+                acceleration = rhs(state, contact, neighbours)[3:6]
                 state[3:6] += step / 2 * acceleration
             record[index] = state[:3, ::points]
-    return np.transpose(record / [amplitude for _, _, amplitude, _ in waves], (2, 0, 1))
+    return np.transpose(record / [wave.amplitude for wave in waves], (2, 0, 1))
 
 
 def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
@@ -109,14 +103,9 @@ def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
     return Neighbours(tori[0].normal, ahead, behind)
 
 
-def limit(
-    wave: Wave, tau: ArrayLike = TAU, overlap_ratio: float = OVERLAP_RATIO, rtol: float = 1e-10
-) -> NDArray[np.float64]:
+def limit(wave: Wave, tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
     """p, q, φ in D0 of the row n = 0, (T, 3), for the step → 0: the exact lattice, to about 50 rtol."""
-    name, wavenumber, amplitude, poisson_ratio = wave
-    start = mode(name, wavenumber, ratios(poisson_ratio, overlap_ratio=overlap_ratio))
-    record = torus(start, amplitude, tau, poisson_ratio, overlap_ratio=overlap_ratio, points=25, rtol=rtol)
-    return np.stack(record, axis=-1)
+    return np.stack(torus(wave, tau, points=25, rtol=rtol), axis=-1)
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:

@@ -8,6 +8,8 @@ import numpy as np
 
 from analysis.second_harmonic import ModeName
 from analysis.theory import directions, lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import edited
@@ -45,8 +47,9 @@ def corner(
         }
     )
     record, _ = made(wave, edits)
-    mode = directions.mode(name, wave.wavenumber, wave.direction, reference, overlap_ratio=ETA)
-    truth = lattice.torus(mode, wave.wave.amplitude, record.tau, reference, overlap_ratio=ETA, rtol=1e-12)
+    contact = Contact(reference, overlap_ratio=ETA)
+    mode = directions.mode(name, wave.wavenumber, wave.direction, contact)
+    truth = lattice.torus(Wave(mode, wave.wave.amplitude, contact), record.tau, rtol=1e-12)
     found = np.stack([record.p, record.q, record.phi])
     return [
         Case(

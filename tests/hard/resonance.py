@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 from analysis.measure.norms import relative_error
 from analysis.second_harmonic import mode
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Scene, run
 from granular_lmp.accuracy.richardson import halved_step, richardson
 from tests.hard.case import Case, Cases, Edits
@@ -92,7 +94,7 @@ def opening_time(wave: Scene) -> float:
     IndexError
         When none does within the duration.
     """
-    contact = lattice.contact(NU, overlap_ratio=ETA)
+    contact = Contact(NU, overlap_ratio=ETA)
     neighbours = lattice.torus_neighbours(wave.wavenumber, 31)
     start = lattice.initial_state(
         mode("TR", wave.wavenumber, RATIOS), wave.wave.amplitude, lattice.torus_phases(31), contact, neighbours
@@ -121,8 +123,8 @@ def at_the_antiresonance(overlap_ratio: float = ETA) -> Cases:
     with TemporaryDirectory() as folder:
         pair = [run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved_step(coarse)))]
     record = richardson(*pair)
-    wave = mode("TR", coarse.wavenumber, RATIOS)
-    p, _, _ = lattice.torus(wave, 0.2, record.tau, NU, overlap_ratio=overlap_ratio)
+    wave = Wave.of_mode("TR", coarse.wavenumber, 0.2, Contact(NU, overlap_ratio=overlap_ratio))
+    p, _, _ = lattice.torus(wave, record.tau)
     size = float(np.abs(p).max())
     return [
         Case(

@@ -5,9 +5,9 @@ from math import inf
 
 import numpy as np
 
-from analysis.second_harmonic import mode as linear_mode
-from analysis.second_harmonic import ratios
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Scene
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
@@ -75,10 +75,10 @@ def corners(nu: float, reference: float | None = None) -> Cases:
         ran += 1
         eta = wave.sphere.overlap_ratio
         exact = nu if reference is None else reference
-        mode = linear_mode("TR", wave.wavenumber, ratios(exact, overlap_ratio=eta))
-        truth = lattice.torus(mode, AMPLITUDE, TAU, exact, overlap_ratio=eta, rtol=1e-11)
+        theory = Wave.of_mode("TR", wave.wavenumber, AMPLITUDE, Contact(exact, overlap_ratio=eta))
+        truth = lattice.torus(theory, TAU, rtol=1e-11)
         error = np.abs(course(wave) - truth).max()
-        worst = max(worst, float(error / verlet_bound(wave, mode.frequency)) if np.isfinite(error) else inf)
+        worst = max(worst, float(error / verlet_bound(wave, theory.mode.frequency)) if np.isfinite(error) else inf)
     return [
         Case(
             f"ν = {nu:g}, E, R, w at both ends of 1e6 … 1e12 Pa, 50 nm … 10 mm, 1e-4 … 1 J/m²: error over its bound, "

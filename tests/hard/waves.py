@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from analysis.second_harmonic import Mode, ModeName, ratios
 from analysis.second_harmonic import mode as linear_mode
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.cell import Floats
@@ -54,7 +55,7 @@ def phases(scene: Scene) -> Floats:
 def exact(scene: Scene, tau: ArrayLike, overlap_ratio: float = ETA, points: int = 31, rtol: float = 1e-10) -> Floats:
     """States (T, 6, K) of the phase torus, displacements in Δ0, in the contact geometry of an overlap ratio."""
     mode = linear_mode(scene.wave.mode, scene.wavenumber, ratios(NU, overlap_ratio=overlap_ratio))  # type: ignore[arg-type]
-    contact = lattice.contact(NU, overlap_ratio=overlap_ratio)
+    contact = Contact(NU, overlap_ratio=overlap_ratio)
     neighbours = lattice.torus_neighbours(scene.wavenumber, points)
     amplitude = scene.wave.amplitude
     start = lattice.initial_state(mode, amplitude, lattice.torus_phases(points), contact, neighbours)

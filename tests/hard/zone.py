@@ -7,9 +7,10 @@ RT would meet for ν = 2/3.
 
 import numpy as np
 
-from analysis.second_harmonic import ModeName, ratios
-from analysis.second_harmonic import mode as linear_mode
+from analysis.second_harmonic import ModeName
 from analysis.theory import lattice
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp.accuracy.rounding import noise_floor
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import running
@@ -24,11 +25,11 @@ def end(
 ) -> Cases:
     """A mode near an end of the zone against the exact lattice, whose ν is `reference`."""
     wave = scene(name, cycles, rows, 0.2, step, duration)
-    mode = linear_mode(name, wave.wavenumber, ratios(reference, overlap_ratio=ETA))
+    theory = Wave.of_mode(name, wave.wavenumber, 0.2, Contact(reference, overlap_ratio=ETA))
     tau = np.arange(0.0, duration + 0.25, 0.5)
     with running(wave, edits) as cell:
         found = cell.follow(tau)[:, :3, wave.shape.centre_row].T / 0.2
-    truth = lattice.torus(mode, 0.2, tau, reference, overlap_ratio=ETA, rtol=1e-12)
+    truth = lattice.torus(theory, tau, rtol=1e-12)
     return [
         Case(
             f"{name}, ξ = {wave.wavenumber:.5g}, ν = {NU:g}, τ ≤ {duration:g}: error in D0",
@@ -36,7 +37,7 @@ def end(
             float(np.abs(found - truth).max()),
             "phase (ΩΔτ)²Ωτ/24 and amplitude (ΩΔτ)²/8 of Verlet, half as much again for harmonics; noise of rounding, "
             "its law good to a factor of 3 and the largest of 700 samples 3 standard deviations",
-            most=verlet_bound(wave, mode.frequency),
+            most=verlet_bound(wave, theory.mode.frequency),
         )
     ]
 

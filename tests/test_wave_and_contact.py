@@ -1,0 +1,152 @@
+"""One contact and one wave: checked once, and what does not belong together is refused, never taken for another."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import second_harmonic as sh
+from analysis.theory import directions, lattice
+from analysis.theory.contact import LAWS, Contact, Law
+from analysis.theory.hierarchy import hierarchy_orders
+from analysis.theory.springs import springs
+from analysis.theory.timestep import stepped
+from analysis.theory.wave import Wave, residual
+
+NU = 0.17
+CONTACTS: dict[str, Contact] = {
+    "paper": Contact(NU),
+    "LAMMPS's geometry": Contact(NU, overlap_ratio=0.02),
+    "compressed": Contact(NU, overlap_ratio=0.02, prestress=1.0, restitution=0.9),
+    "hollow": Contact(-0.5, inertia=2 / 3),
+    "no rotation": Contact(NU, rotation=False, viscosity=0.1),
+    "no shear": Contact(NU, shear=False),
+    "incremental": Contact(0.4, law="incremental", overlap_ratio=1e-3),
+    "potential": Contact(NU, law="potential"),
+}
+
+
+def names(contact: Contact) -> tuple[sh.ModeName, ...]:
+    return ("L", "TR", "RT") if contact.turns else ("L", "TR")
+
+
+@pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
+def test_every_mode_of_a_contact_is_a_wave_of_it(contact: Contact) -> None:
+    for name in names(contact):
+        for xi in (1e-3, 0.3, 0.802, 1.475, 2.127, 3.0, np.pi):
+            # Rounding of numbers of order one, summed over three bonds
+            assert residual(Wave.of_mode(name, xi, 0.2, contact).mode, contact) < 1e-14
+        for direction in (0.0, 17.0, -41.0):
+            assert residual(directions.mode(name, 1.1, direction, contact), contact) < 1e-14
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("TR", {"poisson_ratio": NU + 1e-4}),
+        ("RT", {"inertia": 0.4001}),
+        ("RT", {"overlap_ratio": 2.5e-4}),
+        ("TR", {"rotation": False}),
+        ("L", {"shear": False}),
+        ("L", {"overlap_ratio": 0.01, "prestress": 1.0}),
+    ],
+    ids=str,
+)
+def test_a_mode_of_another_contact_is_refused(name: sh.ModeName, changes: dict[str, Any]) -> None:
+    right = Wave.of_mode(name, 1.1, 0.2, Contact(NU))
+    other = replace(right.contact, **changes)
+    with pytest.raises(ValueError, match=f"mode {name} at wavenumber = 1.1 is no wave of this contact"):
+        replace(right, contact=other)
+    with pytest.raises(ValueError, match="is no wave of this contact"):
+        hierarchy_orders(right.mode, other, [0.0, 1.0])
+
+
+def test_a_mode_turned_or_detuned_is_refused() -> None:
+    contact = Contact(NU, overlap_ratio=0.01)
+    mode = directions.mode("TR", 1.1, 17.0, contact)
+    for wrong in (replace(mode, direction=17.1), replace(mode, frequency=mode.frequency * 1.0001)):
+        with pytest.raises(ValueError, match="is no wave of this contact"):
+            Wave(wrong, 0.2, contact)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"poisson_ratio": 0.51}, r"poisson_ratio = 0\.51 is outside \[-1, 0\.5\]"),
+        ({"inertia": 0.0}, r"inertia = 0\.0 must be positive and finite"),
+        ({"overlap_ratio": 0.2}, r"overlap_ratio = 0\.2 is outside \[0, 0\.1\]"),
+        ({"prestress": -1.0}, r"prestress = -1\.0 is outside \[0, 1\]"),
+        ({"viscosity": -0.1}, "viscosity = -0.1 must be finite and not negative"),
+        ({"law": "mindlin"}, "law = 'mindlin' is none of"),
+        ({"restitution": 1.1, "prestress": 1.0}, r"restitution = 1\.1 is outside"),
+        ({"restitution": 0.9}, r"restitution = 0\.9 needs prestress = 1"),
+        ({"restitution": 0.9, "prestress": 1.0, "viscosity": 0.1}, "a contact has one dashpot"),
+        ({"law": "potential", "overlap_ratio": 0.01}, "law = 'potential' needs overlap_ratio = 0"),
+    ],
+    ids=str,
+)
+def test_what_is_no_contact_is_refused_with_its_name_and_value(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Contact(**{"poisson_ratio": NU} | wrong)
+
+
+def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
+    contact, k = Contact(NU, law="potential"), np.array([0.0, 1.0])
+    with pytest.raises(ValueError, match="law = 'potential' has no ratios for all modes"):
+        _ = contact.ratios
+    refused = (
+        lambda: directions.second_harmonic_amplitude(k, 0, contact),
+        lambda: directions.mean_rotation(k, 0, contact),
+        lambda: directions.doubled_wave(k, 0, 0.1, [1.0], contact),
+        lambda: directions.second_order(k, 0, 0.1, [1.0], contact),
+        lambda: directions.trajectory(Wave.of_mode("TR", 0.9, 0.1, contact), [1.0]),
+    )
+    for call in refused:
+        with pytest.raises(ValueError, match="law = 'potential' is not in these springs"):
+            call()
+    for wrong in ({"shear": False}, {"rotation": False}, {"prestress": 1.0}):
+        other = Wave.of_mode("TR", 0.9, 0.1, replace(contact, **wrong))
+        with pytest.raises(
+            ValueError, match=f"law = 'potential' has ratios in the paper's lattice only, not with {next(iter(wrong))}"
+        ):
+            _ = other.ratios
+
+
+def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
+    laws: tuple[Law, ...] = LAWS
+    modes = [Wave.of_mode("TR", 1.1, 0.2, Contact(NU, law=law)).mode for law in laws]
+    assert modes[0] == modes[1] == modes[2]
+
+
+def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
+    contact = Contact(NU, overlap_ratio=0.01)
+    right = Wave.of_mode("TR", 1.1, 0.2, contact)
+    oblique = Wave(directions.mode("TR", 1.1, 17.0, contact), 0.2, contact)
+    with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
+        lattice.rows(oblique, [0.0, 1.0], rows=7)
+    wrong: list[tuple[list[Wave], str]] = [
+        ([oblique], r"direction = 17\.0 of the mode is not 90"),
+        ([replace(right, phase=0.3)], "stepped with phase 0"),
+        ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], "an overlap ratio above 0"),
+        ([right, Wave.of_mode("TR", 1.1, 0.2, replace(contact, overlap_ratio=0.02))], "2 kinds of contact"),
+    ]
+    for waves, message in wrong:
+        with pytest.raises(ValueError, match=message):
+            stepped(waves, 2, records=2)
+
+
+def test_waves_stepped_side_by_side_are_those_stepped_alone() -> None:
+    waves = [Wave.of_mode("TR", xi, 0.2, Contact(nu, overlap_ratio=1e-3)) for xi, nu in ((0.8, NU), (2.1, -0.5))]
+    together, apart = stepped(waves, 4, records=40), [stepped([wave], 4, records=40)[0] for wave in waves]
+    # 160 steps of numbers of order one, whose sums are taken in another order
+    np.testing.assert_allclose(together, apart, rtol=0, atol=1e-11)
+    assert np.max(np.abs(together[0] - together[1])) > 0.1
+
+
+@pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
+def test_ratios_and_springs_are_of_one_contact(contact: Contact) -> None:
+    ratios, spring = contact.secant_ratios, springs(contact)
+    assert (ratios.kappa, ratios.shear_stiffness) == (spring.kappa, spring.shear) == (contact.kappa, spring.shear)
+    assert ratios.inertia == spring.inertia
+    assert ratios.rotation == spring.turns == contact.turns
