@@ -229,6 +229,15 @@ def test_unequal_spheres_of_a_chain_turn_as_gears_of_their_radii() -> None:
     np.testing.assert_allclose(free @ np.linalg.lstsq(free, gears)[0], gears, rtol=0, atol=1e-12)
 
 
+def test_a_crystal_that_is_not_flat_is_refused() -> None:
+    crystal = ase.Atoms("X2", positions=[[0, 0, 0], [0, 1.2, 1.6 - 1e-3]], cell=[9, 9, 9])
+    crystal.set_array("radius", np.ones(2))
+    contacts = find_contacts(crystal, [SILICA])
+    for ask in (lambda: bloch_modes(contacts, SILICA, [0.0, 0.0]), lambda: frequency_bound(contacts, SILICA)):
+        with pytest.raises(ValueError, match="contact 0: leaves the plane z = const"):
+            ask()
+
+
 # --- torque arms that differ -----------------------------------------------------------------------------------------
 
 

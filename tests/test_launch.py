@@ -169,7 +169,7 @@ def started(folder: Path, size: int, *words: str, prologue: str = "") -> "subpro
     changes = ("time.allow_echo=true", "packing.rows=21", *words)
     arguments = ["run", "tr_nonresonant", "-o", str(folder)]
     arguments += [word for change in changes for word in (("--set", change) if "=" in change else (change,))]
-    lines = ("import sys", "from granular_lmp import deck", prologue, "from granular_lmp.cli import main")
+    lines = ("import sys", "from granular_lmp.lammps import deck", prologue, "from granular_lmp.cli import main")
     code = "\n".join([*lines, f"sys.exit(main({arguments!r}))"])
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 30

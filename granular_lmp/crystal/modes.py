@@ -16,7 +16,7 @@ With φ = i f the rows of a cell of one sphere are real: δN = 2 sin(χ/2) n·u,
 (`bloch_mode`). Frequencies are in rad/t0, wave vectors in 1/R, both of a reference sphere.
 
 An effect that a scene leaves out leaves its part out here: no shear, no g; no rotation, no f. The spheres move in the
-plane; in space each has six freedoms instead of three and each contact a second tangent (`_PLANE`).
+plane; in space each would have six freedoms instead of three and each contact a second tangent (`_PLANE`).
 
 **The torque arm.** A shear force at a contact with overlap δ has the arm R as it does work on the slip, but in LAMMPS
 the arm R − δ/2 in the torque. Where all contacts of a sphere have one overlap that is the same as an inertia larger by
@@ -139,9 +139,19 @@ def bloch_modes(
     ------
     CrystalError
         When a mode has a negative ω²: the crystal is not at a stable equilibrium.
+    ValueError
+        When contacts do not lie in the plane.
     """
+    require_plane(contacts)
     columns = [3 * each + column for each in range(len(contacts.mass)) for column in physics.coordinates]
     return _solve(contacts, sphere, np.asarray(wavevectors, dtype=float), physics, columns)
+
+
+def require_plane(contacts: Contacts) -> None:
+    """Raise a ValueError unless all contacts lie in a plane z = const."""
+    outside = np.flatnonzero(contacts.normals[:, 2])
+    if len(outside):
+        raise ValueError(f"contact {outside[0]}: leaves the plane z = const, in which all contacts must lie")
 
 
 def effective_inertia(contacts: Contacts) -> NDArray:
@@ -160,13 +170,13 @@ def effective_inertia(contacts: Contacts) -> NDArray:
 def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Return the rows (..., C, 3N) that give −i times δN, δT and δS − δT of a shape (ux, uy, f); k in 1/m."""
     half_phase = wavevectors @ contacts.vector[:, :2].T / 2
-    on_i, on_j = np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
+    phase_i, phase_j = np.exp(-1j * half_phase)[..., None], np.exp(1j * half_phase)[..., None]
     n, t = contacts.normals, contacts.tangents[:, 0]
     none = np.zeros_like(n)
     moves_n, moves_t = np.hstack([n, none])[:, _PLANE], np.hstack([t, none])[:, _PLANE]
     turns = np.hstack([none, np.cross(n, t)])[:, _PLANE]
-    normal, sideways = (_rows(contacts, 1j * on_i * moves, -1j * on_j * moves) for moves in (moves_n, moves_t))
-    return normal, sideways, _rows(contacts, -on_i * turns, -on_j * turns)
+    normal, sideways = (_rows(contacts, 1j * phase_i * moves, -1j * phase_j * moves) for moves in (moves_n, moves_t))
+    return normal, sideways, _rows(contacts, -phase_i * turns, -phase_j * turns)
 
 
 def _rows(contacts: Contacts, on_i: NDArray, on_j: NDArray) -> NDArray:
@@ -197,8 +207,8 @@ def _solve(
     squared = sum(np.sum(weight * np.abs(rows @ vectors) ** 2, axis=-2) for weight, rows in energy)
     if squared.min() < -_BUCKLING * squared.max():
         raise CrystalError(
-            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2; "
-            "its contacts are pressed together more than they bear sideways"
+            f"the crystal is not stable: a mode has the squared frequency {squared.min():.6g} in 1/t0^2, and none may "
+            "have a negative one; press its contacts together less, or hold it sideways"
         )
     shapes = np.zeros((*vectors.shape[:-2], len(columns), len(mass)), dtype=vectors.dtype)
     shapes[..., columns] = vectors.swapaxes(-1, -2) * inverse_root_mass[columns]

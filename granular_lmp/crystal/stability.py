@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import FULL, Physics, effective_inertia
+from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, require_plane
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
-LANCZOS_STEPS = 60  # the bound is then 1e-3 above the top of a sheet of 1e4 spheres
+LANCZOS_STEPS = 60  # the bound is then 1e-3 above the top of sheets of 1600 and of 10000 spheres
 
 
 def time_scale(contacts: Contacts, row_spacing: float) -> float:
@@ -53,11 +53,17 @@ def frequency_bound(contacts: Contacts, sphere: Sphere, physics: Physics = FULL)
         Gives t0.
     physics : Physics
 
+    Raises
+    ------
+    ValueError
+        When contacts do not lie in the plane.
+
     Notes
     -----
-    Good to 1e-3 where the crystal is large; spheres that are held only lower the spectrum. The start is random but the
+    Good to 2e-3 where the crystal is large; spheres that are held only lower the spectrum. The start is random but the
     same every time. A start without any part in the highest mode would miss it, which no crystal is known to do.
     """
+    require_plane(contacts)
     mass = np.column_stack([contacts.mass, contacts.mass, effective_inertia(contacts)])
     inverse_root_mass = np.sqrt(sphere.mass / mass)
     if not physics.rotation:
