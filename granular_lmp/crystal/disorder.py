@@ -155,7 +155,7 @@ def imperfect(
         )
     crystal = crystal[~(missing | isolated)]
     crystal.info["isolated"] = int(isolated.sum())
-    _require_places(crystal)
+    require_places(crystal)
     return crystal, tuple(materials)
 
 
@@ -228,7 +228,7 @@ def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return neighbours == 0
 
 
-def _require_places(crystal: ase.Atoms) -> None:
+def require_places(crystal: ase.Atoms) -> None:
     """Raise a CrystalError when two spheres are in one place, or so large that neighbours are none any more."""
     i, j, vector = overlapping(crystal)
     radius = crystal.arrays["radius"]

@@ -8,7 +8,7 @@ crystal. Here it is:
    between two spheres of the first material, k1 and Δ0, every sphere has the mass 1 and the drag coefficient 1. They are
    then damped nearly critically, so that no sphere swings out and tears contacts by its inertia. The box strains with
    them, with the mass and the drag of the spheres that it carries along.
-2. *Balance.* Once no force exceeds `SETTLED`, damped Newton steps (Levenberg 1944, Marquardt 1963), each of which
+2. *Balance.* Once the root mean square force is below `SETTLED`, damped Newton steps (Levenberg 1944, Marquardt 1963), each of which
    lowers the energy, end at the rest.
 
 There is no friction and spheres do not turn. What these two steps do not give, and a crystal that dries, is pressed, or
@@ -24,14 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, contacts_between
+from granular_lmp.crystal.disorder import require_places
+from granular_lmp.crystal.dissection import dissection, factorised
 from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 BOXES = ("box", "fixed")
 BALANCED = 1e-10  # k1 Δ0: no force on a sphere at rest is larger
-SETTLED = 1e-2  # k1 Δ0: from here Newton steps find the rest that the spheres are settling to
+SETTLED = 3e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
 _DRAG = 1.0  # √(k1 m)
 _LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
 _STEP = 0.7  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2
@@ -130,6 +133,7 @@ def relax(
     """
     if box not in BOXES:
         raise CrystalError(f"packing.relax = {box!r}: must be one of {', '.join(BOXES)}")
+    require_places(crystal)
     breathes = box == "box"
     if load is None and breathes and materials[0].contact_force:
         raise CrystalError(f"contact_force = {materials[0].contact_force!r}: give the load on the box that makes it")
@@ -153,7 +157,7 @@ def residual(potential: Potential, state: State) -> float:
 def _let_go(
     potential: Potential, pairs: Pairs, state: State, progress: Progress | None
 ) -> tuple[Pairs, State]:
-    """Return the state that spheres at rest come to as they move against a drag, until no force exceeds `SETTLED`."""
+    """Return the state that spheres at rest come to as they move against a drag, until the mean force is small."""
     velocity, rate = np.zeros_like(state.u), np.zeros(2)
     mass = len(state.u) * potential.reach**2
     time, step, searched = 0.0, 0, state
@@ -162,7 +166,7 @@ def _let_go(
             largest = residual(potential, state)
             if progress:
                 progress("let go", step, largest, float(np.sum(state.energy) + potential.load @ state.e))
-            if largest < SETTLED or time > _LONGEST:
+            if np.sqrt(np.mean(np.sum(state.force**2, axis=1))) < SETTLED or time > _LONGEST:
                 return pairs, state
             if _moved(potential, searched, state) > SKIN / 4:
                 pairs = potential.pairs(state.u, state.e)
@@ -192,15 +196,16 @@ def _balance(
     potential: Potential, pairs: Pairs, state: State, progress: Progress | None
 ) -> tuple[Pairs, State, int]:
     """Return the state at which the energy is least near a given one, and the Newton steps to it."""
-    added, searched = SETTLED, state
+    added, searched = 1e-2, state
     stiffness = potential.stiffness(pairs, state)
+    order = dissection(potential.crystal.positions[:, :2], pairs.i, pairs.j)
     for step in range(_NEWTON_STEPS):
         largest = residual(potential, state)
         if progress:
             progress("balance", step, largest, float(np.sum(state.energy) + potential.load @ state.e))
         if largest <= BALANCED:
             return pairs, state, step
-        u, e = _newton_step(potential, state, stiffness, added)
+        u, e = _newton_step(potential, state, stiffness, added, order)
         new = potential.state(pairs, state.u + u, state.e + e)
         # Pair by pair, as the sum over a large crystal has lost the last digits of a small change
         change = float(np.sum(new.energy - state.energy) + potential.load @ e)
@@ -222,21 +227,15 @@ def _balance(
 
 
 def _newton_step(
-    potential: Potential, state: State, stiffness: tuple[Any, Floats, Floats], added: float
+    potential: Potential, state: State, stiffness: tuple[Any, Floats, Floats], added: float, order: Integers
 ) -> tuple[Floats, Floats]:
     """Return the changes of u and e in one step, with a stiffness added to every freedom in proportion to its mass."""
     import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
-    from scipy.sparse.linalg import splu
 
     by_u, by_both, by_e = stiffness
     count = len(state.u)
-    factors = splu(
-        (by_u + added * sparse.identity(2 * count)).tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    solved = factors.solve(np.column_stack([state.force.ravel(), by_both]))
+    solve = factorised((by_u + added * sparse.identity(2 * count)).tocsr(), order)
+    solved = solve(np.column_stack([state.force.ravel(), by_both]))
     # The two strains couple to every sphere; they are eliminated last, so that the factors stay sparse
     schur = by_e - by_both.T @ solved[:, 1:] + np.diag(added * count * potential.reach**2)
     e = np.linalg.solve(schur, state.stress - by_both.T @ solved[:, 0])
@@ -275,6 +274,6 @@ def _in_words(steps: int, box: str) -> str:
         return "at rest as it is"
     return (
         f"let go at the places in the lattice against a drag of {_DRAG:g} sqrt(k1 m), without friction or rotation, until "
-        f"no force exceeds {SETTLED:g} k1 Delta0, then {steps} damped Newton steps; the box "
+        f"the root mean square force is below {SETTLED:g} k1 Delta0, then {steps} damped Newton steps; the box "
         + ("breathes" if box == "box" else "stays")
     )

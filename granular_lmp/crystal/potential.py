@@ -208,16 +208,19 @@ def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.A
 
 
 def _lattice_vectors(vector: Floats) -> Floats:
-    """Return the vectors with those that differ by rounding only made the same, each the mean of its like.
+    """Return the vectors (C, 2) with those that differ by rounding only made the same, each the mean of its like.
 
     A perfect lattice has then exactly the same contact everywhere. Vectors that are not of a lattice stay as they are.
     """
-    _, first, like = np.unique(np.round(vector / _SAME_VECTOR), axis=0, return_index=True, return_inverse=True)
-    like = like.ravel()
-    away = vector - vector[first][like]  # small: the sum of many whole vectors would be rounded more than they are
+    key = np.round(vector / _SAME_VECTOR)
+    # A vector and its opposite are alike too: few contacts cross a periodic face, all rounded in the same way
+    sign = np.sign(np.where(key[:, 1] == 0, key[:, 0], key[:, 1]))[:, None]
+    _, first, like = np.unique(key * sign, axis=0, return_index=True, return_inverse=True)
+    like, vector = like.ravel(), vector * sign
+    away = vector - vector[first][like]  # small: a sum of many whole vectors would be rounded more than they are
     count = np.bincount(like)
     mean = np.column_stack([np.bincount(like, part) / count for part in away.T])
-    return (vector[first] + mean)[like]
+    return (vector[first] + mean)[like] * sign
 
 
 def box_load(lattice: ase.Atoms, sphere: Sphere) -> Floats:
