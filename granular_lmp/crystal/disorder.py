@@ -3,10 +3,10 @@
 The functions here leave every sphere at its place in the lattice, where it is not at rest any more;
 `granular_lmp.crystal.equilibrium` brings it there.
 
-Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, drawn again where it lies beyond 3, and likewise the
-density, with deviates of their own. The deviates depend on the seed and on the number of spheres alone: another σ with
-the same seed scales the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come
-from NumPy's legacy generator, whose streams are frozen, so that a seed stays a crystal.
+Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, drawn again where it lies beyond 3; densities have
+deviates of their own. The deviates depend on the seed and on the number of spheres alone: another σ with the same seed
+scales the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come from NumPy's
+legacy generator, whose streams are frozen, so that a seed gives the same crystal with every version of NumPy.
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ CUT = 3.0  # deviates beyond it are drawn again
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 # Streams of the generator: one for each thing that is drawn, so that none depends on another
 _RADIUS, _DENSITY, _VACANCIES, _INCLUSIONS = range(4)
-# Overlap at the places in the lattice, in radii of the smaller sphere, beyond which neighbours are not neighbours any
-# more: rearranging is then not relaxing.
+# Largest overlap at the places in the lattice, in radii of the smaller sphere. Beyond it spheres come to rest far from
+# their places, where they have other neighbours.
 LARGEST_OVERLAP = 0.25
 _SAME_PLACE = 1e-6  # in radii
 
@@ -39,8 +39,8 @@ class Disorder:
     Attributes
     ----------
     radius, density : float
-        Relative standard deviations σ, in [0, 1/3): no sphere then vanishes. Radii are limited by `LARGEST_OVERLAP` too,
-        to σ of some 0.04.
+        Relative standard deviations σ, in [0, 1/3): no sphere then vanishes. `LARGEST_OVERLAP` limits radii further, to
+        a σ of some 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
     vacancies : float
         Share of the free spheres that is left out, in [0, 1).
     seed : int
@@ -120,8 +120,8 @@ def imperfect(
     Raises
     ------
     CrystalError
-        When an inclusion names a place that the lattice has not, or says nothing; when a held sphere or every free one is
-        left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
+        When an inclusion names a place that the lattice has not, or changes nothing; when a held sphere or every free
+        one is left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)
@@ -191,13 +191,13 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
             raise CrystalError(f"inclusion {number + 1}: row {absent[0]}: must be from 0 to {row.max()}")
         return np.flatnonzero(np.isin(row, inclusion.rows))
     index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
-    for place in inclusion.spheres:
-        if tuple(place) not in index:
+    for at_row, at_column in inclusion.spheres:
+        if (at_row, at_column) not in index:
             raise CrystalError(
-                f"inclusion {number + 1}: sphere {list(place)}: must be [row, column], from [0, 0] to "
+                f"inclusion {number + 1}: sphere [{at_row}, {at_column}]: must be [row, column], from [0, 0] to "
                 f"[{row.max()}, {column.max()}]"
             )
-    return np.array([index[tuple(place)] for place in inclusion.spheres])
+    return np.array([index[at_row, at_column] for at_row, at_column in inclusion.spheres])
 
 
 def _stream(seed: int, stream: int) -> np.random.RandomState:
@@ -229,7 +229,7 @@ def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def require_places(crystal: ase.Atoms) -> None:
-    """Raise a CrystalError when two spheres are in one place, or so large that neighbours are none any more."""
+    """Raise a CrystalError when two spheres are in one place, or overlap by more than `LARGEST_OVERLAP`."""
     i, j, vector = overlapping(crystal)
     radius = crystal.arrays["radius"]
     distance = np.linalg.norm(vector, axis=1)
@@ -242,5 +242,5 @@ def require_places(crystal: ase.Atoms) -> None:
     if overlap[worst] > LARGEST_OVERLAP:
         raise CrystalError(
             f"spheres {i[worst]} and {j[worst]}: overlap by {overlap[worst]:.3g} radii at their places in the lattice, "
-            f"and {LARGEST_OVERLAP} is the most that relaxing can part; let radii differ less"
+            f"and at most {LARGEST_OVERLAP} is allowed; let radii differ less"
         )

@@ -1,9 +1,9 @@
 """Sparse factors of the stiffness of a crystal, in an order of its spheres that keeps them sparse.
 
-Nested dissection (George, SIAM J. Numer. Anal. 10, 345 (1973)): the crystal is cut in two at the median of its longer
-side, the spheres on one side of the cut that have a neighbour on the other are numbered last, and both halves are cut in
-the same way. In the plane the factors then have O(N log N) entries. The orderings that SciPy offers know no geometry:
-minimum degree takes minutes for 1e5 spheres once some per cent of their contacts are open.
+Nested dissection (George, SIAM J. Numer. Anal. 10, 345 (1973)): the crystal is cut in two at the median of its
+longer side, the spheres on one side of the cut that have a neighbour on the other are numbered last, and both halves
+are cut in the same way. In the plane the factors then have O(N log N) entries. The orderings that SciPy offers know no
+geometry: minimum degree takes minutes for 1e5 spheres once some per cent of their contacts are open.
 """
 
 from typing import Any

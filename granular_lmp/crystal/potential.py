@@ -6,7 +6,8 @@ e = (e_x, e_y) of the box. Without friction the energy of the crystal, less the 
     E(u, e) = Σ_pairs V(δ) + T·e,    V(δ) = (2/5) A δ^{5/2} − F δ where δ > 0, and else 0
 
 so that a contact pushes with A δ^{3/2} − F, the law of `granular_lmp.crystal.contacts`. The energy of an adhesive
-contact has a kink at δ = 0, as the DMT force sets in at −F: two spheres at rest are never just about to touch, and which contacts there are depends on the way to the rest.
+contact has a kink at δ = 0, where the DMT force sets in at −F. It is a ridge and not a valley: at rest no pair is just
+about to touch, and which pairs touch depends on the way to the rest.
 
 **Digits.** An overlap is the small rest of a distance, 2.5e-4 of it between microspheres. Displacements are therefore
 kept apart from places, and the stretch of a pair is taken from the displacements, |d + w| − |d| = w·(2d + w)/(|d + w| +
@@ -50,7 +51,7 @@ class Pairs:
     length, overlap : (C,) arrays
         |d|, and δ at these places.
     stiffness, adhesion : (C,) arrays
-        A and F.
+        A and F; 0 between two held spheres.
     """
 
     i: Integers
@@ -118,22 +119,21 @@ class Potential:
         return self.materials[0].static_overlap / self.materials[0].radius
 
     @cached_property
-    def reach(self) -> Floats:
-        """Root mean square distance of the spheres from the middle of the box, (2,): how far a strain moves them."""
-        return np.maximum(np.std(self.crystal.positions[:, :2], axis=0), 1.0) / self.unit
+    def neighbour(self) -> float:
+        """2R in Δ0, about the distance of neighbours: how far a strain of 1 moves them against each other."""
+        return 2 / self.unit
 
     def pairs(self, u: Floats, e: Floats) -> Pairs:
-        """Return the pairs that touch or are less than `SKIN` apart; not those of two held spheres, which bear all."""
+        """Return the pairs that touch or are less than `SKIN` apart; two held spheres, which bear all, do not push."""
         wider = displaced(self.crystal, u * self.unit, e)
         radius = self.crystal.arrays["radius"]
         wider.arrays["radius"] = radius + SKIN / 2
         i, j, now = overlapping(wider)
-        moving = self.free[i] | self.free[j]
-        i, j, now = i[moving], j[moving], now[moving]
         vector = _lattice_vectors(now[:, :2] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = np.hypot(*vector.T)
         stiffness, _, adhesion = force_law(self.crystal, self.materials, i, j)
         force = self.materials[0].normal_stiffness * self.materials[0].static_overlap
+        bearing = self.free[i] | self.free[j]
         return Pairs(
             i=i,
             j=j,
@@ -142,7 +142,7 @@ class Potential:
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
             stiffness=stiffness * self.materials[0].static_overlap ** 1.5 / force,
-            adhesion=adhesion / force,
+            adhesion=bearing * adhesion / force,
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
@@ -243,8 +243,8 @@ def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, 
     Raises
     ------
     CrystalError
-        When the spheres are not in one plane z = const, the cell is skew, the contacts have no overlap at rest, a sphere
-        is inside another one, or there is a load and no box to take it.
+        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, or
+        there is a load and no box that could take it.
     """
     first = materials[0]
     if not first.holding_force > 0:
@@ -259,8 +259,8 @@ def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, 
     spread = np.ptp(crystal.positions[held, :2], axis=0) if held.any() else np.zeros(2)
     breathing = (crystal.pbc[:2] | (spread > 0)) & breathes
     energy = first.normal_stiffness * first.static_overlap**2
-    if breathes and (load[~breathing] > 0).any() and not breathing.any():
+    if breathes and load.any() and not breathing.any():
         raise CrystalError(
-            f"contact_force = {first.contact_force!r}: the crystal has neither periodic faces nor held spheres to press on"
+            f"contact_force = {first.contact_force!r}: needs periodic faces or held spheres, on which the load can act"
         )
     return Potential(crystal, tuple(materials), ~held, breathing, np.where(breathing, load / energy, 0.0))
