@@ -40,8 +40,8 @@ BOXES = ("box", "fixed")
 BALANCED = 1e-10  # k1 Δ0: no force on a sphere at rest is larger
 SETTLED = 3e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
 _DRAG = 1.0  # √(k1 m)
-# N m (2R)², and √(k1/m) of that. A box ten times as light tears contacts by its swing (Z at s = 2: 4.6 for 5.0); one that
-# is damped three times as much takes three times as long for the same contacts, to 0.03 a sphere.
+# N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
+# s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
 _BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
 _LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
 _STEP = 0.7  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2

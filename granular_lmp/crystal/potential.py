@@ -141,7 +141,7 @@ class Potential:
             length=length / self.unit,
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            stiffness=stiffness * self.materials[0].static_overlap ** 1.5 / force,
+            stiffness=bearing * stiffness * self.materials[0].static_overlap ** 1.5 / force,
             adhesion=bearing * adhesion / force,
         )
 
@@ -193,6 +193,9 @@ class Potential:
             by_u = by_u + rows.T @ weighted
             by_both += weighted.T @ strained
             by_e += strained.T @ (spring[:, None] * strained)
+        # A strain also turns and stretches the displacements themselves; at rest this term is zero
+        for axis in range(2):
+            by_both[axis::2, axis] -= self.breathing[axis] * state.force[:, axis] / (1 + state.e[axis])
         return by_u, by_both, by_e
 
 
