@@ -217,13 +217,14 @@ def test_a_sphere_that_touches_nobody_is_counted_and_stays() -> None:
 
 
 def test_a_crystal_with_vacancies_stays_in_place_without_compression_and_relaxes_under_it() -> None:
-    for sphere in (SILICA, HERTZ):
+    pressed = replace(SILICA, contact_force=0.1 * SILICA.pull_off_force)
+    for sphere in (SILICA, pressed):
         lattice = hexagonal(sphere, Shape(12, 10, "periodic"))
         crystal, materials = imperfect(lattice, sphere, Disorder(vacancies=0.03))
         rest = relax(crystal, materials, load=box_load(lattice, sphere))
         assert len(crystal) == 116
         assert rest.residual <= BALANCED
-        assert bool(rest.displacement.any()) == (sphere is HERTZ)
+        assert bool(rest.displacement.any()) == (sphere is pressed)
 
 
 @pytest.mark.parametrize("s", [0.8, 2.0])
@@ -342,7 +343,10 @@ def moved_in_lammps(crystal: ase.Atoms, folder: Path, tau: float) -> float:
 
 
 def test_a_crystal_at_rest_stays_at_rest_in_lammps(tmp_path: Path) -> None:
-    """Positions up to 14 µm are rounded to 9e-13 nm, 2e-11 D0, and soft modes answer with ten times that or more."""
+    """Positions of up to 7 µm are rounded to 5e-13 nm, 1e-11 D0, to which soft modes answer with a hundred times that.
+
+    Measured: 5e-10 to 3e-9 D0 for s from 0.4 to 2.
+    """
     rest = disordered(0.8, rows=14, columns=14)
     assert moved_in_lammps(rest.crystal, tmp_path, 100.0) < 1e-8
 

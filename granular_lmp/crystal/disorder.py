@@ -10,7 +10,7 @@ legacy generator, whose streams are frozen, so that a seed gives the same crysta
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import ase
 import numpy as np
@@ -113,7 +113,8 @@ def imperfect(
     -------
     crystal : ase.Atoms
         With the arrays of the lattice and ``density`` (kg/m³) and ``material``. Free spheres that vacancies have left
-        without any neighbour are left out too: nothing would hold them. ``crystal.info["isolated"]`` counts them.
+        without any neighbour are left out too: nothing would hold them. ``crystal.info["isolated"]`` counts them, and
+        ``crystal.info["disorder"]`` holds the spreads and the seed.
     materials : tuple of Sphere
         By index, the sphere of the lattice first.
 
@@ -154,7 +155,7 @@ def imperfect(
             "out fewer"
         )
     crystal = crystal[~(missing | isolated)]
-    crystal.info["isolated"] = int(isolated.sum())
+    crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
     require_places(crystal)
     return crystal, tuple(materials)
 

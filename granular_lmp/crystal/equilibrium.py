@@ -63,7 +63,8 @@ class Equilibrium:
     Attributes
     ----------
     lattice : ase.Atoms
-        The spheres at their places in the lattice, lengths in radii of the first material.
+        The spheres at their places in the lattice, lengths in radii of the first material; its ``info`` says from which
+        disorder and seed.
     displacement : (N, 3) array
         u from these places, radii, to full precision; a sphere is at rest at (1 + e)(X + u).
     strain : (3,) array
@@ -136,7 +137,8 @@ def relax(
     Notes
     -----
     A crystal that is at rest already, such as a perfect lattice, is returned as it is. Good values: spreads of
-    overlaps up to a few Δ0; beyond, the arrangement of contacts is one of very many and takes hundreds of Newton steps.
+    overlaps up to a few Δ0; beyond, contacts part and form in long sequences, which take hundreds of Newton steps.
+    Spheres without friction that are compressed flow into vacancies unless adhesion holds them.
     """
     if box not in BOXES:
         raise CrystalError(f"packing.relax = {box!r}: must be one of {', '.join(BOXES)}")
