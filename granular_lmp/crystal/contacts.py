@@ -133,23 +133,47 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
         If the overlaps of the positions differ from those that `contact_force` makes.
     """
     unit = materials[0].radius
-    radius = crystal.arrays["radius"] * unit
-    material = crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))
-    density = crystal.arrays.get("density", _each(materials, material, "density"))
     i, j, vector = overlapping(crystal)
     vector = vector * unit
+    overlap = unit * (crystal.arrays["radius"][i] + crystal.arrays["radius"][j]) - np.linalg.norm(vector, axis=1)
+    return contacts_between(crystal, materials, i, j, vector, overlap, contact_force)
 
-    effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
-    modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
-    normal = 4 / 3 * modulus * np.sqrt(effective_radius)
-    shear = 8 * shear_modulus * np.sqrt(effective_radius)
-    adhesive_force = 2 * np.pi * adhesion * effective_radius
-    overlap = radius[i] + radius[j] - np.linalg.norm(vector, axis=1)
+
+def contacts_between(
+    crystal: ase.Atoms,
+    materials: Sequence[Sphere],
+    i: Integers,
+    j: Integers,
+    vector: Floats,
+    overlap: Floats,
+    contact_force: float | None = None,
+) -> Contacts:
+    """Return the contacts of pairs of spheres that are known to overlap, as `find_contacts` does.
+
+    Parameters
+    ----------
+    crystal, materials, contact_force
+        As for `find_contacts`; the positions are not used.
+    i, j : (C,) int arrays
+    vector : (C, 3) array
+        m.
+    overlap : (C,) array
+        m.
+
+    Raises
+    ------
+    ValueError
+        When the overlaps are others than `contact_force` makes.
+    """
+    normal, shear, adhesive_force = force_law(crystal, materials, i, j)
     if contact_force is None:
         force = normal * overlap**1.5 - adhesive_force
     else:
         force = np.full(len(i), float(contact_force))
-        overlap = _of_force(((adhesive_force + contact_force) / normal) ** (2 / 3), overlap, unit, contact_force)
+        of_force = ((adhesive_force + contact_force) / normal) ** (2 / 3)
+        overlap = _of_force(of_force, overlap, materials[0].radius, contact_force)
+    radius = crystal.arrays["radius"] * materials[0].radius
+    density = crystal.arrays.get("density", _each(materials, _material(crystal), "density"))
     return Contacts(
         i=i,
         j=j,
@@ -162,6 +186,22 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
         radius=radius,
         mass=4 / 3 * np.pi * radius**3 * density,
     )
+
+
+def force_law(
+    crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j: Integers
+) -> tuple[Floats, Floats, Floats]:
+    """Return A and B (N/m^{3/2}) and F (N) of pairs of spheres, (C,) each, whether they touch or not."""
+    radius, material = crystal.arrays["radius"] * materials[0].radius, _material(crystal)
+    effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
+    modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
+    root = np.sqrt(effective_radius)
+    return 4 / 3 * modulus * root, 8 * shear_modulus * root, 2 * np.pi * adhesion * effective_radius
+
+
+def _material(crystal: ase.Atoms) -> Integers:
+    """Return the index of the material of each sphere."""
+    return crystal.arrays.get("material", np.zeros(len(crystal), dtype=int))
 
 
 def _each(materials: Sequence[Sphere], material: Integers, name: str) -> Floats:

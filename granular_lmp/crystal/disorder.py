@@ -1,0 +1,247 @@
+"""Crystals that are not perfect: spheres of unequal size, density or material, and places that are empty.
+
+The functions here leave every sphere at its place in the lattice, where it is not at rest any more;
+`granular_lmp.crystal.equilibrium` brings it there.
+
+Sphere s has the radius R (1 + σ g_s) with a Gaussian deviate g_s, drawn again where it lies beyond 3; densities have
+deviates of their own. The deviates depend on the seed and on the number of spheres alone: another σ with the same seed
+scales the same deviations, and a larger share of vacancies leaves out the same spheres and more. They come from NumPy's
+legacy generator, whose streams are frozen, so that a seed gives the same crystal with every version of NumPy.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import CrystalError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+CUT = 3.0  # deviates beyond it are drawn again
+_MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+# Streams of the generator: one for each thing that is drawn, so that none depends on another
+_RADIUS, _DENSITY, _VACANCIES, _INCLUSIONS = range(4)
+# Largest overlap at the places in the lattice, in radii of the smaller sphere. Beyond it spheres come to rest far from
+# their places, where they have other neighbours.
+LARGEST_OVERLAP = 0.25
+_SAME_PLACE = 1e-6  # in radii
+
+
+@dataclass(frozen=True)
+class Disorder:
+    """How the spheres of a crystal differ at random.
+
+    Attributes
+    ----------
+    radius, density : float
+        Relative standard deviations σ, in [0, 1/3): no sphere then vanishes. `LARGEST_OVERLAP` limits radii further, to
+        a σ of some 0.04. Good values: radii of microspheres spread by 0.01 to 0.03.
+    vacancies : float
+        Share of the free spheres that is left out, in [0, 1).
+    seed : int
+        0 to 2^32 − 1.
+    """
+
+    radius: float = 0.0
+    density: float = 0.0
+    vacancies: float = 0.0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name, most in (("radius", 1 / CUT), ("density", 1 / CUT), ("vacancies", 1.0)):
+            value = getattr(self, name)
+            if not 0 <= value < most:
+                raise CrystalError(f"disorder.{name} = {value!r}: must be at least 0 and below {most:.4g}")
+        if not 0 <= self.seed < 2**32:
+            raise CrystalError(f"disorder.seed = {self.seed!r}: must be an integer from 0 to 2^32 - 1")
+
+
+@dataclass(frozen=True)
+class Inclusion:
+    """Spheres that differ from the others in a given way, or are not there.
+
+    Attributes
+    ----------
+    rows : sequence of int
+        All spheres of these rows.
+    spheres : sequence of (row, column)
+    share : float
+        Share of the free spheres, in [0, 1], drawn by the seed of the disorder.
+    radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
+        What differs; SI units.
+    vacancy : bool
+        Whether the places are empty.
+    """
+
+    rows: Sequence[int] = ()
+    spheres: Sequence[tuple[int, int]] = ()
+    share: float = 0.0
+    radius: float | None = None
+    density: float | None = None
+    youngs_modulus: float | None = None
+    poisson_ratio: float | None = None
+    work_of_adhesion: float | None = None
+    vacancy: bool = False
+
+    @property
+    def of_material(self) -> dict[str, float]:
+        """What differs in the material."""
+        return {name: getattr(self, name) for name in _MATERIAL if getattr(self, name) is not None}
+
+
+def imperfect(
+    lattice: ase.Atoms, sphere: Sphere, disorder: Disorder | None = None, inclusions: Sequence[Inclusion] = ()
+) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
+    """Return a lattice with other spheres and empty places, every sphere at its place, and its materials.
+
+    Parameters
+    ----------
+    lattice : ase.Atoms
+        Equal spheres with the arrays ``radius`` (1), ``row``, ``column`` and ``fixed`` (held spheres).
+    sphere : Sphere
+        The spheres of the lattice.
+    disorder : Disorder, optional
+    inclusions : sequence of Inclusion
+        Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
+
+    Returns
+    -------
+    crystal : ase.Atoms
+        With the arrays of the lattice and ``density`` (kg/m³) and ``material``. Free spheres that vacancies have left
+        without any neighbour are left out too: nothing would hold them. ``crystal.info["isolated"]`` counts them, and
+        ``crystal.info["disorder"]`` holds the spreads and the seed.
+    materials : tuple of Sphere
+        By index, the sphere of the lattice first.
+
+    Raises
+    ------
+    CrystalError
+        When an inclusion names a place that the lattice has not, or changes nothing; when a held sphere or every free
+        one is left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
+    """
+    disorder = disorder or Disorder()
+    held = np.asarray(lattice.arrays["fixed"], dtype=bool)
+    radius, density = np.ones(len(lattice)), np.full(len(lattice), float(sphere.density))
+    material, missing = np.zeros(len(lattice), dtype=int), np.zeros(len(lattice), dtype=bool)
+    missing[_drawn(~held, disorder.vacancies, disorder.seed, _VACANCIES)] = True
+    materials = [sphere]
+    for number, inclusion in enumerate(inclusions):
+        _check(inclusion, number)
+        chosen = _chosen(lattice, inclusion, number, disorder.seed)
+        if inclusion.vacancy and held[chosen].any():
+            raise CrystalError(f"inclusion {number + 1}: leaves out a held sphere; only free ones can be vacancies")
+        missing[chosen] = inclusion.vacancy
+        radius[chosen] = 1.0 if inclusion.radius is None else inclusion.radius / sphere.radius
+        density[chosen] = sphere.density if inclusion.density is None else inclusion.density
+        other = replace(sphere, **inclusion.of_material)
+        if other not in materials:
+            materials.append(other)
+        material[chosen] = materials.index(other)
+
+    crystal = lattice.copy()
+    crystal.arrays["radius"] = radius * (1 + disorder.radius * _deviates(len(lattice), disorder.seed, _RADIUS))
+    density = density * (1 + disorder.density * _deviates(len(lattice), disorder.seed, _DENSITY))
+    crystal.set_array("density", density)
+    crystal.set_array("material", material)
+    isolated = ~missing & ~held & _alone(lattice, missing) if missing.any() else np.zeros_like(missing)
+    if (missing | isolated | held).all() and missing.any():
+        raise CrystalError(
+            f"disorder.vacancies = {disorder.vacancies!r}: with the inclusions no free sphere keeps a neighbour; leave "
+            "out fewer"
+        )
+    crystal = crystal[~(missing | isolated)]
+    crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
+    require_places(crystal)
+    return crystal, tuple(materials)
+
+
+def _check(inclusion: Inclusion, number: int) -> None:
+    """Raise a CrystalError unless an inclusion says which spheres differ, and how."""
+    name = f"inclusion {number + 1}"
+    if not 0 <= inclusion.share <= 1:
+        raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
+    if sum((len(inclusion.rows) > 0, len(inclusion.spheres) > 0, inclusion.share > 0)) != 1:
+        raise CrystalError(f"{name}: give one of rows, spheres and share, to say which spheres differ")
+    changes = inclusion.of_material | {
+        key: getattr(inclusion, key) for key in ("radius", "density") if getattr(inclusion, key) is not None
+    }
+    if bool(changes) == inclusion.vacancy:
+        allowed = f"radius, density, {', '.join(_MATERIAL)}"
+        raise CrystalError(f"{name}: give either vacancy or what differs: {allowed}")
+    for key, value in changes.items():
+        low, high = (-1.0, 0.5) if key == "poisson_ratio" else (0.0, np.inf)
+        inside = low <= value < high if key == "work_of_adhesion" else low < value <= high and value < np.inf
+        if not inside:
+            raise CrystalError(f"{name}: {key} = {value!r}: must be between {low!r} and {high!r}")
+
+
+def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) -> Integers:
+    """Return the indices of the spheres of an inclusion."""
+    if inclusion.share:
+        free = ~np.asarray(lattice.arrays["fixed"], dtype=bool)
+        return _drawn(free, inclusion.share, seed, _INCLUSIONS + number)
+    row, column = lattice.arrays["row"], lattice.arrays["column"]
+    if len(inclusion.rows):
+        absent = sorted(set(inclusion.rows) - set(row.tolist()))
+        if absent:
+            raise CrystalError(f"inclusion {number + 1}: row {absent[0]}: must be from 0 to {row.max()}")
+        return np.flatnonzero(np.isin(row, inclusion.rows))
+    index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
+    for at_row, at_column in inclusion.spheres:
+        if (at_row, at_column) not in index:
+            raise CrystalError(
+                f"inclusion {number + 1}: sphere [{at_row}, {at_column}]: must be [row, column], from [0, 0] to "
+                f"[{row.max()}, {column.max()}]"
+            )
+    return np.array([index[at_row, at_column] for at_row, at_column in inclusion.spheres])
+
+
+def _stream(seed: int, stream: int) -> np.random.RandomState:
+    """Return a generator whose numbers stay the same in every version of NumPy."""
+    return np.random.RandomState([seed, stream])  # noqa: NPY002 (the streams of Generator may change)
+
+
+def _deviates(count: int, seed: int, stream: int) -> Floats:
+    """Return Gaussian deviates of unit variance, those beyond `CUT` drawn again, (N,)."""
+    random = _stream(seed, stream)
+    deviates = random.standard_normal(count)
+    while (beyond := np.abs(deviates) > CUT).any():
+        deviates[beyond] = random.standard_normal(beyond.sum())
+    return deviates
+
+
+def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int) -> Integers:
+    """Return a share of the free spheres; a larger share holds those of a smaller one."""
+    order = _stream(seed, stream).permutation(np.flatnonzero(free))
+    return order[: round(share * len(order))]
+
+
+def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which spheres have no neighbour in the lattice that is there."""
+    i, j, _ = overlapping(lattice)
+    there = ~missing[i] & ~missing[j]
+    neighbours = np.bincount(i[there], minlength=len(missing)) + np.bincount(j[there], minlength=len(missing))
+    return neighbours == 0
+
+
+def require_places(crystal: ase.Atoms) -> None:
+    """Raise a CrystalError when two spheres are in one place, or overlap by more than `LARGEST_OVERLAP`."""
+    i, j, vector = overlapping(crystal)
+    radius = crystal.arrays["radius"]
+    distance = np.linalg.norm(vector, axis=1)
+    overlap = (radius[i] + radius[j] - distance) / np.minimum(radius[i], radius[j])
+    if not len(i):
+        return
+    nearest, worst = int(np.argmin(distance)), int(np.argmax(overlap))
+    if distance[nearest] < _SAME_PLACE:
+        raise CrystalError(f"spheres {i[nearest]} and {j[nearest]}: are in one place; leave one of them out")
+    if overlap[worst] > LARGEST_OVERLAP:
+        raise CrystalError(
+            f"spheres {i[worst]} and {j[worst]}: overlap by {overlap[worst]:.3g} radii at their places in the lattice, "
+            f"and at most {LARGEST_OVERLAP} is allowed; let radii differ less"
+        )
