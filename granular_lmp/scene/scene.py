@@ -25,7 +25,6 @@ from granular_lmp.scene.schema import (
     NOT_TOML,
     checked_description,
     checked_name,
-    cut,
     default_name,
     file_text,
     first_file,
@@ -69,7 +68,7 @@ DEVIATIONS = 10.0  # standard deviations of an envelope for which "auto" has roo
 def note(key: str) -> str:
     """What a value of a scene is, by its dotted key: the comment behind it in a scene file, mostly a unit."""
     if key == "wave.wavevector":
-        return "kx, ky, rad per lattice constant"
+        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
     table, _, name = key.rpartition(".")
     rule = SECTION_RULES.get(table, {}).get(name) or next(
         item.metadata["rule"] for item in fields(SECTIONS[table]) if item.name == name
@@ -190,7 +189,7 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in SECTIONS:
-                raise SceneError(unknown_key(table, SECTIONS))
+                raise SceneError(unknown_key(key, table, SECTIONS))
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change put a value in the table's place, which is what is wrong
