@@ -1,6 +1,6 @@
 """The paper's figure 2 (b, c) by simulation: the generated wave over the wave number, measured in LAMMPS runs.
 
-    python -m analysis.spectrum SWEEP... [-o FILE]
+    python -m analysis.spectrum SWEEP... [-o FILE] [--csv FILE]
 
 Each SWEEP is the folder of a sweep over mode and wave number (``granular-lmp sweep``), over two time steps h and h/2 as
 well if Richardson's extrapolation is wanted; ``make spectrum`` makes them. p(τ) of each run is fitted with the time
@@ -18,6 +18,7 @@ that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; free w
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isclose
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -28,7 +29,7 @@ from scipy.optimize import least_squares
 from analysis import second_harmonic as closed
 from analysis.catalogue import OBLIQUE, missing
 from analysis.effects import sweep
-from analysis.plotting import COLOURS, parser, save, start
+from analysis.plotting import COLOURS, parser, save, start, write
 from analysis.theories import Wave, physics_of
 from granular_lmp.runs.record import Record
 
@@ -278,6 +279,15 @@ def _located(name: str, locate: Callable[[], tuple[float, float, float | None]])
     return f"{name:15}{place:11.6f} ±{error:8.1e}{shown}"
 
 
+def to_csv(points: Sequence[Point]) -> str:
+    """The points as CSV: amplitudes in εD0, each number in the shortest form that reads back to the same double."""
+    lines = ["mode,wavenumber,amplitude,standard_error,theory,deviation"]
+    for each in sorted(points, key=lambda point: (point.mode, point.wavenumber)):
+        numbers = (each.wavenumber, each.value, each.error, each.predicted, each.deviation)
+        lines.append(",".join([each.mode, *(repr(float(number)) for number in numbers)]))
+    return "\n".join(lines) + "\n"
+
+
 def _names(points: Sequence[Point]) -> list[str]:
     return [name for name in TITLES if any(each.mode == name for each in points)]
 
@@ -330,6 +340,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     options = parser(__doc__, "figures/spectrum.png")
     options.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folders of sweeps over wave.mode, wave.wavenumber")
+    options.add_argument("--csv", metavar="FILE", help="write the points too: mode, wave number, amplitude, theory")
     chosen = options.parse_args(arguments)
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not runs:
@@ -343,6 +354,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.error(str(error))
     points = [point(record) for record in records]
     print(table(points, records))
+    if chosen.csv:
+        write(Path(chosen.csv), to_csv(points))
     save(draw(points, records), chosen.output)
     return 0
 
