@@ -17,6 +17,12 @@ class SceneError(GranularError):
     exit_status = 2
 
 
+class DeckError(GranularError):
+    """A deck is to be edited at a place that it does not have."""
+
+    exit_status = 2
+
+
 class CrystalError(GranularError):
     """A crystal cannot be at rest as it is: it would buckle or fall apart."""
 

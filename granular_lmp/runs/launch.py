@@ -125,7 +125,7 @@ def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # of a run: with every choice written out
         job = Job(folder, deck.input_name, LOG, lock, _teller(options.progress, deck.scene), _columns(deck))
-        return _execute(deck, job, route, info)
+        return execute(deck, job, route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
@@ -152,6 +152,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
         if not known:
             raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+        if "edited" in info:
+            raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
         refuse_other_scene(folder, info)
         deck = deck_of(prepare(Scene.load(folder / SCENE)))
         checkpoints = _checkpoints(folder)
@@ -166,7 +168,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             mend_log(folder / LOG)
         # The input opens the log itself, to append to it
         job = Job(folder, name, "none", lock, _teller(progress, deck.scene), _columns(deck))
-        return _execute(deck, job, route, info)
+        return execute(deck, job, route, info)
 
 
 def _how_to_continue(folder: Path) -> str:
@@ -217,7 +219,7 @@ def _columns(deck: Deck) -> tuple[str, ...]:
     return tuple(columns(deck.problem.guards, deck.scene))
 
 
-def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
+def execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
     """Run an input in its folder, collect what it recorded, and say in ``run.json`` how it ended."""
     folder, started = job.folder, time.perf_counter()
     with writable(folder):

@@ -40,6 +40,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
+        **({"edited": edits} if (edits := deck.edits()) else {}),
     }
 
 
