@@ -76,7 +76,7 @@ def test_a_log_that_does_not_say_the_variables_asks_for_them(left: Left, tmp_pat
     log = folder / "log.lammps"
     log.write_text("".join(line for line in log.read_text().splitlines(True) if "variables:" not in line))
     assert said_variables(log.read_text()) is None
-    with pytest.raises(RunFolderError, match="does not say its variables, .*--set wave.amplitude=0.2"):
+    with pytest.raises(RunFolderError, match="does not say its variables, .*wave.amplitude = 0.2"):
         adopt(folder, tmp_path / "adopted")
     with pytest.raises(RunFolderError, match="begins with p, q = .* D0, but the wave of the scene with"):
         adopt(folder, tmp_path / "adopted", changes={"wave.amplitude": 0.2})
@@ -87,7 +87,7 @@ def test_a_log_that_does_not_say_the_variables_asks_for_them(left: Left, tmp_pat
 def test_a_folder_without_a_scene_asks_for_it(left: Left, small: Scene, tmp_path: Path) -> None:
     folder = left()
     (folder / "scene.toml").unlink()
-    with pytest.raises(RunFolderError, match="holds no scene.toml; say which scene its deck is of: --scene SCENE"):
+    with pytest.raises(RunFolderError, match="holds no scene.toml; give the scene of its deck"):
         adopt(folder, tmp_path / "adopted")
     assert adopt(folder, tmp_path / "adopted", scene=small).scene.name == "small"
 

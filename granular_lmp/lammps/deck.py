@@ -15,6 +15,7 @@ from typing import Any
 import ase
 import numpy as np
 
+import granular_lmp
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
@@ -101,6 +102,10 @@ class Deck:
     def edits(self) -> list[str]:
         """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
         return differing_lines(deck_of(self.problem).input_text, self.input_text)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         edited = f", {len(self.edits())} lines edited" if self.edits() else ""

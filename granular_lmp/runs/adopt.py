@@ -82,7 +82,7 @@ def adopt(
     if said is None and not changes:
         raise RunFolderError(
             f"{source / LOG}: does not say its variables, as decks of this version do; give what differs from the "
-            f"scene, or one value as it is: --set wave.amplitude={declared.wave.amplitude!r}"
+            f"scene, or one value as it is, wave.amplitude = {declared.wave.amplitude!r}"
         )
     if declared.time.tolerance is not None:
         raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
@@ -116,7 +116,7 @@ def adopt(
 
 def _scene(source: Path) -> Scene:
     if not (source / SCENE).is_file():
-        raise RunFolderError(f"{source}: holds no {SCENE}; say which scene its deck is of: --scene SCENE")
+        raise RunFolderError(f"{source}: holds no {SCENE}; give the scene of its deck")
     return Scene.load(source)
 
 
@@ -173,7 +173,7 @@ def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
     if np.abs(found - expected).max() > _PLACED:
         raise RunFolderError(
             f"{source / dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
-            f"{expected[0]:.6g}, {expected[1]:.6g}; say what differs with --set, for instance wave.amplitude"
+            f"{expected[0]:.6g}, {expected[1]:.6g}; give what differs from the scene, for instance wave.amplitude"
         )
 
 

@@ -151,14 +151,14 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         ranks = info.get("ranks")
         known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
         if not known:
-            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
         if "edited" in info:
             raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
         refuse_other_scene(folder, info)
         deck = deck_of(prepare(Scene.load(folder / SCENE)))
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
-            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
+            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
         last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
         route = _route(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
@@ -175,7 +175,7 @@ def _how_to_continue(folder: Path) -> str:
     """Return the command that continues a stopped run, or starts it again where there is no checkpoint."""
     if _checkpoints(folder):
         return f"continue with: granular-lmp resume {quote(str(folder))}"
-    return "it has no checkpoint yet, run it again with --force"
+    return "it has no checkpoint yet, run it again with force=True"
 
 
 def _checkpoints(folder: Path) -> list[Path]:

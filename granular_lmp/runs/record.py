@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, read_dump, replace_text
@@ -177,6 +178,10 @@ class Record:
         """
         variables = {name: ("tau", values) for name, values in self.signals.items()}
         return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"

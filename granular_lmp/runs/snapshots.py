@@ -81,7 +81,7 @@ class Particles:
         if path is None:
             raise RunFolderError(
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
-                "them, for instance --set output.particles=1.0"
+                "them, for instance output.particles = 1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
         whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)

@@ -14,6 +14,7 @@ from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
+import granular_lmp
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
@@ -198,6 +199,10 @@ class Scene:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return Scene.from_dict(tables)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         shape = self.shape

@@ -19,6 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import granular_lmp
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
@@ -132,6 +133,10 @@ class Sweep:
         optional_package("xarray")
         return self.to_pandas().set_index([*self.over]).to_xarray()
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
+
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
         counts = (f"{len(self.having(status))} {status}" for status in ("finished", "failed", "unfinished"))
@@ -224,9 +229,9 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     there = _read_request(folder)
     if there is not None and not force and _identity(there) != _identity(request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
-        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
+        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
     if there is None and not force and any(folder.iterdir()):
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
     if there is None and (folder / STATUS).exists():  # it was the folder of one run
         clear(folder)
     if there != request:
