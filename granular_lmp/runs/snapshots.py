@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
+import ase
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,14 +89,19 @@ class Particles:
         return cls(path, scene, list(whole))
 
     @cached_property
+    def crystal(self) -> ase.Atoms:
+        """The spheres at rest; lengths in radii."""
+        return hexagonal(self.scene.sphere, self.scene.shape)
+
+    @property
     def rest(self) -> NDArray[np.float64]:
         """Positions at rest in radii, (N, 2)."""
-        return hexagonal(self.scene.sphere, self.scene.shape).positions[:, :2]
+        return self.crystal.positions[:, :2]
 
-    @cached_property
+    @property
     def held(self) -> NDArray[np.bool_]:
         """Spheres that do not move, (N,)."""
-        return np.asarray(hexagonal(self.scene.sphere, self.scene.shape).arrays["fixed"])
+        return np.asarray(self.crystal.arrays["fixed"])
 
     @property
     def tau(self) -> NDArray[np.float64]:
