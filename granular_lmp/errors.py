@@ -11,8 +11,19 @@ class GranularError(Exception):
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in super().__str__())
 
 
+    def in_options(self) -> str:
+        """Return the text for the command line, whose options have other names than the arguments in Python."""
+        return str(self).replace("force=True", "--force")
+
+
 class SceneError(GranularError):
     """A scene cannot be simulated; the text names the key, the value and what is allowed."""
+
+    exit_status = 2
+
+
+class DeckError(GranularError):
+    """A deck is to be edited at a place that it does not have."""
 
     exit_status = 2
 

@@ -1,9 +1,11 @@
 """The command line as a newcomer meets it: help, one-line errors with their exit status, what each command prints."""
 
+import json
 import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +15,15 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.errors import LammpsMissingError
 from granular_lmp.plot.signals import dispersion_figure
+from granular_lmp.scene.json_schema import json_schema
 from granular_lmp.scene.shipped import SHIPPED
 
-COMMANDS = ("init", "build", "run", "resume", "sweep", "cost", "view", "effects", "modes", "collide", "kick", "doctor")
+COMMANDS = (
+    *("init", "list", "schema", "check", "build", "effects", "modes", "run", "resume"),
+    *("sweep", "cost", "kick", "collide", "view", "export", "doctor", "completion"),
+)
 
 
 def cli(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -55,8 +62,16 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
         (["modes", "tr_periodic", "--plot", "{tmp}/modes.xyz"], "modes.xyz: must end in one of"),
         (["build", "tr_periodic", "-o", "{tmp}"], "is there already; choose another folder or say --force"),
-        (["init", "-o", "{tmp}"], "is there already; choose another folder"),
-        (["init", "-o", "{tmp}/file/inputs"], "file/inputs: cannot be written"),
+        (["init"], "one of the arguments FILE --all is required"),
+        (["init", "--all", "{tmp}"], "is there already; choose another folder"),
+        (["init", "--all", "{tmp}/file/inputs"], "file/inputs: cannot be written"),
+        (["init", "{tmp}/file"], "file: is there already; choose another name"),
+        (["init", "{tmp}/file/mine.toml"], "file/mine.toml: cannot be written"),
+        (["init", "{tmp}/my wave.toml"], "name = 'my wave': must be a string of"),
+        (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: l_beam, "),
+        (["check", "tr_periodic", "--set", "packing.vacancies=0.1"], "packing.vacancies: not supported: all spheres"),
+        (["check", "tr_periodic", "--set", "gravity.x=9.81"], "gravity.x: not supported: microspheres"),
+        (["completion", "fish"], "invalid choice: 'fish'"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
         (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
@@ -111,12 +126,90 @@ def test_set_changes_one_value(small_toml: Path, tmp_path: Path, capsys: pytest.
 
 
 def test_init_copies_every_shipped_scene_and_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status, _, _ = cli(capsys, "init", "-o", str(tmp_path / "new" / "inputs"))
+    status, _, _ = cli(capsys, "init", "--all", str(tmp_path / "new" / "inputs"))
     assert status == 0
     copied, shipped = ({path.relative_to(top) for path in top.rglob("*")} for top in (tmp_path / "new/inputs", SHIPPED))
     assert copied == shipped
     assert Path("in.plane_wave") in copied
     assert Scene.load(tmp_path / "new/inputs/tr_pulse") == Scene.load("tr_pulse")
+
+
+@pytest.mark.parametrize("source", ["tr_nonresonant", "tr_pulse"])
+def test_init_writes_a_commented_scene_under_its_own_name(
+    source: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, _ = cli(capsys, "init", str(tmp_path / "mine.toml"), "--from", source)
+    assert status == 0
+    assert f"granular-lmp check {tmp_path / 'mine.toml'}" in out
+    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
+    assert Scene.load(tmp_path / "mine.toml") == replace(Scene.load(source), name="mine", description="")
+    for key in ("wavevector", "frequency", "tolerance"):
+        assert re.search(rf"^# {key} = \.\.\. +# ", text, re.MULTILINE)
+
+
+def test_list_has_a_line_for_all_that_is_shipped(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = cli(capsys, "list")
+    assert status == 0
+    lines = [line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  ")]
+    files = [*SHIPPED.glob("*/scene.toml"), *SHIPPED.glob("collisions/*.toml")]
+    assert {name for name, _ in lines} == {path.parent.name if path.stem == "scene" else path.stem for path in files}
+
+
+def test_schema_prints_the_schema_of_the_library(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = cli(capsys, "schema")
+    assert (status, json.loads(out)) == (0, json_schema())
+
+
+def test_check_says_what_a_run_then_is(small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = sorted(tmp_path.iterdir())
+    status, out, _ = cli(capsys, "check", str(small_toml), "--json")
+    assert status == 0
+    assert sorted(tmp_path.iterdir()) == before
+    said = json.loads(out)
+    record = run(Scene.load(small_toml), tmp_path / "run")
+    assert (said["spheres"], said["steps"], said["records"]) == (24, 40, len(record.tau))
+    assert said["steps"] == record.info["steps"]
+    assert said["effects"] == {name: effect["on"] for name, effect in record.info["effects"].items()}
+    assert set(said["guards"]) == set(record.info["guards"])
+    assert said["warnings"] == record.info["remarks"]
+    assert said["seconds"] > 0
+    assert "a short run of this scene just now" in said["basis"]
+
+
+def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def missing(scene: Scene) -> None:
+        raise LammpsMissingError("LAMMPS cannot be loaded")
+
+    monkeypatch.setattr("granular_lmp.studies.forecast.speed", missing)
+    status, out, _ = cli(capsys, "check", "tr_periodic")
+    assert status == 0
+    assert "time      unknown: LAMMPS cannot be loaded" in out
+
+
+def test_effects_and_modes_in_json_say_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:
+    said = json.loads(cli(capsys, "effects", "tr_nonresonant", "--json")[1])
+    assert list(said["effects"]) == [row.name for row in EFFECTS]
+    assert said["effects"]["rotation"]["without_it"].startswith("the frequency is 0.3809 per tau instead of 0.2769")
+    modes = json.loads(cli(capsys, "modes", "tr_nonresonant", "--json")[1])
+    assert f"{modes['modes']['TR']['frequency']:.12f}" == "0.276934569162"
+    assert set(modes["modes"]["TR"]) == {"frequency", "frequency_Hz", "p", "q", "f"}
+
+
+def completed(script: str, *words: str) -> list[str]:
+    """Return what bash offers for the last of the words."""
+    line = " ".join(f"'{word}'" for word in ("granular-lmp", *words))
+    ask = f"{script}\nCOMP_WORDS=({line}); COMP_CWORD={len(words)}; _granular_lmp; echo ${{COMPREPLY[@]}}"
+    done = subprocess.run(["bash", "-c", ask], capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+def test_bash_completes_commands_options_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
+    script = cli(capsys, "completion", "bash")[1]
+    assert completed(script, "c") == ["check", "cost", "collide", "completion"]
+    assert completed(script, "run", "--f") == ["--force"]
+    assert completed(script, "run", "tr_p") == ["tr_periodic", "tr_pulse"]
+    assert completed(script, "collide", "test1") == ["test1_glass", "test1_limestone"]
+    assert completed(script, "completion", "b") == ["bash"]
 
 
 def test_build_writes_a_deck_that_is_a_scene_again(
@@ -215,6 +308,24 @@ def test_doctor_says_what_is_missing(monkeypatch: pytest.MonkeyPatch, capsys: py
     status, out, _ = cli(capsys, "doctor")
     assert status == 2
     assert "FAILED       no program 'lmp'" in out
+
+
+def test_doctor_warns_of_a_lammps_that_was_not_tested(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "warning" not in cli(capsys, "doctor")[1]
+    monkeypatch.setattr("granular_lmp.doctor.TESTED", ("20240829",))
+    status, out, _ = cli(capsys, "doctor")
+    assert status == 0
+    assert re.search(r"warning +LAMMPS \d{8} was not tested, 20240829 was", out)
+
+
+def test_doctor_in_json_says_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = cli(capsys, "doctor", "--json")
+    found = json.loads(out)
+    assert status == found["exit_status"] == 0
+    assert found["failure"] == ""
+    assert abs(found["frequency_error"]) <= 1e-5
 
 
 def test_a_self_test_with_a_wrong_frequency_fails(

@@ -289,7 +289,7 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
 
 def priced(small: Scene, folder: Path, monkeypatch: pytest.MonkeyPatch, **options: Any) -> module.Plan:
     """A plan for a machine that does 1e5 particle-steps a second, and takes no time beside: its clock stands still."""
-    monkeypatch.setattr(module, "_warm_up", lambda scene: (1e5, 0.0))
+    monkeypatch.setattr(module, "speed", lambda scene: (1e5, 0.0))
     monkeypatch.setattr(module, "monotonic", lambda: 0.0)
     return plan(small, folder, repeats=1, **options)
 
@@ -346,7 +346,7 @@ def test_the_warm_up_is_paid_from_the_budget(
         return 1e5, 0.0
 
     monkeypatch.setattr(module, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(module, "_warm_up", slow)
+    monkeypatch.setattr(module, "speed", slow)
     assert plan(small, tmp_path / "study", repeats=1, budget=100 + needed + 1e-6).left_out == {}
     with pytest.raises(LaunchError, match="must be at least 101 s"):
         plan(small, tmp_path / "study", repeats=1, budget=100.0)

@@ -103,7 +103,7 @@ def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_pa
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "mine.txt").write_text("keep")
-    with pytest.raises(RunFolderError, match="is there already; choose another folder or say --force"):
+    with pytest.raises(RunFolderError, match="is there already; choose another folder or say force=True"):
         run(small, folder)
     assert [path.name for path in folder.iterdir()] == ["mine.txt"]
     run(small, folder, force=True)
@@ -254,7 +254,7 @@ def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(switch:
 def test_a_run_that_was_stopped_too_early_cannot_be_resumed(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "running"})
-    with pytest.raises(RunFolderError, match="stopped before its first checkpoint; run it again with --force"):
+    with pytest.raises(RunFolderError, match="stopped before its first checkpoint; run it again with force=True"):
         launch.resume(tmp_path / "run")
 
 

@@ -92,7 +92,7 @@ def test_an_installed_scene_runs_and_is_compared_beside_another_folder_named_ana
     started(programs / "granular-lmp", "run", "tr_periodic", *short, "-o", "run", cwd=tmp_path)
     assert "hierarchy" in started(programs / "granular-analysis", "compare", "run", cwd=tmp_path)
     assert (tmp_path / "run" / "compare.png").is_file()
-    assert "in.plane_wave" in started(programs / "granular-lmp", "init", cwd=tmp_path)
+    assert "in.plane_wave" in started(programs / "granular-lmp", "init", "--all", "lammps_inputs", cwd=tmp_path)
 
 
 def test_the_installed_analysis_runs_as_modules_and_as_scripts(programs: Path, tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     refuse_other_scene(folder, info)
 
     if not {"launcher", "ranks"} <= set(info):
-        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with force=True")
 
     started = launch.Options(info["launcher"], info["ranks"], force=True)
 

@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
         command: Callable[[argparse.Namespace], int] = options.command
         return command(options)
     except GranularError as error:
-        remark(f"granular-lmp: error: {error}")
+        remark(f"granular-lmp: error: {error.in_options()}")
         return error.exit_status
     except KeyboardInterrupt:
         remark("granular-lmp: interrupted")

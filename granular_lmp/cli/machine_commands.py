@@ -1,17 +1,38 @@
-"""Commands about this machine: doctor."""
+"""Commands about this machine: doctor, completion."""
 
 import argparse
 
-from granular_lmp.cli.arguments import Commands, Options, add
-from granular_lmp.cli.output import say
+from granular_lmp.cli.arguments import Commands, Options, add, json_argument
+from granular_lmp.cli.output import say, say_json
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
-    add(commands, "doctor", _doctor, "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test")
+    text = "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test"
+    json_argument(add(commands, "doctor", _doctor, text))
+
+    text = "print what completes commands, options and scenes in a shell: source <(granular-lmp completion bash)"
+    completion = add(commands, "completion", _completion, text)
+    completion.add_argument("shell", choices=["bash"], help="for which shell")
+    completion.set_defaults(parsers=commands.choices)
 
 
 def _doctor(options: Options) -> int:
-    from granular_lmp.doctor import report
+    from dataclasses import asdict
 
-    return report(say)
+    from granular_lmp.doctor import examine, report
+
+    if not options.json:
+        return report(say)
+    found = examine()
+    say_json(asdict(found))
+    return found.exit_status
+
+
+def _completion(options: Options) -> int:
+    from granular_lmp.cli.completion import bash
+    from granular_lmp.scene.shipped import shipped
+
+    scenes, collisions = shipped("*/scene.toml"), shipped("collisions/*.toml")
+    say(bash(options.parsers, {"collide": collisions}, scenes))
+    return 0

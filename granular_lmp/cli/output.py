@@ -1,9 +1,11 @@
 """What a command prints: its answer on standard output; notes, warnings and the progress bar on standard error."""
 
+import json
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import Any
 
 from granular_lmp.errors import OutputError
 
@@ -18,6 +20,11 @@ def say(line: str) -> None:
         raise
     except OSError as error:
         raise OutputError(f"standard output: cannot be written: {error.strerror}") from error
+
+
+def say_json(answer: Any) -> None:
+    """Write the answer as JSON, for another program."""
+    say(json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False))
 
 
 def remark(line: str, end: str = "\n") -> None:

@@ -1,9 +1,18 @@
-"""Commands that do one run: run, resume."""
+"""Commands that do one run: run, resume, adopt."""
 
 import argparse
 from typing import TYPE_CHECKING
 
-from granular_lmp.cli.arguments import Commands, Options, add, folder_arguments, positive, scene_arguments, scene_of
+from granular_lmp.cli.arguments import (
+    Commands,
+    Options,
+    add,
+    changes_argument,
+    folder_arguments,
+    positive,
+    scene_arguments,
+    scene_of,
+)
 from granular_lmp.cli.output import interruptible, remark, say
 
 if TYPE_CHECKING:
@@ -20,6 +29,12 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
+
+    adopt = add(commands, "adopt", _adopt, "make a run folder of what plain lmp left of a deck")
+    adopt.add_argument("source", metavar="DIR", help="where lmp ran: in.NAME, log.lammps, dump.centre, scene.toml")
+    adopt.add_argument("--scene", metavar="SCENE", help="the scene of the deck, where DIR holds no scene.toml")
+    changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
+    folder_arguments(adopt, "run folder (default: runs/NAME)")
 
 
 def _run(options: Options) -> int:
@@ -39,6 +54,20 @@ def _resume(options: Options) -> int:
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
     return _say_how_it_went(options.folder, record)
+
+
+def _adopt(options: Options) -> int:
+    from granular_lmp.runs.adopt import adopt
+    from granular_lmp.scene.scene import Scene, assignment
+
+    scene = Scene.load(options.scene) if options.scene else None
+    changes = dict(assignment(change) for change in options.changes)
+    record = adopt(options.source, options.output, scene=scene, changes=changes, force=options.force)
+    for name, value in record.info["adopted"]["variables"].items():
+        remark(f"note: {name} = {value}, as the log says")
+    if "edited" in record.info:
+        remark(f"note: the deck is not the one that granular-lmp writes: {len(record.info['edited'])} lines differ")
+    return _say_how_it_went(str(record.folder), record)
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:

@@ -1,16 +1,40 @@
-"""Commands about a scene, before it is run: init, build, effects, modes."""
+"""Commands about a scene, before it is run: init, list, schema, check, build, effects, modes."""
 
 import argparse
 from math import pi
 
-from granular_lmp.cli.arguments import Commands, Options, add, folder_arguments, scene_arguments, scene_of
-from granular_lmp.cli.output import say
+from granular_lmp.cli.arguments import (
+    Commands,
+    Options,
+    add,
+    folder_arguments,
+    json_argument,
+    scene_arguments,
+    scene_of,
+)
+from granular_lmp.cli.output import say, say_json
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
-    init = add(commands, "init", _init, "copy the shipped scenes and their decks, to change them or for plain lmp")
-    init.add_argument("-o", "--output", metavar="DIR", default="lammps_inputs", help="folder (default: %(default)s)")
+    init = add(commands, "init", _init, "write a commented scene to begin with, or copy all that is shipped")
+    what = init.add_mutually_exclusive_group(required=True)
+    what.add_argument("file", metavar="FILE", nargs="?", help="scene file to write, for instance mine.toml")
+    what.add_argument("--all", metavar="DIR", help="copy all shipped scenes and their decks into a new folder")
+    init.add_argument(
+        "--from",
+        metavar="SCENE",
+        default="tr_nonresonant",
+        dest="source",
+        help="for FILE: the scene to begin with, see granular-lmp list (default: %(default)s)",
+    )
+
+    add(commands, "list", _list, "list the scenes and collisions that are shipped, a line each")
+    add(commands, "schema", _schema, "print the JSON Schema of a scene file, for editors")
+
+    check = add(commands, "check", _check, "say what a run would take and do, without doing it")
+    scene_arguments(check)
+    json_argument(check)
 
     build = add(commands, "build", _build, "write the LAMMPS deck of a scene")
     scene_arguments(build)
@@ -18,16 +42,69 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
     effects = add(commands, "effects", _effects, "say which physics the deck of a scene carries, and why")
     scene_arguments(effects)
+    json_argument(effects)
 
     modes = add(commands, "modes", _modes, "frequencies and shapes of the Bloch modes at the scene's wave vector")
     scene_arguments(modes)
+    json_argument(modes)
     modes.add_argument("--plot", metavar="FILE", help="draw the dispersion in its direction, as PNG, PDF or SVG")
 
 
 def _init(options: Options) -> int:
     from granular_lmp.scene.shipped import copy_shipped
+    from granular_lmp.scene.starter import write_starter
 
-    say(f"{options.output}: {', '.join(copy_shipped(options.output))}")
+    if options.all is not None:
+        say(f"{options.all}: {', '.join(copy_shipped(options.all))}")
+        return 0
+    write_starter(options.file, options.source)
+    say(f"{options.file}: as {options.source}; next: granular-lmp check {options.file}")
+    return 0
+
+
+def _list(options: Options) -> int:
+    from granular_lmp.scene.shipped import shipped
+
+    groups = {"granular-lmp run NAME": "*/scene.toml", "granular-lmp collide NAME": "collisions/*.toml"}
+    for command, pattern in groups.items():
+        say(f"{command}:")
+        for name, description in shipped(pattern).items():
+            say(f"  {name:17} {description}")
+    return 0
+
+
+def _schema(options: Options) -> int:
+    from granular_lmp.scene.json_schema import json_schema
+
+    say_json(json_schema())
+    return 0
+
+
+def _check(options: Options) -> int:
+    from dataclasses import asdict
+
+    from granular_lmp.accuracy.ladder import build
+    from granular_lmp.studies.forecast import forecast
+
+    problem = build(scene_of(options)).problem
+    found = forecast(problem)
+    if options.json:
+        say_json(
+            {"name": problem.scene.name, "description": problem.scene.description}
+            | asdict(found)
+            | {"effects": {effect.name: effect.on for effect in problem.effects}}
+            | {"guards": problem.guards, "warnings": problem.warnings()}
+        )
+        return 0
+    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
+    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
+    say(f"{problem.scene.name}: {problem.scene.wave_words}")
+    say(f"spheres   {found.spheres}")
+    say(f"steps     {found.steps}{runs}; {found.records} records, {found.snapshots} snapshots")
+    say(f"time      {seconds}{found.basis}")
+    say(f"memory    about {found.memory / 1e6:.0f} MB")
+    say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")
+    say(f"guards    {', '.join(problem.guards) or 'none'}")
     return 0
 
 
@@ -49,9 +126,16 @@ def _build(options: Options) -> int:
 
 def _effects(options: Options) -> int:
     from granular_lmp.accuracy.ladder import build
+    from granular_lmp.runs.manifest import effects_of
 
     problem = build(scene_of(options)).problem
     scene, shape = problem.scene, problem.scene.shape
+    if options.json:
+        costs = {effect.name: {"cost": effect.cost, "without_it": effect.loss} for effect in problem.effects}
+        effects = {name: said | costs[name] for name, said in effects_of(problem).items()}
+        size = {"rows": shape.rows, "columns": shape.columns, "spheres": shape.spheres, "steps": scene.time.steps}
+        say_json({"name": scene.name, **size, "effects": effects})
+        return 0
     say(
         f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
     )
@@ -73,19 +157,33 @@ def _modes(options: Options) -> int:
 
     scene = scene_of(options)
     lattice, physics = unit_lattice(scene.sphere), physics_of(scene)
-    along = "" if scene.along == "y" else f" along {scene.along}"
-    say(
-        f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
-        "shapes with p2 + q2 + f2 = 1"
-    )
-    say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
-    for name in physics.modes:
-        mode = bloch_mode(lattice, scene.sphere, scene.vector, name, physics)
-        hertz = mode.frequency / scene.sphere.time_scale / (2 * pi)
-        say(f"{name:5}{mode.frequency:18.12f}{hertz:18.6g}{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}")
+    found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in physics.modes]
+    hertz = 1 / scene.sphere.time_scale / (2 * pi)
+    if options.json:
+        say_json(
+            {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": scene.sphere.time_scale}
+            | {
+                "modes": {
+                    mode.name: {"frequency": mode.frequency, "frequency_Hz": mode.frequency * hertz}
+                    | {"p": mode.p, "q": mode.q, "f": mode.f}
+                    for mode in found
+                }
+            }
+        )
+    else:
+        along = "" if scene.along == "y" else f" along {scene.along}"
+        say(
+            f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
+            "shapes with p2 + q2 + f2 = 1"
+        )
+        say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
+        for mode in found:
+            shape = f"{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}"
+            say(f"{mode.name:5}{mode.frequency:18.12f}{mode.frequency * hertz:18.6g}{shape}")
     if options.plot:
         from granular_lmp.plot.signals import dispersion_figure, save
 
         save(dispersion_figure(lattice, scene), options.plot)
-        say(options.plot)
+        if not options.json:
+            say(options.plot)
     return 0

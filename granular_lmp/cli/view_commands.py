@@ -1,4 +1,4 @@
-"""Commands that look at what is there: view."""
+"""Commands that look at what is there: view, export."""
 
 import argparse
 
@@ -21,6 +21,16 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     )
     view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
 
+    export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE")
+    export.add_argument("folder", metavar="DIR", help="a run folder")
+    export.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        required=True,
+        help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; .xyz: extended XYZ of the snapshots",
+    )
+
 
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
@@ -28,5 +38,14 @@ def _view(options: Options) -> int:
     wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")
+    say(options.output)
+    return 0
+
+
+def _export(options: Options) -> int:
+    from granular_lmp.runs.export import export
+    from granular_lmp.runs.record import Record
+
+    export(Record.load(options.folder), options.output)
     say(options.output)
     return 0

@@ -7,7 +7,7 @@ for the numbers of the scene and for the lines of its effects; a line whose slot
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,12 @@ from typing import Any
 import ase
 import numpy as np
 
+import granular_lmp
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
 from granular_lmp.lammps.datafile import DataFile
+from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, writable
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
@@ -84,6 +86,36 @@ class Deck:
             self.input_name: [self.input_text],
             self.data_name: self.data.pieces(title),
         }
+
+    def edited(self, *, before: Mapping[str, str] | None = None, after: Mapping[str, str] | None = None) -> "Deck":
+        """Return the deck with lines of your own before or after the blocks that are named; see `places`.
+
+        A run of it says in ``run.json`` which lines differ, and is not resumed.
+
+        Raises
+        ------
+        DeckError
+            For a place that the deck does not have; the text lists those that it has.
+        """
+        return replace(self, input_text=with_lines(self.input_text, before or {}, after or {}))
+
+    @property
+    def places(self) -> list[str]:
+        """The names of the blocks of ``in.NAME``, in their order: what `edited` takes."""
+        return list(blocks(self.input_text))
+
+    def edits(self) -> list[str]:
+        """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
+        return differing_lines(deck_of(self.problem).input_text, self.input_text)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
+
+    def __repr__(self) -> str:
+        edited = f", {len(self.edits())} lines edited" if self.edits() else ""
+        shape = self.scene.shape
+        return f"<Deck {self.scene.name}: {self.scene.wave_label}, {shape.spheres} spheres{edited}>"
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
         """Write the three files into `folder`, which is created.
@@ -158,7 +190,7 @@ _HEADING = """\
 <invalid>"""
 
 _VARIABLES = """\
-# --- may be overridden with -var NAME VALUE
+# --- variables: these, and no others, may be overridden with -var NAME VALUE
 variable amplitude index <amplitude>  # D0/Delta0
 variable timestep  index <timestep>  # tau; rounded down to fit a whole number of steps into a sample
 variable sample    index <sample>  # tau between records
@@ -168,6 +200,8 @@ variable duration  index <duration>  # tau
 variable data      index data.<name>
 variable dump      index <dump>
 <particles_variables>
+if "<refused>" then "print 'ERROR: this deck is of one wave in one lattice: <names> is no variable of it'" "quit 1"
+print "<said>"
 
 # --- units <style>: <units>
 variable Delta0 equal <Delta0>  # static overlap
@@ -219,7 +253,7 @@ reset_timestep 0
 timestep     $(v_step:%.17g)"""
 
 _WAVE = """\
-# --- the wave: the true velocities
+# --- wave: the true velocities
 variable     vx atom v_D0*d_vx/v_t0
 variable     vy atom v_D0*d_vy/v_t0
 velocity     all set v_vx v_vy NULL units box
@@ -278,6 +312,10 @@ _PARTICLES = {
     "particles_append": "dump_modify  particles append yes",
 }
 
+# Names that somebody would try with -var, and that would be ignored
+_NO_VARIABLES = ("xi", "mode", "rows", "columns", "amp")
+_SAID = "granular-lmp variables: "
+
 # Contents of the slots that no effect of a scene fills
 UNCALLED = dict.fromkeys(
     ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
@@ -286,6 +324,24 @@ UNCALLED = dict.fromkeys(
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
 _STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
+
+
+def _variables(scene: Scene) -> list[str]:
+    """Return the names of the variables that change a run."""
+    optional = {"ramp": scene.wave.form == "driven", "particles": scene.output.particles > 0}
+    there = [name for name, given in optional.items() if given]
+    return ["amplitude", "timestep", "sample", "duration", "friction", "dump", *there]
+
+
+def variables_line(names: Iterable[str]) -> str:
+    """Return what a deck prints of its variables, so that the log of a run says what -var made of them."""
+    return _SAID + " ".join(f"{name}=${{{name}}}" for name in names)
+
+
+def said_variables(log: str) -> dict[str, str] | None:
+    """Return the variables of the run of a log, name → value; None if the log does not say them."""
+    lines = [line for line in log.splitlines() if line.startswith(_SAID)]
+    return dict(pair.split("=", 1) for pair in lines[-1].removeprefix(_SAID).split()) if lines else None
 
 
 def _blocks(scene: Scene) -> tuple[str, ...]:
@@ -337,6 +393,9 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "at_rest": "\n".join(guards.AT_REST),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
         "contacts_append": "",
+        "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in _NO_VARIABLES) + ")",
+        "names": " or ".join(_NO_VARIABLES),
+        "said": variables_line(_variables(scene)),
         "dump": DUMP,
         "snapshots": PARTICLES,
         "seen": "all" if all_seen else "centre",

@@ -38,7 +38,7 @@ def writable(folder: Path) -> Iterator[None]:
     try:
         yield
     except FileExistsError as error:
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 

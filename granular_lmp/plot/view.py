@@ -14,7 +14,12 @@ from granular_lmp.runs.snapshots import Particles
 from granular_lmp.scene.scene import note
 from granular_lmp.studies.sweep import COLUMNS, Sweep
 
-_LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
+_LABELS = {
+    "second_harmonic": r"second harmonic ($D_0$)",
+    "largest_p": r"largest $|p|$",
+    "largest_q": r"largest $|q|$",
+    "largest_phi": r"largest $|\varphi|$",
+} | {
     "wavenumber_used": r"wave number used (rad per row)",
     "direction_used": "direction used (degrees from x)",
     "frequency": r"frequency $\Omega$ (rad per $t_0$)",

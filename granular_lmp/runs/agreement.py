@@ -25,7 +25,7 @@ Pair = tuple[str, Any, Any]  # a dotted key of run.json, its value there, and th
 
 # Both files come from a dozen operations on the same numbers, whose results differ by 1e-16 between processors
 SAME = 1e-12
-_CURE = "run it again with --force"
+_CURE = "run it again with force=True"
 _NO_SUCH = "no such name"
 
 
@@ -44,7 +44,7 @@ def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
     except (OSError, ValueError) as error:
         raise RunFolderError(f"{folder / SCENE}: cannot be read: {error}") from error
     if digest != scene_digest(text):
-        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with --force")
+        raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with force=True")
 
 
 def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> None:

@@ -144,7 +144,7 @@ def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
         with writable(folder):
             replace_text(folder / SCENE, deck.scene.to_toml())  # the scene of a run has every "auto" decided
         job = Job(folder, deck.input_name, LOG, lock, _step_reporter(options.progress, deck.scene), _columns(deck))
-        return _execute(deck, job, route, info)
+        return execute(deck, job, route, info)
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
@@ -172,12 +172,14 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         ranks = info.get("ranks")
         known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
         if not known:
-            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with --force")
+            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
+        if "edited" in info:
+            raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
         refuse_other_scene(folder, info)
         deck = deck_of(prepare(Scene.load(folder / SCENE)))
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
-            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
+            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
         last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
         route = _route(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
@@ -187,14 +189,14 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
         job = Job(folder, name, "none", lock, _step_reporter(progress, deck.scene), _columns(deck))
-        return _execute(deck, job, route, info)
+        return execute(deck, job, route, info)
 
 
 def _how_to_continue(folder: Path) -> str:
     """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
     if _checkpoints(folder):
         return f"continue with: granular-lmp resume {quote(str(folder))}"
-    return "it has no checkpoint yet, run it again with --force"
+    return "it has no checkpoint yet, run it again with force=True"
 
 
 def _checkpoints(folder: Path) -> list[Path]:
@@ -242,7 +244,7 @@ def _columns(deck: Deck) -> tuple[str, ...]:
     return tuple(columns(deck.problem.guards, deck.scene))
 
 
-def _execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
+def execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
     """Run an input in its folder, collect its record, and write the outcome to ``run.json``."""
     folder, started = job.folder, time.perf_counter()
     with writable(folder):

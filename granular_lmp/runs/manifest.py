@@ -11,6 +11,7 @@ from granular_lmp import __version__
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
 from granular_lmp.lammps.outputs import LOG, read_log
+from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
@@ -37,17 +38,23 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "t0_s": sphere.time_scale,
         "overlap_ratio": sphere.overlap_ratio,
         "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
-        "effects": {
-            effect.name: {
-                "on": effect.on,
-                "called_for": effect.called_for,
-                "number": _finite(effect.number),
-                "reason": effect.reason,
-                "guard": effect.guard,
-            }
-            for effect in problem.effects
-        },
+        "effects": effects_of(problem),
         "remarks": problem.warnings(),
+        **({"edited": edits} if (edits := deck.edits()) else {}),
+    }
+
+
+def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
+    """Return for each effect whether it is on and called for, the number and the reason, and its guard."""
+    return {
+        effect.name: {
+            "on": effect.on,
+            "called_for": effect.called_for,
+            "number": _finite(effect.number),
+            "reason": effect.reason,
+            "guard": effect.guard,
+        }
+        for effect in problem.effects
     }
 
 

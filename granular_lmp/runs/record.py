@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, read_dump, replace_text
@@ -39,7 +40,14 @@ _ENTRIES: dict[str, set[str]] = {
     "wall_seconds": set(),
 }
 _BUDGET = {"name", "p", "q", "phi", "to_halve"}
-HEADER = ["tau", "p", "q", "phi"]
+# Name, unit and meaning of each column
+_COLUMNS = (
+    ("tau", "t0", "time"),
+    ("p", "D0", "displacement of the centre sphere along the wave vector"),
+    ("q", "D0", "displacement of the centre sphere across the wave vector"),
+    ("phi", "D0/R rad", "rotation of the centre sphere, R theta/D0"),
+)
+HEADER = [name for name, *_ in _COLUMNS]
 
 
 @dataclass(frozen=True, repr=False)
@@ -185,15 +193,41 @@ class Record:
         return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
 
     def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of p, q, phi over tau; its attribute ``scene`` is the scene as TOML.
+        """Return an ``xarray.Dataset`` of p, q, phi over tau, each with its unit and meaning.
+
+        Its attributes hold the scales that turn it into SI units, ``D0_m``, ``t0_s``, ``R_m``, how the run ended, and
+        ``scene``, the scene as TOML.
 
         Raises
         ------
         PackageMissingError
             If xarray is not installed.
         """
-        variables = {name: ("tau", values) for name, values in self.signals.items()}
-        return optional_package("xarray").Dataset(variables, {"tau": self.tau}, {"scene": self.scene.to_toml()})
+        sphere = self.scene.sphere
+        tau, *signals = ((name, {"units": unit, "long_name": meaning}) for name, unit, meaning in _COLUMNS)
+        scales = {
+            "D0_m": self.scene.wave.amplitude * sphere.static_overlap,
+            "t0_s": sphere.time_scale,
+            "R_m": sphere.radius,
+        }
+        origin = {"scene": self.scene.to_toml(), "status": str(self.info.get("status", ""))}
+        variables = {name: ("tau", getattr(self, name), said) for name, said in signals}
+        coordinates = {"tau": ("tau", self.tau, tau[1])}
+        return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
+
+    def to_netcdf(self, path: str | Path) -> None:
+        """Write `to_xarray` as netCDF, which xarray, MATLAB, Julia and ncview read.
+
+        Raises
+        ------
+        PackageMissingError
+            Without xarray.
+        """
+        self.to_xarray().to_netcdf(path)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"

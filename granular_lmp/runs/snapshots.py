@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
+import ase
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,21 +82,26 @@ class Particles:
         if path is None:
             raise RunFolderError(
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
-                "them, for instance --set output.particles=1.0"
+                "them, for instance output.particles = 1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
         whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)
         return cls(path, scene, list(whole))
 
     @cached_property
+    def crystal(self) -> ase.Atoms:
+        """The spheres at rest; lengths in radii."""
+        return hexagonal(self.scene.sphere, self.scene.shape)
+
+    @property
     def rest(self) -> NDArray[np.float64]:
         """Positions at rest, (N, 2), in radii."""
-        return hexagonal(self.scene.sphere, self.scene.shape).positions[:, :2]
+        return self.crystal.positions[:, :2]
 
-    @cached_property
+    @property
     def held(self) -> NDArray[np.bool_]:
         """True for the spheres that are held, (N,)."""
-        return np.asarray(hexagonal(self.scene.sphere, self.scene.shape).arrays["fixed"])
+        return np.asarray(self.crystal.arrays["fixed"])
 
     @property
     def tau(self) -> NDArray[np.float64]:

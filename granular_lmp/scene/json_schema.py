@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from granular_lmp.scene.scene import SECTION_RULES, SECTIONS
+from granular_lmp.scene.scene import SECTION_RULES, SECTIONS, note
 from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule, declared_fields, toml
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
-_WAVEVECTOR = "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def json_schema() -> dict[str, Any]:
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
         if section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-            inner["wavevector"] = pair | {"description": _WAVEVECTOR}
+            inner["wavevector"] = pair | {"description": note("wave.wavevector")}
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         properties[section] = table | ({"required": needed[section]} if needed[section] else {})

@@ -14,6 +14,7 @@ from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
+import granular_lmp
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
@@ -68,7 +69,7 @@ DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing h
 def note(key: str) -> str:
     """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
-        return "kx, ky, rad per lattice constant"
+        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
     table, _, name = key.rpartition(".")
     rule = SECTION_RULES.get(table, {}).get(name) or next(
         item.metadata["rule"] for item in fields(SECTIONS[table]) if item.name == name
@@ -208,7 +209,7 @@ class Scene:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in SECTIONS:
-                raise SceneError(unknown_key(table, SECTIONS))
+                raise SceneError(unknown_key(key, table, SECTIONS))
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change replaced the table by a value, which is the error to report
@@ -217,6 +218,10 @@ class Scene:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return Scene.from_dict(tables)
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         shape = self.shape

@@ -1,5 +1,6 @@
 """The scenes, collisions and decks that come with the package."""
 
+import tomllib
 from importlib.resources import files
 from pathlib import Path
 from shutil import copytree
@@ -25,3 +26,9 @@ def copy_shipped(folder: str | Path) -> list[str]:
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
     return sorted(path.name for path in SHIPPED.iterdir())
+
+
+def shipped(pattern: str) -> dict[str, str]:
+    """Return name → description of the shipped files that match: ``*/scene.toml``, or ``collisions/*.toml``."""
+    tables = (tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted(SHIPPED.glob(pattern)))
+    return {table["name"]: table.get("description", "") for table in tables}

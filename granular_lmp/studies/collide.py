@@ -141,7 +141,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         except KeyboardInterrupt as error:
             for stray in CHECKPOINTS:
                 (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
+            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error
     with writable(folder):
         try:
             result = _course(collision, folder)

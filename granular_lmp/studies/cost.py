@@ -16,7 +16,6 @@ from math import ceil
 from operator import attrgetter
 from pathlib import Path
 from statistics import median
-from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
@@ -29,12 +28,12 @@ from granular_lmp.runs.launch import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
+from granular_lmp.studies.forecast import speed
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
 TABLE = "cost.csv"
-_WARM_UP = 2e5  # spheres times steps of the warm-up: 50 ms
 _PROGRAM = 0.5  # s to start mpiexec and lmp
 
 Progress = Callable[[int, int, float], None]
@@ -127,7 +126,7 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
     whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {})
     if not whole.todo():
         return whole
-    rate, overhead = _warm_up(scene)
+    rate, overhead = speed(scene)
     took = {run.name: taken(run, folder, repeats) for point in whole.points for run in point.runs}
     return _within_budget(replace(whole, rate=rate, overhead=overhead, took=took))
 
@@ -242,17 +241,6 @@ def _check_folder(folder: Path, scene: Scene) -> None:
             raise RunFolderError(f"{folder / COST}: cannot be read: {error}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
-
-
-def _warm_up(scene: Scene) -> tuple[float, float]:
-    """Return spheres times steps per second, and the seconds beside the time loop, of a short run in a warm process."""
-    per_sample = scene.shape.spheres * scene.time.steps_per_sample
-    duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
-    short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
-    with TemporaryDirectory(prefix="cost-") as folder:
-        for name in ("cold", "warm"):  # the first run starts LAMMPS
-            info = tolerance.run(build(short), Path(folder) / name).info
-    return info["particles"] * info["steps"] / info["wall_seconds"]["loop"], info["wall_seconds"]["other"]
 
 
 def _missing(folder: Path, points: Iterable[Point], repeats: int) -> list[tuple[Run, Path]]:

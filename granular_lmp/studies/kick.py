@@ -111,7 +111,7 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         except KeyboardInterrupt as error:
             for stray in CHECKPOINTS:
                 (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
+            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error
         log = read_log(folder / LOG)[0]
         for column, limit, what in _LINEAR:
             if log.get(column, np.zeros(1)).max() >= limit:

@@ -19,26 +19,22 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import granular_lmp
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.accuracy.tolerance import resume, run
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import SCENE, STATUS, SWEEP, replace_text, writable
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
+from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.record import Record, optional_package, read_status, write_status
+from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.executors import stop_requested
-from granular_lmp.studies.sweep_points import concrete_hash, points, scene_hash
+from granular_lmp.studies.sweep_points import points, scene_hash
+from granular_lmp.studies.sweep_rows import COLUMNS as COLUMNS
+from granular_lmp.studies.sweep_rows import RUNS, Point, info_of, refuse_other_point, row_of, summary_of, table_of
 
 Progress = Callable[[int, int, float], None]
-Point = dict[str, Any]
 
 TABLE = "sweep.csv"
-RUNS = "runs"
-# Columns of the table beside the swept values: entries of run.json, and the largest |p|, |q|, |phi| of the record
-COLUMNS = (
-    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
-    *("largest_p", "largest_q", "largest_phi", "guards"),
-)
 _LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
 _OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to start and to read its record
@@ -57,9 +53,9 @@ class Sweep:
     over : dict of str to list
         Dotted key → its values.
     rows : list of dict
-        Swept values and `COLUMNS` for each point of the outer product, the last key running fastest. ``status`` is
-        "finished", "failed" or "unfinished"; unknown values are None. ``frequency`` is in rad/t0, and ``guards`` names
-        the guards that triggered.
+        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
+        is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
+        names those that were not quiet, ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`.
     """
 
     folder: Path
@@ -84,8 +80,8 @@ class Sweep:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = Scene.from_dict(request["scene"]), request["over"]
         grid = points(scene, over)
-        rows = {name: _row(folder / RUNS / name) for _, name, _ in grid}
-        return cls(folder, scene, over, _table(grid, rows))
+        rows = {name: row_of(folder / RUNS / name) for _, name, _ in grid}
+        return cls(folder, scene, over, table_of(grid, rows))
 
     def column(self, name: str) -> NDArray[Any]:
         """Return one column of the table in the order of `rows`; unknown numbers are nan."""
@@ -102,7 +98,7 @@ class Sweep:
             If the folder holds no finished run, or the run of another scene.
         """
         folder = self.folder / row["run"]
-        _refuse_other_point(folder)
+        refuse_other_point(folder)
         return Record.load(folder)
 
     def having(self, status: str) -> list[Point]:
@@ -137,6 +133,10 @@ class Sweep:
         """
         optional_package("xarray")
         return self.to_pandas().set_index([*self.over]).to_xarray()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
@@ -194,10 +194,10 @@ def sweep(
     made = {name: each for _, name, each in grid}
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
-        rows = {name: _row(folder / RUNS / name) for name in made}
+        rows = {name: row_of(folder / RUNS / name) for name in made}
 
         def save() -> Sweep:
-            done = Sweep(folder, scene, asked, _table(grid, rows))
+            done = Sweep(folder, scene, asked, table_of(grid, rows))
             with writable(folder):
                 replace_text(folder / TABLE, done.to_csv())
             return done
@@ -215,7 +215,7 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some runs may have ended since
+            rows |= {name: row_of(folder / RUNS / name) for name in cost}  # some runs may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -231,10 +231,10 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     there = _read_request(folder)
     if there is not None and not force and _identity(there) != _identity(request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
-        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
+        raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say force=True")
     if there is None and not force and any(folder.iterdir()):
-        raise RunFolderError(f"{folder}: is there already; choose another folder or say --force")
-    if there is None and (folder / STATUS).exists():  # the folder is that of a single run
+        raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True")
+    if there is None and (folder / STATUS).exists():  # it was the folder of one run
         clear(folder)
     if there != request:
         with writable(folder):
@@ -320,16 +320,14 @@ def run_point(scene: Scene, folder: Path) -> Point:
         record = _continued(scene, folder, heed)
     except RunInterrupted:
         raise
-    except (
-        GranularError
-    ) as error:  # a row, because an exception with several arguments cannot be sent between processes
-        return _row(folder) | {"status": "failed", "message": str(error)}
-    return _summary(record.info, record)
+    except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
+        return row_of(folder) | {"status": "failed", "message": str(error)}
+    return summary_of(record.info, record)
 
 
 def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
-    if _status(folder).get("status") in ("running", "interrupted"):
-        with suppress(RunFolderError):  # the run has no checkpoint
+    if info_of(folder).get("status") in ("running", "interrupted"):
+        with suppress(RunFolderError):  # it has no checkpoint
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
 
@@ -339,84 +337,17 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
     try:
         return future.result()
     except RunInterrupted:
-        return _row(folder)
-    except Exception as error:  # an error of the executor or of the machine fails this run, and the others continue
+        return row_of(folder)
+    except Exception as error:  # of the executor or of the machine: this run failed, the others go on
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
-    info = _status(folder)
-    if info.get("status") == "finished":  # the run is complete and only its row was lost
-        return _row(folder)
+    info = info_of(folder)
+    if info.get("status") == "finished":  # only its answer was lost
+        return row_of(folder)
     if info:
         with suppress(OSError):
             write_status(folder, info | {"status": "failed", "message": message})
-    return _row(folder) | {"status": "failed", "message": message}
-
-
-# --- the results -----------------------------------------------------------------------------------------------------
-
-
-def _status(folder: Path) -> dict[str, Any]:
-    try:
-        return read_status(folder)
-    except RunFolderError:
-        return {}
-
-
-def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
-    """Return a row for each point of the grid; points of the same scene share a run."""
-    return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
-
-
-def _refuse_other_point(folder: Path) -> None:
-    """Raise RunFolderError if the hash of the scene in a run folder is not the name of the folder.
-
-    A scene that cannot be read is reported by `Record.load`.
-    """
-    try:
-        scene = Scene.load(folder / SCENE)
-    except SceneError:
-        return
-    name = concrete_hash(scene)
-    if name != folder.name:
-        raise RunFolderError(
-            f"{folder}: holds the run of another scene ({scene.wave_label}), that of {RUNS}/{name}; "
-            "move it there, or away, and start the sweep again"
-        )
-
-
-def _row(folder: Path) -> Point:
-    """Return the row of a run folder, also of one that does not exist yet.
-
-    Raises
-    ------
-    RunFolderError
-        If it holds the run of another scene, which a new run would destroy.
-    """
-    info = _status(folder)
-    if info:
-        _refuse_other_point(folder)
-    if info.get("status") != "finished":
-        return _summary(info, None)
-    try:
-        return _summary(info, Record.load(folder))
-    except GranularError as error:  # the files of the run are damaged
-        return _summary(info | {"status": "failed", "message": str(error)}, None)
-
-
-def _summary(info: dict[str, Any], record: Record | None) -> Point:
-    ended = info.get("status") in ("finished", "failed")
-    return {
-        "status": info["status"] if ended else "unfinished",
-        "message": info.get("message", "") if ended else "",
-        "seconds": info.get("wall_seconds", {}).get("total"),
-        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
-        **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},
-        "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
-    }
-
-
-def _largest(record: Record | None, name: str) -> float | None:
-    return None if record is None else float(np.abs(getattr(record, name)).max())
+    return row_of(folder) | {"status": "failed", "message": message}
 
 
 def _cost(scene: Scene) -> float:

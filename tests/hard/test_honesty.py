@@ -402,7 +402,7 @@ def test_a_run_killed_early_is_not_finished_and_resumes_or_starts_anew_to_the_sa
     refused(folder)
     said = resumed(folder)
     if said:
-        assert "not a run folder" in said or "run it again with --force" in said
+        assert "not a run folder" in said or "run it again with force=True" in said
         run(expected.scene, folder, force=True)
     same(folder, expected)
 
@@ -449,7 +449,7 @@ def test_two_checkpoints_that_were_cut_off_are_said(
     stopped(tmp_path / "run", whole[1].scene, monkeypatch)
     for name in CHECKPOINTS:
         os.truncate(tmp_path / "run" / name, 100)
-    with pytest.raises(RunFolderError, match="run it again with --force"):
+    with pytest.raises(RunFolderError, match="run it again with force=True"):
         resume(tmp_path / "run")
     refused(tmp_path / "run")
 

@@ -1,0 +1,47 @@
+"""Lines of one's own in the text of a deck, at the places that its headings name.
+
+A block begins with a line ``# --- NAME ...`` and ends before the next one; the last block is ``run``.
+"""
+
+import re
+from collections.abc import Mapping
+from difflib import ndiff
+
+from granular_lmp.errors import DeckError
+from granular_lmp.scene.schema import allowed_names
+
+_BEGIN = re.compile(r"^(?:# --- (\w+)|(run) \$)", re.MULTILINE)
+
+
+def blocks(text: str) -> dict[str, tuple[int, int]]:
+    """Return where each block of a deck begins and ends, by name, in the order of the text."""
+    found = list(_BEGIN.finditer(text))
+    ends = [match.start() for match in found[1:]] + [len(text)]
+    return {match[1] or match[2]: (match.start(), end) for match, end in zip(found, ends, strict=True)}
+
+
+def with_lines(text: str, before: Mapping[str, str], after: Mapping[str, str]) -> str:
+    """Return the text of a deck with lines before and after blocks.
+
+    Raises
+    ------
+    DeckError
+        For a block that there is not.
+    """
+    there = blocks(text)
+    for name in (*before, *after):
+        if name not in there:
+            raise DeckError(f"{name!r}: no such place in this deck; {allowed_names(name, there)}")
+    pieces = [text[: min(begin for begin, _ in there.values())]]
+    for name, (begin, end) in there.items():
+        block = text[begin:end].rstrip("\n")
+        own = [lines.strip("\n") for lines in (before.get(name, ""), block, after.get(name, "")) if lines.strip()]
+        pieces.append("\n".join(own) + text[begin:end][len(block) :])
+    return "".join(pieces)
+
+
+def differing_lines(written: str, text: str) -> list[str]:
+    """Return the lines by which a text differs from the one that was written: "+ ..." is new, "- ..." is gone."""
+    if written == text:
+        return []
+    return [line for line in ndiff(written.splitlines(), text.splitlines()) if line.startswith(("+ ", "- "))]

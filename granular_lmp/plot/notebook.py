@@ -1,0 +1,104 @@
+"""What a notebook shows of a scene, a record, a sweep and a deck: a line, a small table and a small picture."""
+
+from base64 import b64encode
+from collections.abc import Mapping
+from functools import singledispatch
+from html import escape
+from io import BytesIO
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.errors import ViewError
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.plot.signals import dispersion_figure, trajectory_figure
+from granular_lmp.plot.view import sweep_figure
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.sweep import Sweep
+
+_DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
+_ROWS = 6  # of a sweep that are shown
+
+
+@singledispatch
+def html(thing: Any) -> str:
+    """Return what a notebook shows of a thing.
+
+    Raises
+    ------
+    TypeError
+        For what is none of the four.
+    """
+    raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
+
+
+@html.register
+def _(scene: Scene) -> str:
+    sphere = scene.sphere
+    facts = {
+        "spheres": f"{scene.shape.rows} rows x {scene.shape.columns} columns, {scene.shape.ends} ends",
+        "wave": scene.wave_words,
+        "time": f"tau 0..{scene.time.duration:g}",
+        "units": f"t0 = {sphere.time_scale:.4g} s, Delta0 = {sphere.static_overlap:.4g} m",
+    }
+    return _card(repr(scene), facts, dispersion_figure(unit_lattice(sphere), scene))
+
+
+@html.register
+def _(record: Record) -> str:
+    info = record.info
+    facts = {
+        "status": f"{info.get('status', 'not run')} {info.get('message', '')}".strip(),
+        "guards": ", ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]) or "quiet",
+        "folder": str(record.folder or "none"),
+    }
+    return _card(repr(record), facts, trajectory_figure(record.tau, record.signals, record.scene))
+
+
+@html.register
+def _(sweep: Sweep) -> str:
+    columns = [*sweep.over, "status", "largest_p", "second_harmonic"]
+    lines = [[_short(row[column]) for column in columns] for row in sweep.rows[:_ROWS]]
+    more = f"<p>and {len(sweep.rows) - _ROWS} more</p>" if len(sweep.rows) > _ROWS else ""
+    try:
+        picture: Figure | None = sweep_figure(sweep)
+    except ViewError:  # nothing is finished, or it is swept over pairs
+        picture = None
+    return _card(repr(sweep), {}, picture, _table(columns, lines) + more)
+
+
+@html.register
+def _(deck: Deck) -> str:
+    problem = deck.problem
+    facts = {
+        "effects": ", ".join(name for name, on in problem.on.items() if on),
+        "guards": ", ".join(problem.guards) or "none",
+        "places": ", ".join(deck.places),
+        "edited": f"{len(deck.edits())} lines",
+    }
+    scene = deck.scene
+    text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
+    return _card(repr(deck), facts, dispersion_figure(unit_lattice(scene.sphere), scene), text)
+
+
+def _card(title: str, facts: Mapping[str, str], picture: Figure | None, more: str = "") -> str:
+    table = _table([], [[name, fact] for name, fact in facts.items()])
+    return f"<div><b>{escape(title)}</b>{table}{_image(picture) if picture else ''}{more}</div>"
+
+
+def _table(head: list[str], lines: list[list[str]]) -> str:
+    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in lines)
+    titles = "<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>" if head else ""
+    return f"<table>{titles}{rows}</table>" if rows else ""
+
+
+def _image(picture: Figure) -> str:
+    stream = BytesIO()
+    picture.savefig(stream, format="png", dpi=_DPI)
+    return f'<img src="data:image/png;base64,{b64encode(stream.getvalue()).decode()}">'
+
+
+def _short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else "" if value is None else str(value)

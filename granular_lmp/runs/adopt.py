@@ -1,0 +1,190 @@
+"""Make a run folder of what plain ``lmp`` left of a deck: its dump, its log, the deck, and the scene beside it.
+
+What ``-var`` made of the variables is read from the log, where the deck prints them. What the files do not say is never
+guessed: it is asked for by name. The record is held against the scene: at its first moment the centre sphere must be
+where the wave of the scene puts it.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.crystal.lattices import centre
+from granular_lmp.effects.effect import Case
+from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.lammps.deck import Deck, deck_of, said_variables
+from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, PARTICLES, SCENE, read_log, replace_text, writable
+from granular_lmp.problem import Problem, prepare
+from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.launch import Job, execute
+from granular_lmp.runs.manifest import description
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.scene.scene import Scene
+
+# Variable of a deck → key of the scene
+_KEYS = {
+    "amplitude": "wave.amplitude",
+    "timestep": "time.timestep",
+    "sample": "time.sample",
+    "duration": "time.duration",
+    "ramp": "envelope.ramp",
+    "particles": "output.particles",
+}
+_SAME = 1e-9  # relative, of a number that was written with 17 digits and read back
+_PLACED = 1e-6  # D0: LAMMPS puts a sphere to 1e-10 of where the wave has it; another amplitude is off by far more
+
+
+def adopt(
+    source: str | Path,
+    folder: str | Path | None = None,
+    *,
+    scene: Scene | None = None,
+    changes: Mapping[str, Any] | None = None,
+    force: bool = False,
+) -> Record:
+    """Make a run folder of what plain ``lmp`` left in `source`, which is not touched, and return its record.
+
+    Parameters
+    ----------
+    source : path
+        Holds ``log.lammps``, the dump of the centre sphere, and ``in.NAME``.
+    folder : path, optional
+        The run folder; ``runs/NAME`` when not given.
+    scene : Scene, optional
+        The scene of the deck, where `source` holds no ``scene.toml``.
+    changes : mapping, optional
+        Values of the scene that the log does not say, by dotted keys.
+    force : bool
+        Replace the files of an earlier run in `folder`.
+
+    Raises
+    ------
+    RunFolderError
+        When a file is missing, the log does not say the variables and `changes` does not either, or the record does
+        not begin as the wave of the scene does.
+    SceneError
+        For a scene that cannot be, or has a tolerance.
+    LammpsError
+        For a record or a log that is not complete.
+    EffectError
+        When an effect that the deck leaves out was there.
+    """
+    source = Path(source).absolute()
+    declared = scene or _scene(source)
+    log = _text(source / LOG)
+    said = said_variables(log)
+    if said is None and not changes:
+        raise RunFolderError(
+            f"{source / LOG}: does not say its variables, as decks of this version do; give what differs from the "
+            f"scene, or one value as it is, wave.amplitude = {declared.wave.amplitude!r}"
+        )
+    if declared.time.tolerance is not None:
+        raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
+    values = said or {}
+    problem = prepare(declared.with_values({**_overrides(declared, values), **(changes or {})}))
+    dump = source / values.get("dump", DUMP)
+    if not dump.is_file():
+        raise RunFolderError(f"{dump}: missing; the record is made from it")
+    _refuse_other_beginning(source, dump.name, problem)
+    deck = _deck(source, declared, problem)
+    _, loop = read_log(source / LOG)  # all of the time that is known
+    info = description(deck, "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
+    info["wall_seconds"] = {"total": loop}
+    place = Path(folder or f"runs/{declared.name}").absolute()
+    with locked(place, make=True, force=force) as lock:
+        clear(place)
+        deck.write(place, force=True)
+        with writable(place):
+            replace_text(place / SCENE, deck.scene.to_toml())
+
+        def copy(job: Job) -> None:
+            with writable(place):
+                shutil.copyfile(dump, place / DUMP)
+                shutil.copyfile(source / LOG, place / LOG)
+                for name, there in {PARTICLES: PARTICLES, CONTACTS: f"{dump.name}.contacts"}.items():
+                    if (source / there).is_file():
+                        shutil.copyfile(source / there, place / name)
+
+        return execute(deck, Job(place, deck.input_name, LOG, lock, lambda step: None), copy, info)
+
+
+def _scene(source: Path) -> Scene:
+    if not (source / SCENE).is_file():
+        raise RunFolderError(f"{source}: holds no {SCENE}; give the scene of its deck")
+    return Scene.load(source)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _overrides(scene: Scene, said: Mapping[str, str]) -> dict[str, Any]:
+    """Return the values of the scene that -var changed, by dotted key."""
+    try:
+        given = {_KEYS[name]: float(value) for name, value in said.items() if name in _KEYS}
+        friction = float(said["friction"]) if "friction" in said else None
+    except ValueError as error:
+        raise RunFolderError(f"{LOG}: a variable is no number: {error}") from error
+    declared = scene.to_dict()
+    changed = {key: value for key, value in given.items() if not _same(value, _at(declared, key))}
+    if friction is not None:
+        expected = _friction(scene.with_values(changed))
+        if not _same(friction, expected):
+            changed["effects.friction"] = friction
+    return changed
+
+
+def _at(tables: Mapping[str, Any], key: str) -> float:
+    table, _, name = key.partition(".")
+    return float(tables[table][name])
+
+
+def _friction(scene: Scene) -> float:
+    """Return the friction that the deck of a scene has by itself."""
+    problem = prepare(scene)
+    return Case(problem.scene, problem.on).friction
+
+
+def _same(value: float, other: float) -> bool:
+    return abs(value - other) <= _SAME * abs(other)
+
+
+def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
+    """Raise RunFolderError unless the centre sphere begins where the wave of the scene puts it, or at rest."""
+    scene = problem.scene
+    record = Record.from_dump(source, scene, dump)
+    if not len(record.tau) or record.tau[0] != 0:
+        raise RunFolderError(f"{source / dump}: does not begin at tau = 0")
+    expected = np.zeros(2)
+    if scene.wave.form != "driven":
+        crystal = problem.crystal
+        ux, uy, _ = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal)]
+        expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
+    found = np.array([record.p[0], record.q[0]])
+    if np.abs(found - expected).max() > _PLACED:
+        raise RunFolderError(
+            f"{source / dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
+            f"{expected[0]:.6g}, {expected[1]:.6g}; give what differs from the scene, for instance wave.amplitude"
+        )
+
+
+def _deck(source: Path, declared: Scene, problem: Problem) -> Deck:
+    """Return the deck of what was run: with its own text where that is not what this package writes of the scene."""
+    text = _text(source / f"in.{declared.name}")
+    deck = deck_of(problem)
+    return deck if text == deck_of(prepare(declared)).input_text else replace(deck, input_text=text)
+
+
+def _ranks(log: str) -> int:
+    """Return the number of MPI ranks from "2 by 1 by 1 MPI processor grid"."""
+    words = next((line.split() for line in log.splitlines() if line.endswith("MPI processor grid")), ["1", "by"])
+    return prod(int(word) for word in words[:5:2])

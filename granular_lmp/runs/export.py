@@ -1,0 +1,103 @@
+"""A run for other programs: SI units as CSV, netCDF for xarray, extended XYZ of its snapshots for OVITO and ASE.
+
+netCDF-4 files, which xarray writes where netCDF4 or h5netcdf is installed, are HDF5 files: h5py reads them too.
+"""
+
+import csv
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.runs.record import Record
+from granular_lmp.runs.snapshots import Particles
+
+
+def si_columns(record: Record) -> dict[str, NDArray[np.float64]]:
+    """Return the trajectory in SI units by column: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``."""
+    scene = record.scene
+    unit = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+    return {
+        "t_s": record.tau * scene.sphere.time_scale,
+        "p_m": record.p * unit,
+        "q_m": record.q * unit,
+        "theta_rad": record.phi * unit / scene.sphere.radius,
+    }
+
+
+def write_si(record: Record, path: Path) -> None:
+    """Write the trajectory in SI units as CSV, each number in the shortest form that reads back to the same double."""
+    columns, stream = si_columns(record), StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(np.column_stack(list(columns.values())).tolist())
+    replace_text(path, stream.getvalue())
+
+
+def write_extxyz(particles: Particles, path: Path) -> None:
+    """Write the snapshots as extended XYZ: positions and radii in R, what moves in D0 and t0; the cell is the run's.
+
+    The columns beside the positions are ``id``, ``radius``, ``displacement``, ``velocity``, and where spheres turn
+    ``rotation`` (Rθ/D0) and ``spin``. The comment line of each snapshot holds ``tau``, ``R_m``, ``D0_m``, ``t0_s``.
+    """
+    scene, rest = particles.scene, particles.rest
+    sphere, crystal = scene.sphere, particles.crystal
+    unit = scene.wave.amplitude * sphere.static_overlap
+    lattice = " ".join(repr(float(x)) for x in np.asarray(crystal.cell).ravel())
+    origin = " ".join(repr(float(x)) for x in crystal.get_celldisp().ravel())
+    walls = "F" if scene.shape.ends == "fixed" else "T"
+    scales = f"R_m={sphere.radius!r} D0_m={unit!r} t0_s={sphere.time_scale!r}"
+    with path.open("w", encoding="utf-8") as stream:
+        for each in (particles[k] for k in range(len(particles))):
+            columns = {"displacement": each.displacement, "velocity": each.velocity}
+            if not np.isnan(each.rotation).any() and (each.rotation.any() or each.spin.any()):
+                columns |= {"rotation": each.rotation, "spin": each.spin}
+            kinds = "".join(f":{name}:R:{np.atleast_2d(x.T).shape[0]}" for name, x in columns.items())
+            position = np.column_stack([rest + each.displacement * unit / sphere.radius, np.zeros(len(rest))])
+            numbers = np.column_stack([np.ones(len(rest)), *columns.values()]).tolist()
+            stream.write(
+                f"{len(rest)}\n"
+                f'Lattice="{lattice}" Origin="{origin}" pbc="T {walls} F" '
+                f"Properties=species:S:1:pos:R:3:id:I:1:radius:R:1{kinds} tau={each.tau!r} {scales}\n"
+            )
+            for number, (place, row) in enumerate(zip(position.tolist(), numbers, strict=True), 1):
+                stream.write(f"X {' '.join(map(repr, place))} {number} {' '.join(map(repr, row))}\n")
+
+
+def _write_netcdf(record: Record, path: Path) -> None:
+    record.to_netcdf(path)
+
+
+def _write_snapshots(record: Record, path: Path) -> None:
+    write_extxyz(record.particles(), path)
+
+
+FORMATS: dict[str, Callable[[Record, Path], None]] = {
+    ".csv": write_si,
+    ".nc": _write_netcdf,
+    ".xyz": _write_snapshots,
+    ".extxyz": _write_snapshots,
+}
+
+
+def export(record: Record, path: str | Path) -> None:
+    """Write a run in the format of the file's ending; its folder is made, a file that is there is replaced.
+
+    Raises
+    ------
+    RunFolderError
+        For another ending, a run without snapshots, or a file that cannot be written.
+    PackageMissingError
+        For netCDF without xarray.
+    """
+    path = Path(path)
+    write = FORMATS.get(path.suffix.lower())
+    if write is None:
+        raise RunFolderError(f"{path}: must end in one of {', '.join(FORMATS)}")
+    with writable(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(record, path)

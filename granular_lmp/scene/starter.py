@@ -1,0 +1,51 @@
+"""A scene file to begin with: a shipped scene with a comment behind each value."""
+
+from pathlib import Path
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.scene.scene import EXCLUSIVE, Scene, note
+
+_HEAD = """\
+# Run it:                        granular-lmp run {file}
+# What it would take:            granular-lmp check {file}
+# Change one value:              granular-lmp run {file} --set wave.amplitude=0.1
+# Every key, with what is allowed: docs/reference/scene.md, and granular-lmp schema for editors
+
+"""
+
+
+def starter(scene: Scene, file: str) -> str:
+    """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
+    lines, section = [], ""
+    for line in scene.to_toml().splitlines():
+        section = line.strip("[]") if line.startswith("[") else section
+        key = f"{section}.{line.partition(' =')[0]}"
+        others = [other for other, excluded in EXCLUSIVE.items() if excluded[0] == key]
+        lines += [line, *(_commented(other) for other in others)]
+    return _HEAD.format(file=file) + "\n".join(lines) + "\n"
+
+
+def _commented(key: str) -> str:
+    line = f"# {key.rpartition('.')[2]} = ..."
+    return f"{line:30} # {note(key)}"
+
+
+def write_starter(path: str | Path, source: str) -> None:
+    """Write the scene `source` into a new file, under the name of the file.
+
+    Raises
+    ------
+    SceneError
+        When there is no such scene, or the file's name is not that of a scene.
+    RunFolderError
+        When the file is there already or cannot be written.
+    """
+    path = Path(path)
+    scene = Scene.load(source).with_values({"name": path.stem, "description": ""})
+    try:
+        with path.open("x", encoding="utf-8") as stream:
+            stream.write(starter(scene, str(path)))
+    except FileExistsError as error:
+        raise RunFolderError(f"{path}: is there already; choose another name") from error
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,103 @@
+"""What a run would take, found out without doing it: its size, seconds on this machine, and memory.
+
+The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
+cell of the same spheres and effects, for a few steps of it would take as long as many runs.
+"""
+
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from granular_lmp.accuracy.ladder import RUNGS, build, planned_steps
+from granular_lmp.accuracy.tolerance import run
+from granular_lmp.errors import GranularError
+from granular_lmp.problem import Problem
+from granular_lmp.scene.scene import Scene
+
+_WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
+_LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
+_CELL = 100  # rows and columns of the cell that stands for a larger one
+# Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
+_PROCESS = 71e6
+_SPHERE = 1160.0
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a run of a scene would take.
+
+    Attributes
+    ----------
+    spheres, steps, records, runs : int
+        Steps of all runs together; more than one run where the scene has a tolerance.
+    snapshots : int
+        Of all spheres.
+    seconds : float or None
+        Of a run on one rank; None where LAMMPS cannot be asked.
+    basis : str
+        What the seconds were made of, or why there are none.
+    memory : float
+        Bytes.
+    """
+
+    spheres: int
+    steps: int
+    records: int
+    runs: int
+    snapshots: int
+    seconds: float | None
+    basis: str
+    memory: float
+
+
+def forecast(problem: Problem) -> Forecast:
+    """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
+
+    The seconds break down where the steps grow dearer on the way, as they do with opening contacts, and where the
+    machine has other work now than later: take them for a factor of two.
+    """
+    scene, declared = problem.scene, problem.declared
+    spheres, steps = scene.shape.spheres, planned_steps(declared)
+    every = scene.output.particles
+    try:
+        seconds, basis = _seconds(scene, steps)
+    except GranularError as error:
+        seconds, basis = None, f"unknown: {error}"
+    return Forecast(
+        spheres=spheres,
+        steps=steps,
+        records=scene.time.samples + 1,
+        runs=1 if declared.time.tolerance is None else RUNGS,
+        snapshots=int(scene.time.duration / every + 1e-9) + 1 if every else 0,
+        seconds=seconds,
+        basis=basis,
+        memory=_PROCESS + _SPHERE * spheres,
+    )
+
+
+def _seconds(scene: Scene, steps: int) -> tuple[float, str]:
+    spheres, small = scene.shape.spheres, scene
+    if spheres > _LARGEST:
+        small = scene.with_values(
+            {
+                **{"packing.rows": _CELL, "packing.columns": _CELL, "packing.ends": "periodic"},
+                **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
+                **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
+            }
+        )
+    rate, overhead = speed(small)
+    cell = "this scene" if small is scene else f"a cell of {_CELL} x {_CELL} of its spheres"
+    start = overhead * spheres / small.shape.spheres
+    return start + spheres * steps / rate, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
+
+
+def speed(scene: Scene) -> tuple[float, float]:
+    """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
+    per_sample = scene.shape.spheres * scene.time.steps_per_sample
+    duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
+    short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
+    with TemporaryDirectory(prefix="granular-lmp-") as folder:
+        for name in ("cold", "warm"):  # the first run starts LAMMPS
+            info = run(build(short), Path(folder) / name).info
+    return info["particles"] * info["steps"] / info["wall_seconds"]["loop"], info["wall_seconds"]["other"]

@@ -1,0 +1,147 @@
+"""What plain lmp left becomes a run folder, and what its files do not say is asked for."""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.cli import main
+from granular_lmp.errors import LammpsError, RunFolderError
+from granular_lmp.lammps.deck import said_variables
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.runs.adopt import adopt
+
+Left = Callable[..., Path]
+
+
+@pytest.fixture
+def left(small: Scene, tmp_path: Path) -> Left:
+    """Run the small scene's deck with plain lmp and -var, and return its folder."""
+
+    def make(*variables: str, scene: Scene = small, ranks: int = 1) -> Path:
+        folder = tmp_path / "left"
+        build(scene).write(folder)
+        pairs = [word for variable in variables for word in ("-var", *variable.split("="))]
+        deck = build(scene).input_name
+        subprocess.run([*lmp_command(ranks), "-in", deck, "-screen", "none", *pairs], cwd=folder, check=True)
+        return folder
+
+    return make
+
+
+def test_an_adopted_run_is_that_of_the_scene_with_the_variables_of_the_log(
+    left: Left, small: Scene, tmp_path: Path
+) -> None:
+    folder = left("amplitude=0.1", "duration=1.5", "timestep=0.025")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    adopted = adopt(folder, tmp_path / "adopted")
+    changes = {"wave.amplitude": 0.1, "time.duration": 1.5, "time.timestep": 0.025}
+    own = run(small.with_values(changes), tmp_path / "own")
+    assert adopted.scene == own.scene
+    # LAMMPS read 0.1 where our deck says 0.1, so the bytes are the same
+    assert (tmp_path / "adopted/trajectory.csv").read_bytes() == (tmp_path / "own/trajectory.csv").read_bytes()
+    # A deck whose step was changed by -var looks at other steps, so its guards see other extremes
+    quiet = [{name: guard["quiet"] for name, guard in each.info["guards"].items()} for each in (adopted, own)]
+    assert quiet[0] == quiet[1]
+    assert (tmp_path / "adopted/in.small").read_text() == (tmp_path / "own/in.small").read_text()
+    assert adopted.info["adopted"]["variables"]["amplitude"] == "0.1"
+    assert "edited" not in adopted.info
+    assert Record.load(tmp_path / "adopted").info["status"] == "finished"
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_friction_and_the_name_of_the_dump_are_read_too(left: Left, tmp_path: Path) -> None:
+    adopted = adopt(left("friction=3.5", "dump=mine"), tmp_path / "adopted")
+    assert adopted.scene.effects.friction == 3.5
+    assert (tmp_path / "adopted" / "dump.centre").is_file()
+
+
+def test_without_var_nothing_of_the_scene_changes(left: Left, small: Scene, tmp_path: Path) -> None:
+    adopted = adopt(left(), tmp_path / "adopted")
+    assert adopted.scene == run(small, tmp_path / "own").scene
+    assert adopted.info["ranks"] == 1
+
+
+def test_the_ranks_are_those_of_the_log(left: Left, tmp_path: Path) -> None:
+    assert adopt(left(ranks=2), tmp_path / "adopted").info["ranks"] == 2
+
+
+def test_a_log_that_does_not_say_the_variables_asks_for_them(left: Left, tmp_path: Path) -> None:
+    folder = left("amplitude=0.1")
+    log = folder / "log.lammps"
+    log.write_text("".join(line for line in log.read_text().splitlines(True) if "variables:" not in line))
+    assert said_variables(log.read_text()) is None
+    with pytest.raises(RunFolderError, match="does not say its variables, .*wave.amplitude = 0.2"):
+        adopt(folder, tmp_path / "adopted")
+    with pytest.raises(RunFolderError, match="begins with p, q = .* D0, but the wave of the scene with"):
+        adopt(folder, tmp_path / "adopted", changes={"wave.amplitude": 0.2})
+    assert not (tmp_path / "adopted").exists()
+    assert adopt(folder, tmp_path / "adopted", changes={"wave.amplitude": 0.1}).scene.wave.amplitude == 0.1
+
+
+def test_a_folder_without_a_scene_asks_for_it(left: Left, small: Scene, tmp_path: Path) -> None:
+    folder = left()
+    (folder / "scene.toml").unlink()
+    with pytest.raises(RunFolderError, match="holds no scene.toml; give the scene of its deck"):
+        adopt(folder, tmp_path / "adopted")
+    assert adopt(folder, tmp_path / "adopted", scene=small).scene.name == "small"
+
+
+@pytest.mark.parametrize("name", ["dump.centre", "log.lammps", "in.small"])
+def test_a_file_that_is_missing_is_named(name: str, left: Left, tmp_path: Path) -> None:
+    folder = left()
+    (folder / name).unlink()
+    with pytest.raises(RunFolderError, match=name):
+        adopt(folder, tmp_path / "adopted")
+    assert not (tmp_path / "adopted").exists()
+
+
+def test_a_run_that_was_cut_off_is_kept_as_failed(left: Left, tmp_path: Path) -> None:
+    folder = left()
+    dump = folder / "dump.centre"
+    dump.write_text("".join(dump.read_text().splitlines(True)[:30]))
+    with pytest.raises(LammpsError, match="3 records instead of 5"):
+        adopt(folder, tmp_path / "adopted")
+    assert json.loads((tmp_path / "adopted/run.json").read_text())["status"] == "failed"
+
+
+def test_a_deck_with_lines_of_ones_own_says_so(left: Left, small: Scene, tmp_path: Path) -> None:
+    folder = left()
+    text = build(small).edited(after={"motion": "# mine"}).input_text
+    (folder / "in.small").write_text(text)
+    assert adopt(folder, tmp_path / "adopted").info["edited"] == ["+ # mine"]
+    assert (tmp_path / "adopted/in.small").read_text() == text
+
+
+def test_the_command_says_what_the_log_said(left: Left, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = left("amplitude=0.1")
+    assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 0
+    said = capsys.readouterr()
+    assert "24 spheres, 40 steps, 5 records" in said.out
+    assert "note: amplitude = 0.1, as the log says" in said.err
+    assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 2  # it is there already
+    assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted"), "--force"]) == 0
+    shutil.rmtree(folder)
+    assert main(["adopt", str(folder)]) == 2
+
+
+@pytest.mark.parametrize("name", ["xi", "mode", "rows", "columns", "amp"])
+def test_a_variable_that_a_deck_does_not_have_is_refused_by_lammps(name: str, small: Scene, tmp_path: Path) -> None:
+    build(small).write(tmp_path / "deck")
+    command = [*lmp_command(1), "-in", "in.small", "-screen", "none", "-var", name, "1"]
+    done = subprocess.run(command, cwd=tmp_path / "deck", check=False)
+    assert done.returncode == 1
+    assert "is no variable of it" in (tmp_path / "deck/log.lammps").read_text()
+    assert not (tmp_path / "deck/dump.centre").exists()
+
+
+def test_a_wrong_record_is_not_adopted_as_another(left: Left, small: Scene, tmp_path: Path) -> None:
+    other = small.with_values({"wave.mode": "RT"})
+    with pytest.raises(RunFolderError, match="begins with p, q"):
+        adopt(left(), tmp_path / "adopted", scene=other)
+    np.testing.assert_equal((tmp_path / "adopted").exists(), False)

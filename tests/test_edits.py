@@ -1,0 +1,68 @@
+"""Lines of one's own in a deck: where they go, and that a run of them says so."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.compare import notes
+from granular_lmp import Scene, build, run
+from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.errors import DeckError, RunFolderError
+from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
+from granular_lmp.runs.record import write_status
+
+PLACES = ["variables", "units", "lattice", "contacts", "preload", "wave", "motion", "guards", "record", "run"]
+# A force along x on every mobile sphere, in ag nm/ns2: 1e-5 of the force of a contact, which triggers no guard
+PUSH = "fix push mobile addforce 1.0 0.0 0.0"
+
+
+def test_the_places_of_a_deck_are_its_headings(small: Scene) -> None:
+    assert build(small).places == PLACES
+    assert "drive" in build(Scene.load("tr_driven")).places
+    text = build(small).input_text
+    assert "".join(text[begin:end] for begin, end in blocks(text).values()) == text[text.index("# --- variables") :]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_lines_stand_before_and_after_the_block_and_nothing_else_changes(place: str, small: Scene) -> None:
+    deck = build(small)
+    edited = deck.edited(before={place: "# mine, first"}, after={place: "# mine,\n# last"})
+    assert edited.edits() == ["+ # mine, first", "+ # mine,", "+ # last"]
+    lines = edited.input_text.splitlines()
+    first, last = lines.index("# mine, first"), lines.index("# last")
+    assert re.match(rf"# --- {place}|{place} \$", lines[first + 1])
+    inside = [name for name in PLACES if any(line.startswith(f"# --- {name}") for line in lines[first:last])]
+    assert inside in ([place], [])
+
+
+def test_a_place_that_is_not_there_is_refused_by_name(small: Scene) -> None:
+    with pytest.raises(DeckError, match="'contact': no such place in this deck; did you mean 'contacts'"):
+        build(small).edited(after={"contact": PUSH})
+    with pytest.raises(DeckError, match="'drive': no such place in this deck; allowed: variables, units, lattice"):
+        build(small).edited(before={"drive": PUSH})
+
+
+def test_a_deck_that_was_not_edited_has_no_edits(small: Scene) -> None:
+    deck = build(small)
+    assert deck.edits() == []
+    assert with_lines(deck.input_text, {}, {}) == deck.input_text
+    assert differing_lines("a\nb", "a\nc") == ["- b", "+ c"]
+
+
+def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_path: Path) -> None:
+    plain = run(small, tmp_path / "plain")
+    pushed = run(build(small).edited(after={"motion": PUSH}), tmp_path / "pushed")
+    assert np.abs(pushed.q - plain.q).max() > 0
+    assert "edited" not in plain.info
+    assert pushed.info["edited"] == [f"+ {PUSH}"]
+    assert any("its deck was edited in 1 lines" in note for note in notes(pushed))
+    assert not any("edited" in note for note in notes(plain))
+
+
+def test_an_edited_run_is_not_resumed_without_its_edits(small: Scene, tmp_path: Path) -> None:
+    record = run(build(small).edited(after={"motion": PUSH}), tmp_path / "run")
+    write_status(tmp_path / "run", record.info | {"status": "interrupted"})
+    with pytest.raises(RunFolderError, match="its deck was edited, which resume does not know of"):
+        resume(tmp_path / "run")

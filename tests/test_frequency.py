@@ -1,0 +1,88 @@
+"""A wave declared by its frequency: the wave numbers that have it, and what is said of them."""
+
+import re
+from math import pi
+
+import pytest
+
+from granular_lmp import Scene, build
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.errors import SceneError
+from granular_lmp.problem import prepare
+from granular_lmp.scene.frequency import wavenumbers_at
+from granular_lmp.scene.linear import physics_of
+from granular_lmp.studies.sweep_points import scene_hash
+
+PAPER = Scene.load("tr_nonresonant")
+OPEN = PAPER.with_values({"packing.rows": "auto", "packing.ends": "periodic", "time.duration": 5.0})
+
+
+def hertz(scene: Scene, wavenumber: float, degrees: float = 90.0) -> float:
+    """Return the frequency of the scene's mode at a wave number."""
+    vector = WaveVector.of(wavenumber, degrees)
+    mode = bloch_mode(unit_lattice(scene.sphere), scene.sphere, vector, scene.wave.mode, physics_of(scene))
+    return mode.frequency / scene.sphere.time_scale / (2 * pi)
+
+
+@pytest.mark.parametrize("mode", ["L", "TR", "RT"])
+@pytest.mark.parametrize("wavenumber", [0.1, 0.802, 2.5])
+def test_the_wave_number_of_a_frequency_is_among_those_found(mode: str, wavenumber: float) -> None:
+    scene = PAPER.with_values({"wave.mode": mode})
+    found = wavenumbers_at(hertz(scene, wavenumber), scene.sphere, physics_of(scene), mode, 90.0)
+    # Bisection to the last bits of ξ; Ω(ξ) is flat to 1e-3 at the most here, which costs three digits
+    assert min(abs(each - wavenumber) for each in found) < 1e-11
+    assert list(found) == sorted(found)
+
+
+def test_every_wave_number_found_has_the_frequency_also_where_there_are_two() -> None:
+    scene = PAPER.with_values({"wave.mode": "L"})  # sin(ξ/2) along y rises; along x L has its top inside the zone
+    frequency = hertz(scene, 3.5, 0.0)
+    found = wavenumbers_at(frequency, scene.sphere, physics_of(scene), "L", 0.0)
+    assert len(found) == 2
+    for each in found:
+        assert hertz(scene, each, 0.0) == pytest.approx(frequency, rel=1e-12)
+    chosen = OPEN.with_values({"wave.mode": "L", "wave.direction": "x", "wave.frequency": frequency})
+    assert chosen.wave.wavenumber == found[0]
+    assert f"the smallest is taken, {found[1]:.6g} has it too" in chosen.remarks()[0]
+
+
+def test_a_frequency_outside_the_band_names_the_band() -> None:
+    top = hertz(PAPER, pi)
+    with pytest.raises(SceneError, match=re.escape(f", {top:.6g}] Hz in this lattice")):
+        PAPER.with_values({"wave.frequency": 1e9})
+    just_inside = PAPER.with_values({"wave.frequency": top * (1 - 1e-9)})
+    assert just_inside.wave.wavenumber < pi
+
+
+@pytest.mark.parametrize("other", ["wavenumber", "wavevector"])
+def test_a_frequency_excludes_what_it_stands_for(other: str) -> None:
+    tables = PAPER.to_dict()
+    tables["wave"] |= {"frequency": 8e7, other: 0.8 if other == "wavenumber" else [0.0, 1.0]}
+    if other == "wavevector":
+        del tables["wave"]["wavenumber"], tables["wave"]["direction"]
+    with pytest.raises(SceneError, match="excludes wave"):
+        Scene.from_dict(tables)
+
+
+def test_a_declared_frequency_stays_declared_and_is_solved_again_for_other_spheres() -> None:
+    scene = PAPER.with_values({"wave.frequency": 8e7})
+    assert Scene.loads(scene.to_toml()) == scene
+    softer = scene.with_values({"sphere.youngs_modulus": 60e9})
+    assert softer.wave.frequency == 8e7
+    assert softer.wave.wavenumber > scene.wave.wavenumber
+    assert scene.with_values({"wave.wavenumber": 0.8}).wave.frequency is None
+
+
+def test_a_run_is_that_of_the_wave_number() -> None:
+    scene = PAPER.with_values({"wave.frequency": 8e7})
+    same = PAPER.with_values({"wave.wavenumber": scene.wave.wavenumber})
+    assert scene_hash(scene) == scene_hash(same)
+    assert prepare(scene).scene == prepare(same).scene
+    assert build(scene).input_text == build(same).input_text
+
+
+def test_a_frequency_of_a_lattice_that_nothing_holds_is_refused_for_that() -> None:
+    with pytest.raises(SceneError, match="packing.contact_force = 0.0: must be above 0"):
+        PAPER.with_values({"wave.frequency": 8e7, "sphere.work_of_adhesion": 0.0})

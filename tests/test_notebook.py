@@ -1,0 +1,79 @@
+"""What a notebook shows: short lines, small pictures, and errors that speak Python; the command line speaks options."""
+
+from base64 import b64decode
+from pathlib import Path
+from typing import Any
+
+import pytest
+from analysis.plotting import load
+
+import granular_lmp
+from granular_lmp import Scene, build, run
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError
+from granular_lmp.studies.sweep import Sweep, sweep
+
+PNG = b"\x89PNG"
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """A scene, its deck, a record and a sweep."""
+    folder = tmp_path_factory.mktemp("notebook")
+    scene = Scene.load("tr_periodic").with_values({"time.duration": 2.0})
+    done = sweep(scene, {"wave.amplitude": [0.01 * k for k in range(1, 9)]}, folder / "sweep")
+    return {"scene": scene, "deck": build(scene), "record": run(scene, folder / "run"), "sweep": done}
+
+
+@pytest.mark.parametrize("name", ["scene", "deck", "record", "sweep"])
+def test_a_repr_is_one_short_line(name: str, shown: dict[str, Any]) -> None:
+    text = repr(shown[name])
+    assert "\n" not in text
+    assert len(text) < 200 + len(str(getattr(shown[name], "folder", "")))
+
+
+@pytest.mark.parametrize("name", ["scene", "deck", "record", "sweep"])
+def test_a_notebook_shows_a_small_picture(name: str, shown: dict[str, Any]) -> None:
+    page = shown[name]._repr_html_()
+    picture = b64decode(page.partition("base64,")[2].partition('"')[0])
+    assert picture.startswith(PNG)
+    assert len(picture) < 50_000
+    assert repr(shown[name]).split()[1].rstrip(":") in page
+
+
+def test_a_deck_shows_its_text_escaped_and_its_places(shown: dict[str, Any]) -> None:
+    page = shown["deck"].edited(after={"run": "# <b>mine</b>"})._repr_html_()
+    assert "# &lt;b&gt;mine&lt;/b&gt;" in page
+    assert "1 lines" in page
+    assert "contacts, preload, wave" in page
+
+
+def test_a_sweep_of_which_nothing_is_finished_has_no_picture(shown: dict[str, Any], tmp_path: Path) -> None:
+    done = shown["sweep"]
+    rows = [row | {"status": "unfinished"} for row in done.rows]
+    page = Sweep(tmp_path, done.scene, done.over, rows)._repr_html_()
+    assert "<img" not in page
+    assert page.count("<tr>") == 1 + 6  # the head, and the first six of eight
+    assert "and 2 more" in page
+
+
+def test_what_has_no_picture_is_refused() -> None:
+    with pytest.raises(TypeError, match="int: a notebook has no picture of it"):
+        granular_lmp.html(3)
+
+
+def test_an_error_says_force_in_python_and_as_an_option(
+    shown: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(RunFolderError, match=r"is there already; choose another folder or say force=True$"):
+        run(shown["scene"], tmp_path)
+    assert main(["run", "tr_periodic", "-o", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.endswith("choose another folder or say --force\n")
+
+
+def test_a_script_of_analysis_speaks_of_options_too(shown: dict[str, Any], tmp_path: Path) -> None:
+    record = run(shown["scene"], tmp_path / "run")
+    assert record.folder is not None
+    (record.folder / "scene.toml").write_text(shown["scene"].to_toml().replace("amplitude = 0.2", "amplitude = 0.1"))
+    with pytest.raises(SystemExit, match="put it back, or run with --force"):
+        load(record.folder)
