@@ -77,7 +77,7 @@ def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Ca
     try:
         found = compare()
     except GranularError as error:  # which names the folder
-        raise SystemExit(str(error)) from error
+        raise SystemExit(error.in_options()) from error
     except ValueError as error:
         raise SystemExit(f"{run}: {error}") from error
     print(table(found))

@@ -9,6 +9,7 @@ below. Resonance and antiresonance are located twice, by theory and by the runs 
 """
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as closed
-from analysis.figures.plotting import COLOURS, parser, save, start
+from analysis.figures.plotting import COLOURS, parser, save, start, write
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
 from analysis.theory.choice import wave_of
@@ -102,9 +103,19 @@ def _deviations(axes: Axes, points: Sequence[Point]) -> None:
     axes.axhline(BOUND, color="black", linewidth=0.8, linestyle=":", label=f"{BOUND:.1%}")
 
 
+def to_csv(points: Sequence[Point]) -> str:
+    """Return the points as CSV: amplitudes in εD0, each number in the shortest form that reads back to the same."""
+    lines = ["mode,wavenumber,amplitude,standard_error,theory,deviation"]
+    for each in sorted(points, key=lambda point: (point.mode, point.wavenumber)):
+        numbers = (each.wavenumber, each.value, each.error, each.predicted, each.deviation)
+        lines.append(",".join([each.mode, *(repr(float(number)) for number in numbers)]))
+    return "\n".join(lines) + "\n"
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     options = parser(__doc__, "figures/spectrum.png", sweeps="folders of sweeps over wave.mode, wave.wavenumber")
+    options.add_argument("--csv", metavar="FILE", help="write the points too: mode, wave number, amplitude, theory")
     chosen = options.parse_args(arguments)
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not runs:
@@ -118,6 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.error(str(error))
     points = [point(record) for record in records]
     print(table(points, records))
+    if chosen.csv:
+        write(Path(chosen.csv), to_csv(points))
     save(draw(points, records), chosen.output)
     return 0
 

@@ -47,7 +47,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     try:
         return record, rows_of(record)
     except GranularError as error:
-        raise SystemExit(str(error)) from error
+        raise SystemExit(error.in_options()) from error
 
 
 def rows_of(record: Record) -> Rows:

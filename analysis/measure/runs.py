@@ -12,7 +12,7 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     try:
         record = Record.load(folder, unfinished=unfinished)
     except GranularError as error:
-        raise SystemExit(str(error)) from error
+        raise SystemExit(error.in_options()) from error
     if len(record.tau) < 2:
         raise SystemExit(f"{folder}: {len(record.tau)} records; there is nothing to compare")
     tracked = [x for x in (record.p, record.q, record.phi) if not (x is record.phi and np.isnan(x).all())]
