@@ -131,7 +131,7 @@ def run_blocks(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/sweeps.md", "docs/gallery.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/how-to.md", "docs/sweeps.md", "docs/gallery.md"])
 def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
     done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
     assert done.returncode == 0, done.stderr
