@@ -135,14 +135,17 @@ def run_blocks(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-<<<<<<< HEAD
-PAGES_OF_PYTHON = ["README.md", "docs/sweeps.md", "docs/gallery.md", "docs/network.md", "docs/imperfect.md"]
+PAGES_OF_PYTHON = [
+    "README.md",
+    "docs/how-to.md",
+    "docs/sweeps.md",
+    "docs/gallery.md",
+    "docs/network.md",
+    "docs/imperfect.md",
+]
 
 
 @pytest.mark.parametrize("page", PAGES_OF_PYTHON)
-=======
-@pytest.mark.parametrize("page", ["README.md", "docs/how-to.md", "docs/sweeps.md", "docs/gallery.md"])
->>>>>>> commands
 def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
     done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
     assert done.returncode == 0, done.stderr
