@@ -1,10 +1,12 @@
 """Hooks of the documentation site: figures beside the sources, links out of ``docs``, equations, generated pages.
 
 The pages are written so that they read on a repository's own web page too: links go by relative paths, equations stand
-between dollars. Here figures become files of the site, links to other files of the repository lose their target (they
-are shown as code), and equations become MathML, which browsers draw without a script or a connection.
+between dollars. Here figures and a few pages of the repository become files of the site, links to other files of the
+repository lose their target (they are shown as code), and equations become MathML, which browsers draw without a script
+or a connection.
 """
 
+import posixpath
 import re
 from html import unescape
 from pathlib import Path
@@ -14,17 +16,27 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+# Pages of the repository → their place among the sources of the site
+PAGES = {
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+    "benchmarks/RESULTS.md": "benchmarks.md",
+    "README.md": "index.md",
+}
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
-_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./(?!figures/)([^)]+)\)")
+_LINK = re.compile(r"(!?)\[([^\]]+)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Add the figures of the repository."""
+    """Add the figures and some pages of the repository."""
     for path in sorted((ROOT / "figures").rglob("*")):
         if path.suffix in (".png", ".gif", ".svg"):
             inside = path.relative_to(ROOT).as_posix()
             files.append(File.generated(config, inside, abs_src_path=str(path)))
+    for source, place in PAGES.items():
+        if files.get_file_from_path(place) is None:
+            files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
     return files
 
 
@@ -36,8 +48,33 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- scene keys -->", reference())
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
-    text = text.replace("](../figures/", "](figures/").replace('src="../figures/', 'src="figures/')
-    return _OUTSIDE.sub(r"`\2`", text)
+    source = {place: source for source, place in PAGES.items() if place != "index.md"}
+    return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
+
+
+def moved_links(text: str, source: str, place: str) -> str:
+    """Return a page with its relative links turned from the repository to the site.
+
+    Parameters
+    ----------
+    text : str
+        The page, in Markdown.
+    source, place : str
+        Its path in the repository, and among the sources of the site.
+    """
+
+    def moved(match: re.Match[str]) -> str:
+        image, label, link, part = match.groups("")
+        target = posixpath.normpath(posixpath.join(posixpath.dirname(source), link))
+        if target in PAGES:
+            target = PAGES[target]
+        elif target.startswith("docs/"):
+            target = target.removeprefix("docs/")
+        elif not target.startswith("figures/"):
+            return label if label.startswith("`") else f"`{target}`"
+        return f"{image}[{label}]({posixpath.relpath(target, posixpath.dirname(place))}{part})"
+
+    return _LINK.sub(moved, text)
 
 
 def on_page_content(html: str, **rest: Any) -> str:
