@@ -11,6 +11,7 @@ import re
 from html import unescape
 from pathlib import Path
 from typing import Any
+from unicodedata import lookup
 
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
@@ -25,6 +26,15 @@ PAGES = {
 }
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
+_SCRIPT = re.compile(r'<mi mathvariant="script">([A-Z])</mi>')
+_NAMES = "<mi>(?:sin|cos|tan|cot|arccos|ln|tanh)</mi>"
+_FUNCTION = rf"(?:<msup>{_NAMES}<mn>\d</mn></msup>|(?<!<msup>){_NAMES})"
+_BEFORE_FUNCTION = re.compile(rf"(</m(?:i|n|sub|sup|frac|row|style)>)({_FUNCTION})")
+_AFTER_FUNCTION = re.compile(rf"({_FUNCTION})(?=<m(?!o))")
+_THIN = '<mspace width="0.167em"/>'
+_CELL = re.compile(r"<td[^>]*>.*?</td>", re.DOTALL)
+_NUMBER = re.compile(r"(?<![\w.])\d[\d.]*e[-+]\d+(?![^<]*>)")
+_NAME = re.compile(r"<code>[\w.\[\]]{25,}</code>")
 _LINK = re.compile(r"(!?)\[([^\]]+)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
 
 
@@ -42,6 +52,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
     """Fill in the generated tables, and turn links that leave ``docs`` into what the site holds."""
+    if page.parent is None:  # the only page of its tab: no list of pages beside it
+        page.meta["hide"] = ["navigation"]
     if "<!-- scene keys -->" in text:
         from granular_lmp.scene.json_schema import reference
 
@@ -78,13 +90,24 @@ def moved_links(text: str, source: str, place: str) -> str:
 
 
 def on_page_content(html: str, **rest: Any) -> str:
-    """Turn equations into MathML."""
+    """Turn equations into MathML; in tables, keep numbers in one piece and let long names break between words."""
+    html = _CELL.sub(lambda cell: _NUMBER.sub(r'<span class="number">\g<0></span>', cell[0]), html)
+    html = _CELL.sub(lambda cell: _NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), cell[0]), html)
     html = _DISPLAY.sub(lambda match: _mathml(match[1], "block"), html)
     return _INLINE.sub(lambda match: _mathml(match[1], "inline"), html)
 
 
 def _mathml(equation: str, display: str) -> str:
-    return str(convert(unescape(equation), display=display))
+    """Return an equation as MathML, with what latex2mathml leaves out.
+
+    It knows ``align*`` and not ``aligned``, takes ± for a letter, sets no space around the names of functions, and asks
+    for script letters by an attribute that browsers no longer read.
+    """
+    mathml = str(convert(unescape(equation).replace("{aligned}", "{align*}"), display=display))
+    mathml = re.sub(r"<mi>(&#x000B1;|&#x02213;)</mi>", r"<mo>\1</mo>", mathml)
+    mathml = _SCRIPT.sub(lambda letter: f"<mi>{lookup(f'MATHEMATICAL SCRIPT CAPITAL {letter[1]}')}</mi>", mathml)
+    mathml = _BEFORE_FUNCTION.sub(rf"\1{_THIN}\2", mathml)
+    return _AFTER_FUNCTION.sub(rf"\1{_THIN}", mathml)
 
 
 def _commands() -> str:

@@ -315,7 +315,7 @@ class Scene:
 
     @property
     def echo_time(self) -> float:
-        """τ until which the centre sphere does not hear the walls (`echo_time`); infinite in a periodic cell."""
+        """τ at which the echo of the walls reaches the centre sphere; infinite in a periodic cell."""
         return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:

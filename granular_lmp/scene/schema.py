@@ -130,9 +130,7 @@ def number(
     return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
-def count(
-    meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any
-) -> Any:
+def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any) -> Any:
     """A dataclass field that holds a whole number."""
     return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, because)}, **default)
 
