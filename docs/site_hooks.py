@@ -26,13 +26,14 @@ PAGES = {
 }
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
-_SCRIPT = re.compile(r'<mi mathvariant="script">([A-Z])</mi>')
+_STYLED = re.compile(r'<mi mathvariant="(script|bold)">([A-Za-z])</mi>')
 _NAMES = "<mi>(?:sin|cos|tan|cot|arccos|ln|tanh)</mi>"
 _FUNCTION = rf"(?:<msup>{_NAMES}<mn>\d</mn></msup>|(?<!<msup>){_NAMES})"
 _BEFORE_FUNCTION = re.compile(rf"(</m(?:i|n|sub|sup|frac|row|style)>)({_FUNCTION})")
 _AFTER_FUNCTION = re.compile(rf"({_FUNCTION})(?=<m(?!o))")
 _THIN = '<mspace width="0.167em"/>'
 _CELL = re.compile(r"<td[^>]*>.*?</td>", re.DOTALL)
+_TEXT = re.compile(r"<(td|p|li)\b[^>]*>.*?</\1>", re.DOTALL)
 _NUMBER = re.compile(r"(?<![\w.])\d[\d.]*e[-+]\d+(?![^<]*>)")
 _NAME = re.compile(r"<code>[\w.\[\]]{25,}</code>")
 _LINK = re.compile(r"(!?)\[([^\]]+)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
@@ -90,8 +91,8 @@ def moved_links(text: str, source: str, place: str) -> str:
 
 
 def on_page_content(html: str, **rest: Any) -> str:
-    """Turn equations into MathML; in tables, keep numbers in one piece and let long names break between words."""
-    html = _CELL.sub(lambda cell: _NUMBER.sub(r'<span class="number">\g<0></span>', cell[0]), html)
+    """Turn equations into MathML; keep numbers in one piece; in tables, let long names break between words."""
+    html = _TEXT.sub(lambda text: _NUMBER.sub(r'<span class="number">\g<0></span>', text[0]), html)
     html = _CELL.sub(lambda cell: _NAME.sub(lambda name: name[0].replace("_", "_<wbr>"), cell[0]), html)
     html = _DISPLAY.sub(lambda match: _mathml(match[1], "block"), html)
     return _INLINE.sub(lambda match: _mathml(match[1], "inline"), html)
@@ -101,13 +102,19 @@ def _mathml(equation: str, display: str) -> str:
     """Return an equation as MathML, with what latex2mathml leaves out.
 
     It knows ``align*`` and not ``aligned``, takes ± for a letter, sets no space around the names of functions, and asks
-    for script letters by an attribute that browsers no longer read.
+    for script and bold letters by an attribute that browsers no longer read.
     """
     mathml = str(convert(unescape(equation).replace("{aligned}", "{align*}"), display=display))
     mathml = re.sub(r"<mi>(&#x000B1;|&#x02213;)</mi>", r"<mo>\1</mo>", mathml)
-    mathml = _SCRIPT.sub(lambda letter: f"<mi>{lookup(f'MATHEMATICAL SCRIPT CAPITAL {letter[1]}')}</mi>", mathml)
+    mathml = _STYLED.sub(_styled, mathml)
     mathml = _BEFORE_FUNCTION.sub(rf"\1{_THIN}\2", mathml)
     return _AFTER_FUNCTION.sub(rf"\1{_THIN}", mathml)
+
+
+def _styled(letter: re.Match[str]) -> str:
+    style, character = letter.groups()
+    case = "CAPITAL" if character.isupper() else "SMALL"
+    return f"<mi>{lookup(f'MATHEMATICAL {style} {case} {character}'.upper())}</mi>"
 
 
 def _commands() -> str:

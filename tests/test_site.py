@@ -132,6 +132,7 @@ def test_links_of_the_repository_become_links_of_the_site(link: str, moved: str)
         (r"\begin{aligned}a&=b\\\\c&=d\end{aligned}", "<mtable"),
         (r"a\pm b", "<mo>&#x000B1;</mo>"),
         (r"\mathcal S", "<mi>\U0001d4ae</mi>"),
+        (r"\mathbf k", "<mi>\U0001d424</mi>"),
         (r"Q\cos\xi", '<mi>Q</mi><mspace width="0.167em"/><mi>cos</mi><mspace width="0.167em"/><mi>&#x003BE;</mi>'),
         (r"\sin(x)", "<mi>sin</mi><mo"),
     ],

@@ -47,7 +47,7 @@ def follow(text: str, folder: Path) -> list[str]:
 def known(command: str) -> bool:
     """Whether this version has the command; one of the few that another version adds is left out."""
     name = f"granular-lmp {command.split()[1]}"
-    takes_a_file = not command.startswith("granular-lmp init ") or "[SCENE" in help_texts()[name]
+    takes_a_file = not command.startswith("granular-lmp init ") or "positional" in help_texts()[name]
     left_out = command.split()[1] in LATER and not (name in help_texts() and takes_a_file)
     assert left_out or name in help_texts() or command.startswith("granular-analysis ")
     return not left_out
