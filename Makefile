@@ -12,6 +12,7 @@
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
+# make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
@@ -27,7 +28,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: paper figures spectrum dispersion waves gallery test processors stability guards cost bench scale decks \
-    docs clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
+    docs rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
 paper: .venv/ready
@@ -130,7 +131,19 @@ scale: .venv/ready
 decks: .venv/ready
 	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
 
-# A marker file, written last: an interrupted installation is repeated.
+# A warning is an error: a link, an anchor or a page of the navigation that is not there. The variable silences a notice of
+# the theme's vendor about another program
+docs: .venv/docs-ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+rooms: .venv/ready
+	$(BIN)/python docs/rooms.py
+
+# Marker files, written last: an interrupted installation is repeated.
+.venv/docs-ready: .venv/ready
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
 .venv/ready: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or later is needed: make PYTHON=python3.12 ...") if sys.version_info < (3, 11) else None'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -138,4 +151,4 @@ decks: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves build dist .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves build dist site .venv .pytest_cache .mypy_cache .ruff_cache

@@ -85,18 +85,26 @@ def ratios(
 
     Parameters
     ----------
-    poisson_ratio : ν of the spheres, in [−1, 0.5].
-    inertia : I/(mR²) > 0.
-    overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
-    prestress : F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does.
-    shear : whether contacts resist shear.
-    rotation : whether the spheres turn; if not, TR is purely transverse, Ω = √μ1 sin(ξ/2), and there is no RT.
+    poisson_ratio
+        ν of the spheres, in [−1, 0.5].
+    inertia
+        I/(mR²) > 0.
+    overlap_ratio
+        η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
+    prestress
+        F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does.
+    shear
+        Whether contacts resist shear.
+    rotation
+        Whether the spheres turn; if not, TR is purely transverse, Ω = √μ1 sin(ξ/2), and there is no RT.
 
     Raises
     ------
     ValueError
         For a value outside these ranges.
 
+    Notes
+    -----
     γ keeps its value of the paper at η > 0: no second harmonic depends on it.
 
     Source: definitions below eqr, right as printed; geometry, compression and what is left out are not in the paper.
@@ -294,13 +302,21 @@ def second_harmonic(
 
     Parameters
     ----------
-    mode : the fundamental wave.
-    ratios : constants the mode was made with.
-    amplitude : a = D0/Δ0.
-    tau : times, any shape.
-    row : n, counted from the row where ϑ = −Ωτ + phase.
-    phase : rad.
+    mode
+        The fundamental wave.
+    ratios
+        Constants the mode was made with.
+    amplitude
+        a = D0/Δ0.
+    tau
+        Times, any shape.
+    row
+        n, counted from the row where ϑ = −Ωτ + phase.
+    phase
+        rad.
 
+    Notes
+    -----
     Breaks when p_SH is no longer small (near the resonance for τ ≳ 1/|ε|) and where g ≈ 0 (the antiresonance): there p
     is of order a⁴. Away from both, the relative error of p, q and φ falls as a².
 

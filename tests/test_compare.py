@@ -299,19 +299,20 @@ def test_scripts_say_in_one_line_what_is_wrong(
     assert message in f"{caught.value} {capsys.readouterr().err}"
 
 
-# --- the README ---
+# --- docs/results.md ---
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
 
 
-def readme_row(label: str) -> list[list[float]]:
-    """The numbers of the row of README's table that starts with a label, by case."""
-    (line,) = [line for line in README.splitlines() if line.startswith(f"| {label}")]
+def shown_row(label: str) -> list[list[float]]:
+    """Return the numbers of the row of the page's table that starts with a label, by case."""
+    (line,) = [line for line in PAGE.splitlines() if line.startswith(f"| {label}")]
     return [[float(word) for word in re.findall(r"[\d.]+(?:e[-+]\d+)?", cell)] for cell in line.split("|")[2:-1]]
 
 
 @pytest.mark.parametrize(("case", "xi"), list(enumerate([0.802, 1.475, 2.127])))
-def test_the_table_of_the_readme_is_measured(case: int, xi: float, paper_run: Callable[..., Record]) -> None:
+def test_the_table_of_the_results_page_is_measured(case: int, xi: float, paper_run: Callable[..., Record]) -> None:
     record = paper_run({"wave.wavenumber": xi, "time.timestep": 0.0125, "time.duration": 165.0})
     ours, paper = compare.compare(record), compare.compare(record, "second-order")
     # Two digits are printed: half a unit of the second is at most 5 %
@@ -320,17 +321,25 @@ def test_the_table_of_the_readme_is_measured(case: int, xi: float, paper_run: Ca
         ("best theory", ours.error),
         ("exact lattice", ours.lattice_error),
     ):
-        assert readme_row(label)[case] == pytest.approx(list(errors.values()), rel=0.05), label
+        assert shown_row(label)[case] == pytest.approx(list(errors.values()), rel=0.05), label
     plain = ratios(0.17)
     wave = mode("TR", xi, plain)
     corrected = abs(nonlinearity(plain, 0.2) * generated_amplitude(wave, plain)) / 2
-    assert readme_row("closed form, misprints")[case] == pytest.approx([corrected], rel=5e-4)
-    assert readme_row("closed form in LAMMPS")[case] == pytest.approx([ours.predicted], rel=5e-4)
+    assert shown_row("closed form, misprints")[case] == pytest.approx([corrected], rel=5e-4)
+    assert shown_row("closed form in LAMMPS")[case] == pytest.approx([ours.predicted], rel=5e-4)
     # Printed: complex fields with 4/3 for 1/2, and 3/2 for √3 in ε
     printed = corrected * (4 / 3) / (1 / 2) * (3 / 2) / np.sqrt(3)
-    assert readme_row("second harmonic, as the paper")[case] == pytest.approx([printed], rel=5e-3)
+    assert shown_row("second harmonic, as the paper")[case] == pytest.approx([printed], rel=5e-3)
     if ours.measured is not None:
-        assert readme_row("LAMMPS, by least squares")[case] == pytest.approx([ours.measured], rel=5e-4)
+        assert shown_row("LAMMPS, by least squares")[case] == pytest.approx([ours.measured], rel=5e-4)
+
+
+def test_the_rows_of_the_readme_are_those_of_the_results_page() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    start = readme.index(next(line for line in PAGE.splitlines() if line.startswith("| | ξ = 0.802")))
+    rows = readme[start + 2 : readme.index("", start)]
+    assert len(rows) == 3
+    assert set(rows) <= set(PAGE.splitlines())
 
 
 def test_what_the_caption_of_figure_3_says_of_the_resonance(paper_run: Callable[..., Record]) -> None:

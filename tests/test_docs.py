@@ -19,7 +19,7 @@ from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 THEORY = ROOT / "docs" / "theory.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
 PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
@@ -112,6 +112,67 @@ def test_a_name_of_nothing_is_found() -> None:
     assert missing_names(page) == {"analysis.latice", "analysis.theory.lattice.tori"}
 
 
+# ---------------------------------------------------------------- prose
+
+LONGEST = 120
+EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
+GENERATED = re.compile(r"<!-- (\w+): begin -->.*?<!-- \1: end -->", re.DOTALL)
+# Guards do not wake and waves are not heard; a setting is called a setting
+AVOIDED = re.compile(r"\b(heard|wakes?|loud|knobs?)\b", re.IGNORECASE)
+WRITTEN_BY_A_PROGRAM = {"stability.md"}
+
+
+def prose(text: str) -> str:
+    """Return a page without code blocks, displayed equations and generated tables."""
+    for kind in (GENERATED, CODE, EQUATION):
+        text = kind.sub("", text)
+    return text
+
+
+def long_lines(text: str) -> list[str]:
+    """Return the lines that are longer than a page's source may be; tables, headings and pictures cannot be wrapped."""
+    return [line for line in prose(text).splitlines() if len(line) > LONGEST and not re.match(r" *\||#|!\[", line)]
+
+
+def long_captions(text: str) -> list[str]:
+    """Return the captions, paragraphs in italics below a picture, of more than three sentences."""
+    captions = re.findall(r"^!\[.*\n\n(\*[^*\s].*?)\n\n", text + "\n\n", re.MULTILINE | re.DOTALL)
+    return [caption for caption in captions if len(re.findall(r"\.(?=\s+[A-Z]|\*?$)", caption)) > 3]
+
+
+def avoided_words(text: str) -> set[str]:
+    """Return words of the prose that the pages avoid; names in backticks may hold them."""
+    return {word.lower() for word in AVOIDED.findall(re.sub(r"`[^`]*`", "", prose(text)))}
+
+
+def named_in_prose(text: str) -> list[str]:
+    """Return the lines outside of tables that name a test."""
+    return [line for line in prose(text).splitlines() if "`test_" in line and not line.lstrip().startswith("|")]
+
+
+@each_page
+def test_a_page_is_written_in_lines_and_captions_that_are_not_too_long(page: Path) -> None:
+    assert long_lines(page.read_text("utf-8")) * (page.name not in WRITTEN_BY_A_PROGRAM) == []
+    assert long_captions(page.read_text("utf-8")) == []
+
+
+@each_page
+def test_tests_are_named_in_tables_and_avoided_words_in_none(page: Path) -> None:
+    if page.name not in WRITTEN_BY_A_PROGRAM:
+        assert avoided_words(page.read_text("utf-8")) == set()
+        assert named_in_prose(page.read_text("utf-8")) == []
+
+
+def test_prose_that_is_not_as_it_should_be_is_found() -> None:
+    long = "x" * (LONGEST + 1)
+    page = f"# {long}\n\n| {long} |\n\n{long}\n\n$$\n{long}\n$$\n\n```text\n{long}\n```\n"
+    assert long_lines(page) == [long]
+    assert long_captions("![a](b.png)\n\n*One. Two. Three.*\n") == []
+    assert len(long_captions("![a](b.png)\n\n*One. Two\n2.5. Three. Four.*\n")) == 1
+    assert avoided_words("Waves are heard in `dump.particles`, and a knob wakes.") == {"heard", "knob", "wakes"}
+    assert named_in_prose("See `test_a`.\n\n| a | `test_b` |\n") == ["See `test_a`."]
+
+
 # ---------------------------------------------------------------- code
 
 
@@ -151,6 +212,12 @@ def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.parametrize("page", ["docs/collisions.md", "docs/crystals.md"])
+def test_the_python_of_a_page_on_the_library_runs(page: str, tmp_path: Path) -> None:
+    done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 def test_python_that_fails_is_found(tmp_path: Path) -> None:
     page = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\nassert x == {}\n```\n"
     assert run_blocks(page.format(1), tmp_path).returncode == 0
@@ -178,8 +245,10 @@ def cells(line: str) -> list[str]:
 
 
 def error_table(text: str) -> dict[tuple[str, str], str]:
-    """The last table of the page: (formula, wave) → cell."""
-    head, _, *lines = [line for line in text.splitlines() if line.startswith("|")][-2 - len(FORMULAS) - 2 :]
+    """Return the cells of the table of errors by formula and wave."""
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    start = next(i for i, line in enumerate(rows) if line.startswith("| formula | TR"))
+    head, _, *lines = rows[start : start + 2 + len(FORMULAS) + 2]
     waves = cells(head)[1:]
     return {(row[0], wave): cell for row in map(cells, lines) for wave, cell in zip(waves, row[1:], strict=True)}
 

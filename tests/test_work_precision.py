@@ -179,20 +179,20 @@ def test_an_accuracy_is_between_0_and_1(word: str, tmp_path: Path, capsys: pytes
     assert "must be a number between 0 and 1" in capsys.readouterr().err
 
 
-# --- the README ---
+# --- docs/which-tool.md ---
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[1] / "docs" / "which-tool.md").read_text(encoding="utf-8")
 STRIP = PAPER.with_values({"packing.rows": "auto"})
 
 
 def cost_rows() -> dict[float, list[str]]:
-    """Accuracy wanted → the other cells of its row in README's table of costs."""
-    lines = [line.strip("| ").split(" | ") for line in README.splitlines() if re.match(r"\| 1e-\d \|", line)]
+    """Return the other cells of each row of the table of costs by the accuracy wanted."""
+    lines = [line.strip("| ").split(" | ") for line in PAGE.splitlines() if re.match(r"\| 1e-\d \|", line)]
     return {float(line[0]): line[1:] for line in lines}
 
 
 @pytest.mark.parametrize("wanted", accuracy.WANTED[:-1])
-def test_the_costs_in_the_readme_are_of_these_runs(wanted: float, tmp_path: Path) -> None:
+def test_the_costs_on_the_page_are_of_these_runs(wanted: float, tmp_path: Path) -> None:
     setting, steps, work, shown, *_ = cost_rows()[wanted]
     scene = STRIP.with_values({"time.tolerance": wanted})
     assert float(setting.strip("`").removeprefix("time.tolerance = ")) == wanted
@@ -213,11 +213,11 @@ def test_the_tightest_tolerance_has_no_row() -> None:
     assert set(cost_rows()) == set(accuracy.WANTED[:-1])
 
 
-def test_the_formulas_in_the_readme_are_as_good_as_it_says() -> None:
+def test_the_formulas_are_as_good_as_the_page_says() -> None:
     record = from_theory(PAPER, "exact-lattice", np.arange(0.0, 120.5, 0.5))
     wave = wave_of(record)
-    for module, theory in (("second_harmonic", "second-order"), ("theory.resonance", "three-mode")):
-        (line,) = [line for line in README.splitlines() if f"`analysis.{module}` |" in line]
+    for theory in ("second-order", "three-mode"):
+        (line,) = [line for line in PAGE.splitlines() if f"`{theory}` |" in line]
         shown = [float(word) for word in re.findall(r"\d\.\de-\d\d", line)]
         found = signals.errors(record, trajectory(theory, wave, record.tau))
-        assert shown == pytest.approx(list(found.values()), rel=0.05), module  # two digits
+        assert shown == pytest.approx(list(found.values()), rel=0.05), theory  # two digits
