@@ -8,7 +8,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
-from granular_lmp.lammps.outputs import mend_dump, read_dump, snapshots
+from granular_lmp.lammps.outputs import mend_dump, read_centre, snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs import launch
 from granular_lmp.runs.snapshots import Particles, Spheres
@@ -36,7 +36,7 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
     lines = (tmp_path / "run" / "dump.particles").read_text().split("\n")
     size = 9 + seen.shape.spheres
     names = lines[8].split()[2:]
-    alone = read_dump(tmp_path / "run" / "dump.centre")
+    alone = read_centre(tmp_path / "run" / "dump.centre")
     pairs = {"Displacement.X": "ux", "Displacement.Y": "uy", "v_theta": "theta", "omegaz": "omegaz", "vx": "vx"}
     for snapshot in range(3):
         values = dict(zip(names, lines[size * snapshot + 9 + centre].split(), strict=True))

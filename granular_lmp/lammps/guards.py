@@ -21,7 +21,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import SLIDING_FORCE
-from granular_lmp.lammps.outputs import CONTACTS, read_local
+from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
@@ -270,7 +270,7 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
     diameter, rest = units.number(2 * sphere.radius, length=1), units.number(sphere.static_overlap, length=1)
     adhesive = units.number(sphere.pull_off_force, mass=1, length=1, time=-2)
     holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
-    for step, contacts in read_local(path):
+    for step, _, contacts in read_snapshots(path):
         distance, shear = contacts.T
         sliding = friction * (adhesive + holding * np.maximum((diameter - distance) / rest, 0.0) ** 1.5)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)

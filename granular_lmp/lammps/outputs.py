@@ -1,11 +1,12 @@
 """The files of a run folder by name, and those that LAMMPS writes, dumps and logs: how to read and mend them."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,56 +55,89 @@ def _draft(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """Columns of a one-particle LAMMPS text dump, by name, with ``step``; a snapshot cut short at the end is left out.
+def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] | None:
+    """Return step, column names and table (entries, columns) of the next snapshot of a LAMMPS text dump.
+
+    None stands for the end of the file, and for a snapshot that a killed run wrote half of.
+
+    Raises
+    ------
+    ValueError
+        If the file holds something else there.
+    """
+    head = list(islice(stream, _LINES_BEFORE_ATOMS))
+    if len(head) < _LINES_BEFORE_ATOMS or not head[-1].endswith("\n"):
+        return None
+    if head[0] != _SNAPSHOT.decode():
+        raise ValueError(f"line {head[0].strip()!r}, expected {_SNAPSHOT.decode().strip()!r}")
+    step, entries, names = int(head[1]), int(head[3]), head[-1].split()[2:]
+    lines = list(islice(stream, entries))
+    if len(lines) < entries or (lines and not lines[-1].endswith("\n")):
+        return None
+    return step, names, np.array("".join(lines).split(), dtype=float).reshape(entries, len(names))
+
+
+def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[np.float64]]]:
+    """Yield step, column names and table (entries, columns) of each whole snapshot of a LAMMPS text dump.
 
     Raises
     ------
     RunFolderError
-        When the file cannot be read or has other columns than a deck of ours writes.
+        If the file cannot be read or is not such a dump.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
-        size = _LINES_BEFORE_ATOMS + 1
-        whole = len(lines) // size * size
-        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS[0]
-        if names not in DUMP_COLUMNS:
-            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS[0]} or those without theta and omegaz")
-        steps = np.array(lines[1:whole:size], dtype=float)
-        rows = np.array([line.split() for line in lines[_LINES_BEFORE_ATOMS:whole:size]], dtype=float)
+        with Path(path).open(encoding="utf-8") as stream:
+            while (snapshot := read_snapshot(stream)) is not None:
+                yield snapshot
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a dump of one sphere: {error}") from error
-    return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
+        raise RunFolderError(f"{path}: not a LAMMPS dump: {error}") from error
 
 
-def read_local(path: str | Path) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Yield step and table (entries, columns) of each whole snapshot of a LAMMPS dump of local quantities."""
-    with Path(path).open(encoding="utf-8") as stream:
-        while stream.readline():
-            step = stream.readline().strip()
-            stream.readline()
-            count = stream.readline().strip()
-            columns = [stream.readline() for _ in range(5)][-1].split()[2:]  # of the box, then the names
-            if not columns:
-                return
-            words = "".join(stream.readline() for _ in range(int(count))).split()
-            if len(words) != int(count) * len(columns):
-                return  # a killed run wrote half of it
-            yield int(step), np.array(words, dtype=float).reshape(-1, len(columns))
+def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump whose columns are one of `allowed`.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be read, or holds other columns or another number of spheres.
+    """
+    found, steps, tables = list(allowed[0]), [], []
+    for step, names, table in read_snapshots(path):
+        if names not in map(list, allowed) or len(table) != spheres:
+            raise RunFolderError(
+                f"{path}: holds {' '.join(names)} of {len(table)} spheres at step {step}, "
+                f"expected {' or '.join(map(' '.join, allowed))} of {spheres}"
+            )
+        found = names
+        steps.append(step)
+        tables.append(table)
+    values = np.array(tables).reshape(-1, spheres, len(found))
+    return {"step": np.array(steps, dtype=float)} | dict(zip(found, np.moveaxis(values, 2, 0), strict=True))
+
+
+def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Return ``step`` and the columns by name, (T,) each, of the dump of the centre sphere.
+
+    Raises
+    ------
+    RunFolderError
+        As `read_dump`.
+    """
+    return {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A whole snapshot of a LAMMPS text dump: its step, its number of particles, and where in the file it stands."""
+    """A whole snapshot of a LAMMPS text dump: its step, its number of entries, and where in the file it stands."""
 
     step: int
-    particles: int
+    entries: int
     begin: int
     end: int
 
 
 def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """The whole snapshots of a LAMMPS text dump, in the order of the file, without those of no particles."""
+    """The whole snapshots of a LAMMPS text dump, in the order of the file, without empty ones."""
     begin = end = lines = 0
     head: list[bytes] = []
     last = b""
@@ -124,15 +158,15 @@ def snapshots(path: str | Path) -> Iterator[Snapshot]:
             end += len(last)
 
 
-def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
+def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
     numbers = [line.strip() for line in head[1:4:2]]
-    return particles > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == particles and last.endswith(b"\n")
+    return entries > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries and last.endswith(b"\n")
 
 
 def mend_dump(path: str | Path) -> None:
     """Make a dump that a stopped run wrote, or two runs one after the other, into that of one run.
 
-    A snapshot cut off in the middle goes, and one without particles, which were lost; of those that the continuation
+    A snapshot cut off in the middle goes, and one without spheres, which were lost; of those that the continuation
     wrote again, the first. A file that is already that of one run is left alone.
     """
     path = Path(path)

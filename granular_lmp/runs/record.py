@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
-from granular_lmp.lammps.outputs import DUMP, SCENE, read_dump, replace_text
+from granular_lmp.lammps.outputs import DUMP, SCENE, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
@@ -107,7 +107,7 @@ class Record:
     @classmethod
     def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
         """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
-        table = read_dump(Path(folder) / dump)
+        table = read_centre(Path(folder) / dump)
         displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)

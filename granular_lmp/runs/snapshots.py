@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import hexagonal
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import PARTICLES, PER_SAMPLE, Snapshot, snapshots
+from granular_lmp.lammps.outputs import PARTICLES, PER_SAMPLE, Snapshot, read_snapshot, snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.scene import Scene
 
@@ -84,7 +84,7 @@ class Particles:
                 "them, for instance --set output.particles=1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)
+        whole = (each for each in snapshots(path) if each.entries == scene.shape.spheres)
         return cls(path, scene, list(whole))
 
     @cached_property
@@ -112,13 +112,13 @@ class Particles:
     def __getitem__(self, number: int) -> Spheres:
         where = self.index[number]
         try:
-            with self.path.open("rb") as stream:
+            with self.path.open(encoding="utf-8") as stream:
                 stream.seek(where.begin)
-                lines = stream.read(where.end - where.begin).decode().splitlines()
-            names = lines[-where.particles - 1].split()[2:]
-            values = np.array(" ".join(lines[-where.particles :]).split(), dtype=float)
-            columns = dict(zip(names, values.reshape(where.particles, -1).T, strict=True))
-            return self._dimensionless(where.step, columns)
+                snapshot = read_snapshot(stream)
+            if snapshot is None:
+                raise ValueError(f"the snapshot of step {where.step} is cut off")
+            step, names, table = snapshot
+            return self._dimensionless(step, dict(zip(names, table.T, strict=True)))
         except (OSError, ValueError, KeyError) as error:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import CHECKPOINTS, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, read_dump, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import check_machine, run_input
@@ -142,10 +142,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
                 (folder / stray).unlink(missing_ok=True)
             raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
     with writable(folder):
-        try:
-            result = _course(collision, folder)
-        except (ValueError, IndexError) as error:
-            raise LammpsError(f"{DUMP} is cut off: {error}", name, "") from error
+        result = _course(collision, folder)
         _write_csv(result, folder / COURSE)
     _refuse_defects(result, name)
     if result.overlap[-1] >= 0:
@@ -182,11 +179,7 @@ def _course(collision: Collision, folder: Path) -> Result:
     units = units_for(collision.sphere.radius)
     metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
     bodies = 1 if collision.on_plane else 2
-    lines = (folder / DUMP).read_text(encoding="utf-8").split("\n")[:-1]
-    size = 9 + bodies  # lines of a snapshot, nine before the atoms
-    table = np.array([lines[start + 9 : start + size] for start in range(0, len(lines), size)])
-    values = np.array([[row.split() for row in snapshot] for snapshot in table], dtype=float)
-    at = {name: values[:, :, column] for column, name in enumerate(COLUMNS)}
+    at = read_dump(folder / DUMP, bodies, COLUMNS)
     position = np.stack([at["x"], at["y"]], axis=-1)
     if collision.on_plane:
         normal = np.broadcast_to([1.0, 0.0], position[:, 0].shape)
@@ -201,7 +194,7 @@ def _course(collision: Collision, folder: Path) -> Result:
     step = collision.elastic_contact_time / collision.collision.steps
     return Result(
         collision=collision,
-        time=np.array(lines[1::size], dtype=float) * step,
+        time=at["step"] * step,
         overlap=overlap * metre,
         normal_force=-np.einsum("ti,ti->t", push, normal) * newton,
         tangential_force=(normal[:, 0] * push[:, 1] - normal[:, 1] * push[:, 0]) * newton,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import EffectError, LammpsError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_log, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_dump, read_log, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import check_machine, run_input
@@ -24,6 +24,7 @@ from granular_lmp.scene.scene import Scene
 
 INPUT = "in.sheet"
 DUMP = "dump.sheet"
+COLUMNS = ("id", "vx", "vy", "omegaz")
 SHEET = "sheet.npz"
 FEWEST_SAMPLES = 8  # beside that at tau = 0; below, the window of a spectrum leaves next to nothing
 
@@ -36,7 +37,7 @@ variable duration index 0  # the deck makes the sheet, kicks it, and stops there
 include  {deck}
 group    inside static  # all spheres are recorded, so that guards judge all
 group    inside union all
-dump     sheet all custom ${{every}} {dump} id vx vy omegaz
+dump     sheet all custom ${{every}} {dump}
 dump_modify sheet sort id format float %.9g
 run      {steps}
 """
@@ -102,7 +103,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         deck.write(folder, force=True)
         with writable(folder):
             (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
-            text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=DUMP, steps=scene.time.steps)
+            dump = " ".join([DUMP, *COLUMNS])
+            text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
             (folder / INPUT).write_text(text, encoding="utf-8")
         try:
             run_input(folder, INPUT, lock)
@@ -114,11 +116,12 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         for column, limit, what in _LINEAR:
             if log.get(column, np.zeros(1)).max() >= limit:
                 raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-        steps, velocity = read_sheet(folder / DUMP)
-        if len(steps) != scene.time.samples + 1 or not np.isfinite(velocity).all():
+        table = read_dump(folder / DUMP, len(deck.packing), COLUMNS)
+        velocity = np.stack([table[name] for name in COLUMNS[1:]], axis=-1)
+        if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
             raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
         with writable(folder):
-            _save(folder / SHEET, deck, steps, velocity)
+            _save(folder / SHEET, deck, table["step"], velocity)
     return folder / SHEET
 
 
@@ -162,27 +165,3 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
         contact_force=sphere.contact_force,
         effects=[effect.name for effect in deck.problem.effects if effect.on],
     )
-
-
-def read_sheet(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Steps (T,) and columns vx, vy, omegaz (T, N, 3) of a dump of all spheres, sorted.
-
-    Raises
-    ------
-    RunFolderError
-        When the file is not such a dump.
-    """
-    steps, frames = [], []
-    try:
-        with path.open(encoding="utf-8") as stream:
-            while stream.readline():
-                steps.append(int(stream.readline()))
-                stream.readline()
-                count = int(stream.readline())
-                for _ in range(5):  # of the box, and the names of the columns
-                    stream.readline()
-                lines = "".join(stream.readline() for _ in range(count))
-                frames.append(np.fromstring(lines, sep=" ").reshape(count, 4)[:, 1:])
-    except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a dump of a sheet: {error}") from error
-    return np.array(steps, dtype=float), np.array(frames)

@@ -7,7 +7,6 @@ would who has nothing else.
 
 import struct
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import DUMP
+from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import TRAJECTORY, Record
 
@@ -23,7 +22,6 @@ Floats = NDArray[np.float64]
 
 EVERYTHING = "dump.everything"
 _FULL = "format float %.17g"
-_LINES_BEFORE_ATOMS = 9  # of a snapshot of a LAMMPS text dump
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     if not path.exists():
         return record
     index = centre(deck.packing)
-    rows = (_binary_rows if output.binary else _text_rows)(path, len(deck.packing), index + 1)
+    rows = _binary_rows(path, len(deck.packing), index + 1) if output.binary else _text_rows(path, index + 1)
     if len(rows) != len(record.tau):
         raise ValueError(f"{path}: {len(rows)} snapshots instead of {len(record.tau)}")
     scene = deck.scene
@@ -116,14 +114,13 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     return kept
 
 
-def _text_rows(path: Path, spheres: int, number: int) -> Floats:
-    """The numbers behind the id of one sphere, snapshot by snapshot, of a text dump."""
-    rows, start = [], f"{number} "
-    with path.open(encoding="utf-8") as stream:
-        while len(list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
-            (line,) = [line for line in islice(stream, spheres) if line.startswith(start)]
-            rows.append(line.split()[1:])
-    return np.array(rows, dtype=float)
+def _text_rows(path: Path, number: int) -> Floats:
+    """Return the numbers behind the id of one sphere, snapshot by snapshot, of a text dump."""
+    rows = []
+    for _, _, table in read_snapshots(path):
+        (row,) = table[table[:, 0] == number]
+        rows.append(row[1:])
+    return np.array(rows)
 
 
 def _binary_rows(path: Path, spheres: int, number: int) -> Floats:
