@@ -15,12 +15,12 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.lammps import installation
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
-from granular_lmp.runs import launch
+from granular_lmp.runs import launch, routes
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
@@ -48,16 +48,16 @@ def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
 
 def test_beside_mpi_ranks_a_run_in_this_process_is_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "mpi4py.MPI", raising=False)
-    assert launch._this_rank() is None
+    assert routes._this_rank() is None
     monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))  # type: ignore[arg-type]
-    assert launch._this_rank() == "self"
+    assert routes._this_rank() == "self"
 
 
 def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**arguments: object) -> None:
         raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
 
-    monkeypatch.setattr(launch, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    monkeypatch.setattr(routes, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
     with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
         run(small, tmp_path / "run")
 
@@ -325,6 +325,20 @@ def test_a_dump_cut_off_in_the_middle_loses_only_its_last_snapshot(small: Scene,
     whole = read_centre(dump)
     dump.write_text(dump.read_text()[:-40])
     np.testing.assert_array_equal(read_centre(dump)["ux"], whole["ux"][:-1])
+
+
+def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(folder: Path, input_name: str, lock: int) -> None:
+        (folder / "checkpoint.a").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(launch, "run_input", interrupt)
+    with pytest.raises(RunInterrupted, match="interrupted; run it again with --force"):
+        launch.run_files(tmp_path / "run", {"in.two": ["run ", "0\n"]}, "in.two")
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["in.two"]
+    assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
 
 
 BOX = "ITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n"

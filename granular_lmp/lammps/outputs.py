@@ -1,7 +1,7 @@
 """The files of a run folder by name, and those that LAMMPS writes, dumps and logs: how to read and mend them."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -42,6 +42,14 @@ def writable(folder: Path) -> Iterator[None]:
         raise RunFolderError(f"{folder}: is there already; choose another folder or say --force") from error
     except OSError as error:
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
+    """Write files, name → text in pieces, into a folder that is there."""
+    with writable(folder):
+        for name, pieces in files.items():
+            with (folder / name).open("w", encoding="utf-8") as stream:
+                stream.writelines(pieces)
 
 
 def replace_text(path: Path, text: str) -> None:

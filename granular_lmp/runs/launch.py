@@ -1,21 +1,13 @@
 """Run a deck: in this process through the ``lammps`` module, or as the program ``lmp`` on one or more MPI ranks.
 
-Whatever the route, LAMMPS reads the same ``in.NAME`` in the run folder and the record is the same to the last bit (on
-one rank). LAMMPS works in a second thread, so that Ctrl-C and the progress display are served at once.
+Whatever the route (`granular_lmp.runs.routes`), LAMMPS reads the same ``in.NAME`` in the run folder and the record is
+the same to the last bit (on one rank).
 """
 
 import os
-import resource
-import signal
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import chdir
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -25,14 +17,12 @@ import numpy as np
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
-    LammpsMissingError,
     LaunchError,
     RunFolderError,
     RunInterrupted,
 )
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, line_interval, words_between_runs
-from granular_lmp.lammps.installation import lammps_module, lmp_command
+from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -46,43 +36,18 @@ from granular_lmp.lammps.outputs import (
     read_log,
     replace_text,
     writable,
+    write_files,
 )
 from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
+from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
-FEWEST_FILES = 64  # a run of one rank was seen to need 24; others of the same process need their own
-_POLL = 0.1  # s between two looks at a run: progress, and the longest wait for a program to stop
-_GRACE = 0.5  # s that a stopped program gets before it is killed
-_working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
-
-
-@dataclass(frozen=True)
-class Job:
-    """One input to be run in a folder: the log to write, the lock to hold, whom to tell the step, its thermo columns.
-
-    The lock is a descriptor that a program inherits, so that the folder stays locked if it outlives us.
-    """
-
-    folder: Path
-    input_name: str
-    log: str
-    lock: int
-    tell: Callable[[int], None]
-    columns: tuple[str, ...] = ()
-
-    @property
-    def switches(self) -> list[str]:
-        """What follows the name of the program, and is given to the module."""
-        return ["-log", self.log, "-screen", "none", "-nocite"]
-
-
-Route = Callable[[Job], None]
 
 
 @dataclass(frozen=True)
@@ -116,7 +81,7 @@ def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
         As `granular_lmp.run`.
     """
     # Everything that can be missing is asked for before a file is written
-    route = _route(options.program, options.ranks)
+    route = route_of(options.program, options.ranks)
     info = description(deck, "lmp" if options.program else "module", options.ranks)
     folder = Path(folder).absolute()
     with locked(folder, make=True, force=options.force) as lock:
@@ -158,7 +123,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with --force")
         last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
-        route = _route(info["launcher"] == "lmp", info["ranks"])
+        route = route_of(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
@@ -188,19 +153,25 @@ def _is_whole(checkpoint: Path) -> bool:
         return stream.read() == mark
 
 
-def run_input(folder: Path, input_name: str, lock: int) -> None:
-    """Run an input in its locked folder, in this process, to its end; ``log.lammps`` is written there.
+def run_files(folder: Path, files: Mapping[str, Iterable[str]], input_name: str, *, force: bool = False) -> None:
+    """Write files into a folder, which is made, and run one of them there in this process, to its end.
 
     Raises
     ------
-    LammpsMissingError, LammpsError
+    RunFolderError
+        If the folder is there (without `force`) or cannot be written.
+    LammpsMissingError, LaunchError, LammpsError, RunInterrupted
     """
-    _route(program=False, ranks=1)(Job(folder, input_name, LOG, lock, lambda step: None))
-
-
-def check_machine() -> None:
-    """Raise LammpsMissingError or LaunchError, before a file is written, if LAMMPS cannot run in this process."""
-    _route(program=False, ranks=1)
+    check_machine()
+    with locked(folder, make=True, force=force) as lock:
+        clear(folder)
+        write_files(folder, files)
+        try:
+            run_input(folder, input_name, lock)
+        except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
+            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
 
 
 def core_count() -> int:
@@ -259,7 +230,7 @@ def _collect(folder: Path, scene: Scene) -> Record:
     try:
         record = Record.from_dump(folder, scene)
     except RunFolderError as error:
-        raise LammpsError(str(error), f"in.{scene.name}", _log_tail(folder)) from error
+        raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)
     return record
 
@@ -274,9 +245,9 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
     if not all(np.isfinite(x).all() for x in tracked):
-        return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
+        return LammpsError("the record holds numbers that are not finite", job.input_name, log_tail(job.folder))
     if len(record.tau) != expected:
-        return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))
+        return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice when its log cannot be written; a guard that was not heard must not pass for a silent one
     table, _ = read_log(job.folder / LOG)
     time_ = record.scene.time
@@ -285,140 +256,5 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     unheard = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
     if len(missed) or unheard:
         lack = f"step {missed[0]}" if len(missed) else f"the guard {unheard[0]}"
-        return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
+        return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
     return None
-
-
-def _log_tail(folder: Path, lines: int = 15) -> str:
-    try:
-        return "\n".join((folder / LOG).read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
-    except OSError:
-        return ""
-
-
-# --- the two routes --------------------------------------------------------------------------------------------------
-
-
-def _route(program: bool, ranks: int) -> Route:
-    """Return the function that runs a job; raises LammpsMissingError or LaunchError when what it needs is not there."""
-    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= files < FEWEST_FILES:  # MPI would end this process without a word to us
-        raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
-    return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
-
-
-def _run_module(module: Any, job: Job) -> None:
-    with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        try:
-            instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
-        except RuntimeError as refused:  # without the communicator it would be a segmentation fault
-            raise LammpsMissingError(
-                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
-            ) from refused
-        work = pool.submit(instance.file, job.input_name)
-        try:
-            _watch(work, lambda: job.tell(instance.extract_global("ntimestep")))
-        except BaseException:
-            if not work.done():
-                instance.force_timeout()  # the time loop ends at its next step
-            error = work.exception()
-            if error is not None:  # the module raises plain Exception and MPIAbortException
-                raise LammpsError(_first_line(error), _last_command(job.folder), _log_tail(job.folder)) from error
-            # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
-            if instance.extract_global("ntimestep") > 0:
-                pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
-                for line in _last_line(instance, job.columns):
-                    pool.submit(instance.command, f'print "{line}"').result()
-            raise
-        finally:
-            pool.submit(instance.close).result()
-
-
-def _last_line(instance: Any, columns: tuple[str, ...]) -> tuple[str, str]:
-    """A thermo table of the step at which a run was stopped: the continuation begins with no looks."""
-    rows, width = (instance.extract_fix("looks", 0, kind) for kind in (4, 5))  # LMP_SIZE_ROWS, LMP_SIZE_COLS
-    looks = np.array([[instance.extract_fix("looks", 0, 2, i, j) for j in range(width)] for i in range(rows)])
-    words = (str(instance.extract_global("ntimestep")), *words_between_runs(list(columns), looks))
-    return " ".join(("Step", *columns)), " ".join(words)
-
-
-def _this_rank() -> Any:
-    """The communicator of this process alone, where the caller has MPI ranks; in the world's, LAMMPS waits for all."""
-    mpi = sys.modules.get("mpi4py.MPI")
-    return mpi.COMM_SELF if mpi else None
-
-
-def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
-    """Wait for `work`, calling `look` now and then."""
-    while True:
-        try:
-            work.result(timeout=_POLL)
-            return
-        except TimeoutError:
-            if work.done():  # the work itself raised it
-                raise
-            look()
-
-
-def _run_program(program: list[str], job: Job) -> None:
-    command = [*program, "-in", job.input_name, *job.switches, "-nonbuf"]
-    with subprocess.Popen(
-        command,
-        cwd=job.folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,  # Ctrl-C of the terminal is ours to pass on
-        pass_fds=[job.lock],
-    ) as process:
-        try:
-            output = _output(process, job)
-        except BaseException:
-            _stop(process)
-            raise
-    if process.returncode != 0:
-        said = [*_log_tail(job.folder).splitlines(), *output.splitlines()]
-        errors = [line for line in said if "ERROR" in line] or [f"exit status {process.returncode}"]
-        raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), _log_tail(job.folder))
-
-
-def _output(process: "subprocess.Popen[str]", job: Job) -> str:
-    """Wait for the program, telling the step now and then; what it printed."""
-    while True:
-        try:
-            return process.communicate(timeout=_POLL)[0]
-        except subprocess.TimeoutExpired:
-            step = _step_in_log(job.folder)
-            if step is not None:
-                job.tell(step)
-
-
-def _stop(process: "subprocess.Popen[str]") -> None:
-    """End the program and all its ranks."""
-    os.killpg(process.pid, signal.SIGTERM)
-    try:
-        process.wait(_GRACE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _step_in_log(folder: Path) -> int | None:
-    try:
-        table, _ = read_log(folder / LOG)
-    except RunFolderError:
-        return None
-    steps = table.get("Step")
-    return int(steps[-1]) if steps is not None and len(steps) else None
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-
-
-def _last_command(folder: Path) -> str:
-    """The input line that LAMMPS names in its log as the last one."""
-    lines = _log_tail(folder, 40).splitlines()
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("Last input line:")]
-    return named[-1] if named else ""

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import CHECKPOINTS, read_dump, writable
+from granular_lmp.errors import LammpsError, SceneError
+from granular_lmp.lammps.outputs import SCENE, read_dump, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import check_machine, run_input
+from granular_lmp.runs.launch import run_files
 from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
 
 COURSE = "collision.csv"
@@ -129,18 +128,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     """
     folder = Path(folder).absolute()
     name = f"in.{collision.name}"
-    check_machine()
-    with locked(folder, make=True, force=force) as lock:
-        clear(folder)
-        with writable(folder):
-            (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
-            (folder / name).write_text(deck_text(collision), encoding="utf-8")
-        try:
-            run_input(folder, name, lock)
-        except KeyboardInterrupt as error:
-            for stray in CHECKPOINTS:
-                (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
+    run_files(folder, {SCENE: [collision.to_toml()], name: [deck_text(collision)]}, name, force=force)
     with writable(folder):
         result = _course(collision, folder)
         _write_csv(result, folder / COURSE)
@@ -163,8 +151,9 @@ def _refuse_defects(result: Result, input_name: str) -> None:
     if not all(np.isfinite(x).all() for x in signals):
         raise LammpsError("the course holds numbers that are not finite", input_name, "")
     end = result.collision.collision.duration * result.collision.elastic_contact_time
-    if result.time[-1] < end * (1 - 1e-9):
-        raise LammpsError(f"the course ends at {result.time[-1]:.3g} s instead of {end:.3g} s", input_name, "")
+    reached = float(np.max(result.time, initial=0.0))
+    if reached < end * (1 - 1e-9):
+        raise LammpsError(f"the course ends at {reached:.3g} s instead of {end:.3g} s", input_name, "")
 
 
 def write_numbers(result: Result, errors: Mapping[str, float]) -> None:

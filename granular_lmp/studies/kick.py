@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, LammpsError, RunInterrupted, SceneError
+from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_dump, read_log, writable
+from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import check_machine, run_input
+from granular_lmp.runs.launch import run_files
 from granular_lmp.scene.scene import Scene
 
 INPUT = "in.sheet"
@@ -97,31 +96,19 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
-    check_machine()
-    with locked(folder, make=True, force=force) as lock:
-        clear(folder)
-        deck.write(folder, force=True)
-        with writable(folder):
-            (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
-            dump = " ".join([DUMP, *COLUMNS])
-            text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
-            (folder / INPUT).write_text(text, encoding="utf-8")
-        try:
-            run_input(folder, INPUT, lock)
-        except KeyboardInterrupt as error:
-            for stray in CHECKPOINTS:
-                (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with --force") from error
-        log = read_log(folder / LOG)[0]
-        for column, limit, what in _LINEAR:
-            if log.get(column, np.zeros(1)).max() >= limit:
-                raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-        table = read_dump(folder / DUMP, len(deck.packing), COLUMNS)
-        velocity = np.stack([table[name] for name in COLUMNS[1:]], axis=-1)
-        if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
-            raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
-        with writable(folder):
-            _save(folder / SHEET, deck, table["step"], velocity)
+    dump = " ".join([DUMP, *COLUMNS])
+    text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
+    run_files(folder, deck.files() | {SCENE: [scene.to_toml()], INPUT: [text]}, INPUT, force=force)
+    log = read_log(folder / LOG)[0]
+    for column, limit, what in _LINEAR:
+        if log.get(column, np.zeros(1)).max() >= limit:
+            raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
+    table = read_dump(folder / DUMP, len(deck.packing), COLUMNS)
+    velocity = np.stack([table[name] for name in COLUMNS[1:]], axis=-1)
+    if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
+        raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
+    with writable(folder):
+        _save(folder / SHEET, deck, table["step"], velocity)
     return folder / SHEET
 
 

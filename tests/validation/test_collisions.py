@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.errors import LammpsError, RunFolderError, SceneError
 from granular_lmp.lammps.contact import SHEAR_LAWS
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.launch import run_input
+from granular_lmp.runs.routes import run_input
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies.collide import Result, run
 from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
@@ -121,6 +121,16 @@ def test_tsuji_does_not_give_the_restitution_asked_for(tmp_path: Path) -> None:
         run_input(tmp_path, "in.tsuji", lock)
     last = (tmp_path / DUMP).read_text().splitlines()[-1].split()
     assert -float(last[COLUMNS.index("vx")]) / 0.2 == pytest.approx(0.616, abs=1e-3)
+
+
+def test_a_course_that_was_not_recorded_to_its_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def record_nothing(folder: Path, *_: Any, **__: Any) -> None:
+        folder.mkdir()
+        (folder / DUMP).write_text("ITEM: TIMESTEP\n")
+
+    monkeypatch.setattr("granular_lmp.studies.collide.run_files", record_nothing)
+    with pytest.raises(LammpsError, match="the course ends at 0 s instead of"):
+        run(Collision.load("test2"), tmp_path / "run")
 
 
 # ---------------------------------------------------------------- tests 4 and 5: oblique impacts
