@@ -24,8 +24,9 @@ from granular_lmp.runs import launch
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.executors import Workers
-from granular_lmp.studies.sweep import COLUMNS, Sweep, run_point, sweep
+from granular_lmp.studies.sweep import run_point, sweep
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
+from granular_lmp.studies.sweep_table import COLUMNS, Sweep
 from tests.test_cli import cli
 
 module = sys.modules["granular_lmp.studies.sweep"]

@@ -18,7 +18,8 @@ from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Particles
 from granular_lmp.scene.scene import assignment, note
-from granular_lmp.studies.sweep import Sweep, sweep
+from granular_lmp.studies.sweep import sweep
+from granular_lmp.studies.sweep_table import Sweep
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Particles
 from granular_lmp.scene.scene import note
-from granular_lmp.studies.sweep import COLUMNS, Sweep
+from granular_lmp.studies.sweep_table import COLUMNS, Sweep
 
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
