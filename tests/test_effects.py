@@ -424,15 +424,12 @@ def test_dashpots_shorten_the_stable_step(tmp_path: Path) -> None:
     assert np.abs(record.q).max() <= 1
 
 
-def test_a_sphere_that_is_lost_is_a_failed_run_and_no_traceback(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_sphere_that_is_lost_is_a_failed_run_and_no_traceback(tmp_path: Path) -> None:
     deck = build(PAPER.with_values({"packing.rows": 21, "time.duration": 4.0}))
     wild = deck.input_text.replace("velocity     all set v_vx v_vy NULL", "velocity     all set v_vx 1e9 NULL")
     assert wild != deck.input_text
-    monkeypatch.setattr("granular_lmp.runs.launch.build", lambda scene: replace(deck, input_text=wild))
     with pytest.raises(LammpsError):
-        run(deck.declared, tmp_path / "run")
+        run(replace(deck, input_text=wild), tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"
 
 

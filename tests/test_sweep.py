@@ -19,7 +19,9 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, run
+from granular_lmp.accuracy import tolerance
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.problem import Problem
 from granular_lmp.runs import launch
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
@@ -172,14 +174,14 @@ def test_no_run_is_made_twice(small: Scene, tmp_path: Path, monkeypatch: pytest.
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, amplitude: float = 0.1) -> None:
     """Let the deck of one amplitude raise `error`."""
-    build = launch.build
+    deck_of = tolerance.deck_of
 
-    def broken(scene: Scene) -> Any:
-        if scene.wave.amplitude == amplitude:
+    def broken(problem: Problem) -> Any:
+        if problem.scene.wave.amplitude == amplitude:
             raise error
-        return build(scene)
+        return deck_of(problem)
 
-    monkeypatch.setattr(launch, "build", broken)
+    monkeypatch.setattr(tolerance, "deck_of", broken)
 
 
 @pytest.mark.parametrize(

@@ -156,5 +156,5 @@ def _spacing(scene: Scene) -> float:
     # The spacing jumps in twos, so the numbers of the deck count, not metres
     units = units_for(scene.sphere.radius)
     y = units.number(scene.sphere.lattice_constant, length=1) * ROW_SPACING * n[np.abs(n) <= reach]
-    size = scene.wave.amplitude * units.number(scene.sphere.static_overlap, length=1)
+    size = units.number(scene.displacement_amplitude, length=1)
     return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)

@@ -238,7 +238,7 @@ class _Crystal:
         rows: int | None,
     ):
         scene, shape = particles.scene, particles.scene.shape
-        amplitude = scene.wave.amplitude * scene.sphere.static_overlap / scene.sphere.radius  # D0, radii
+        amplitude = scene.displacement_amplitude / scene.sphere.radius  # D0, radii
         factor = _magnification(amplitude) if magnify is None else magnify
         if not 0 < factor < inf:
             raise ViewError(f"magnify = {factor!r}: must be a number above 0")

@@ -108,7 +108,7 @@ class Record:
     def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
         """Trajectory of a run folder from its dump, made dimensionless with the scene's D0 and R."""
         table = read_centre(Path(folder) / dump)
-        displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+        displacement = scene.displacement_amplitude
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         return cls(

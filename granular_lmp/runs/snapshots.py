@@ -125,7 +125,7 @@ class Particles:
     def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
         sphere, still = self.scene.sphere, np.zeros(len(columns["id"]))
         units = units_for(sphere.radius)
-        displacement = units.number(self.scene.wave.amplitude * sphere.static_overlap, length=1)  # D0
+        displacement = units.number(self.scene.displacement_amplitude, length=1)
         velocity = displacement / units.number(sphere.time_scale, time=1)
         radius = units.number(sphere.radius, length=1)
         untracked = still + (np.nan if "omegaz" in columns else 0.0)

@@ -18,7 +18,7 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import validation as checks
+from granular_lmp.scene import validation
 from granular_lmp.scene.schema import (
     AUTO,
     NOT_TOML,
@@ -201,6 +201,11 @@ class Scene:
         adhesion = 0.0 if self.effects.adhesion is False else self.material.work_of_adhesion
         return replace(self.material, work_of_adhesion=adhesion, contact_force=self.packing.contact_force)
 
+    @property
+    def displacement_amplitude(self) -> float:
+        """D0 = a Δ0, m: the amplitude of the wave's displacement."""
+        return self.wave.amplitude * self.sphere.static_overlap
+
     @cached_property
     def shape(self) -> Shape:
         """Rows, columns and ends, every "auto" decided."""
@@ -320,11 +325,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
-        checks.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
-        checks.check_wave(wave, self.envelope, self.packing, shape)
-        checks.check_packing(self.packing, wave, self.envelope, shape, self.vector)
-        checks.check_size(self.sphere, shape, wave.amplitude)
-        checks.check_time(self.time, self.output, shape, self.echo_time)
+        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
+        validation.check_wave(wave, self.envelope, self.packing, shape)
+        validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
+        validation.check_size(self.sphere, shape, wave.amplitude)
+        validation.check_time(self.time, self.output, shape, self.echo_time)
 
 
 def _default(item: Field[Any]) -> Any:

@@ -140,7 +140,7 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
     scene, sphere = deck.scene, deck.scene.sphere
     units, constant = units_for(sphere.radius), lattice_constant(sphere)
     radius = units.number(sphere.radius, length=1)
-    unit = scene.wave.amplitude * units.number(sphere.static_overlap / sphere.time_scale, length=1, time=-1)
+    unit = units.number(scene.displacement_amplitude / sphere.time_scale, length=1, time=-1)
     np.savez(
         path,
         tau=steps * scene.time.step,

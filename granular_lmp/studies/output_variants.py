@@ -101,7 +101,7 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     if len(rows) != len(record.tau):
         raise ValueError(f"{path}: {len(rows)} snapshots instead of {len(record.tau)}")
     scene = deck.scene
-    units, size = units_for(scene.sphere.radius), scene.wave.amplitude * scene.sphere.static_overlap
+    units, size = units_for(scene.sphere.radius), scene.displacement_amplitude
     radius, d0 = (units.number(length, length=1) for length in (scene.sphere.radius, size))
     low, high = deck.data.box[:2].T
     rest = radius * deck.packing.positions[index, :2]
