@@ -20,7 +20,7 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 # Of the largest signal. What a symmetry makes zero is rounding, 1e-9 of it
 _STILL = 1e-7
 # Before the echo the walls are below this (`Scene.echo_time`)
-WALLS = 1e-6
+WALL_ERROR = 1e-6
 
 
 def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
@@ -75,7 +75,7 @@ def walls(scene: Scene) -> float:
 
     0 also for a scene that runs on past the echo (``time.allow_echo``): what the walls do is then a part of it.
     """
-    return WALLS if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
+    return WALL_ERROR if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
 
 
 def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:

@@ -24,7 +24,7 @@ NORMAL_LAWS = ("dmt", "hertz")
 # What a change of the overlap does to the shear force: see docs/choosing-a-shear-law.md. "rescaled" is secant, and on
 # unloading lets the shear displacement shrink with the contact radius.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
-SHEAR_LAWS = (*_MINDLIN, "none")
+TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
 
 def model(
@@ -68,8 +68,8 @@ def model(
     ValueError
         For another law, or a restitution with adhesion, which LAMMPS refuses.
     """
-    if normal not in NORMAL_LAWS or shear not in SHEAR_LAWS:
-        raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {SHEAR_LAWS}")
+    if normal not in NORMAL_LAWS or shear not in TANGENTIAL_LAWS:
+        raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
     if restitution is not None and (normal == "dmt" or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
     modulus = units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2)

@@ -58,7 +58,7 @@ class Measured:
 
 # Contacts that no longer matter, or do not yet: held ends cut a wave off and shear their neighbours hard
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
-_ELSEWHERE = (
+_ELSEWHERE_LINES = (
     "# for information: the same of all spheres, also those that the record never hears; no run fails by it",
     "compute      contact_all all pair/local dist p4",
     "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
@@ -164,7 +164,7 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
         text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
-        text += [line for line in _ELSEWHERE if _is_there(line, names)]
+        text += [line for line in _ELSEWHERE_LINES if _is_there(line, names)]
     for column, name in enumerate(names, start=1):
         if GUARDS[name].per_contact and name in judged:
             text += _written_out(GUARDS[name], column, scene)

@@ -12,7 +12,7 @@ from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Particles
 from granular_lmp.scene.scene import note
-from granular_lmp.studies.sweep_table import COLUMNS, Sweep
+from granular_lmp.studies.sweep_table import SWEEP_COLUMNS, Sweep
 
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
@@ -99,7 +99,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     ViewError
         For a column that does not hold numbers, a sweep over pairs of numbers, or one of which nothing is finished.
     """
-    allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
+    allowed = [name for name in SWEEP_COLUMNS if name not in ("run", "status", "message", "guards")]
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))

@@ -35,7 +35,7 @@ class Room:
     along: bool = False
 
 
-NOTHING = Room()
+NO_ROOM = Room()
 
 
 def decide(
@@ -45,7 +45,7 @@ def decide(
     vector: WaveVector,
     duration: float,
     *,
-    room: Room = NOTHING,
+    room: Room = NO_ROOM,
     driven: bool = False,
 ) -> Shape:
     """What the declared rows, columns and ends come to.

@@ -15,7 +15,7 @@ from granular_lmp.errors import LammpsError, SceneError
 from granular_lmp.lammps.outputs import SCENE, read_dump, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.launch import run_files
-from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
+from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
 
 COURSE = "collision.csv"
 RESULT = "collision.json"
@@ -168,7 +168,7 @@ def _course(collision: Collision, folder: Path) -> Result:
     units = units_for(collision.sphere.radius)
     metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
     bodies = 1 if collision.on_plane else 2
-    at = read_dump(folder / DUMP, bodies, COLUMNS)
+    at = read_dump(folder / COLLISION_DUMP, bodies, COLLISION_COLUMNS)
     position = np.stack([at["x"], at["y"]], axis=-1)
     if collision.on_plane:
         normal = np.broadcast_to([1.0, 0.0], position[:, 0].shape)

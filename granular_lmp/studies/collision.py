@@ -35,11 +35,11 @@ from granular_lmp.scene.schema import (
 from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
 
-DUMP = "dump.collision"
-COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump
+COLLISION_DUMP = "dump.collision"
+COLLISION_COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # of the dump
 RECORDS = 500  # a contact time, at least
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
-_SHIPPED = SHIPPED / "collisions"
+_SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
 
@@ -49,7 +49,7 @@ class Contact:
     """The contact law, as `granular_lmp.lammps.contact.model` takes it."""
 
     normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
-    shear: str = choice("what the shear force follows", contact.SHEAR_LAWS, default="secant")
+    shear: str = choice("what the shear force follows", contact.TANGENTIAL_LAWS, default="secant")
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
     shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
@@ -118,9 +118,9 @@ class Collision:
     @classmethod
     def load(cls, source: str | Path) -> Self:
         """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
-        found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
+        found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
-            shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
+            shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
         text = file_text(found)
         try:
@@ -270,7 +270,7 @@ timestep     {step!r}
 {plane}
 # --- motion, and a record of every body with all digits
 fix          move all nve/sphere
-dump         all all custom {every} {DUMP} {" ".join(COLUMNS)}
+dump         all all custom {every} {COLLISION_DUMP} {" ".join(COLLISION_COLUMNS)}
 dump_modify  all sort id format float %.17g
 thermo_style custom step
 thermo       {every * records}

@@ -22,15 +22,15 @@ from granular_lmp.runs.launch import run_files
 from granular_lmp.scene.scene import Scene
 
 INPUT = "in.sheet"
-DUMP = "dump.sheet"
-COLUMNS = ("id", "vx", "vy", "omegaz")
-SHEET = "sheet.npz"
+SHEET_DUMP = "dump.sheet"
+SHEET_COLUMNS = ("id", "vx", "vy", "omegaz")
+SHEET_RECORD = "sheet.npz"
 FEWEST_SAMPLES = 8  # beside that at tau = 0; below, the window of a spectrum leaves next to nothing
 
 # Guards of the deck, at what value they say that the sheet is not linear, and why
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
 
-_INPUT = """\
+_INPUT_TEXT = """\
 # The sheet of {deck}, all spheres recorded. Runs in this folder:  lmp -in {name}
 variable duration index 0  # the deck makes the sheet, kicks it, and stops there
 include  {deck}
@@ -96,20 +96,20 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
-    dump = " ".join([DUMP, *COLUMNS])
-    text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
+    dump = " ".join([SHEET_DUMP, *SHEET_COLUMNS])
+    text = _INPUT_TEXT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
     run_files(folder, deck.files() | {SCENE: [scene.to_toml()], INPUT: [text]}, INPUT, force=force)
     log = read_log(folder / LOG)[0]
     for column, limit, what in _LINEAR:
         if log.get(column, np.zeros(1)).max() >= limit:
             raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-    table = read_dump(folder / DUMP, len(deck.packing), COLUMNS)
-    velocity = np.stack([table[name] for name in COLUMNS[1:]], axis=-1)
+    table = read_dump(folder / SHEET_DUMP, len(deck.packing), SHEET_COLUMNS)
+    velocity = np.stack([table[name] for name in SHEET_COLUMNS[1:]], axis=-1)
     if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
-        raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
+        raise LammpsError(f"{SHEET_DUMP} is cut off or holds numbers that are not finite", INPUT, "")
     with writable(folder):
-        _save(folder / SHEET, deck, table["step"], velocity)
-    return folder / SHEET
+        _save(folder / SHEET_RECORD, deck, table["step"], velocity)
+    return folder / SHEET_RECORD
 
 
 def _refuse_unfit(scene: Scene) -> None:

@@ -21,7 +21,7 @@ from granular_lmp.runs.record import TRAJECTORY, Record
 Floats = NDArray[np.float64]
 
 EVERYTHING = "dump.everything"
-_FULL = "format float %.17g"
+_ALL_DIGITS = "format float %.17g"
 
 
 @dataclass(frozen=True)
@@ -70,16 +70,16 @@ def edited(deck: Deck, output: Output) -> Deck:
     """
     text = deck.input_text
     head, run, tail = text.rpartition("\nrun ")
-    if not run or text.count(_FULL) != 1:
+    if not run or text.count(_ALL_DIGITS) != 1:
         raise ValueError(f"{deck.input_name}: not a deck whose output can be changed")
     if output.everything:
         columns = "id xs ys" + " mux muy" * (deck.scene.effects.tracking is True)
         head += f"dump         all all custom ${{every}} {output.file} {columns}\n"
         if output.all_digits and not output.binary:
-            head += f"dump_modify  all {_FULL}\n"
+            head += f"dump_modify  all {_ALL_DIGITS}\n"
         text = head + run + tail
     elif not output.all_digits:
-        text = text.replace(f" {_FULL}", "")
+        text = text.replace(f" {_ALL_DIGITS}", "")
     return replace(deck, input_text=text)
 
 

@@ -29,7 +29,7 @@ from granular_lmp.studies.sweep_table import Sweep as Sweep
 
 Progress = Callable[[int, int, float], None]
 
-TABLE = "sweep.csv"
+SWEEP_TABLE = "sweep.csv"
 _LOOK = 0.02  # s between two looks at what is done
 _SAVE = 5.0  # s between two writes of the table
 _OVERHEAD = 1e5  # particle-steps that take as long as starting a warm run and reading its record, 20 ms
@@ -86,7 +86,7 @@ def sweep(
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, table_of(every, rows))
             with writable(folder):
-                replace_text(folder / TABLE, done.to_csv())
+                replace_text(folder / SWEEP_TABLE, done.to_csv())
             return done
 
         cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}

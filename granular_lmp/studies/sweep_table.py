@@ -20,7 +20,7 @@ Point = dict[str, Any]
 
 RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json, and the largest |p|, |q|, |phi| of the record
-COLUMNS = (
+SWEEP_COLUMNS = (
     *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
     *("largest_p", "largest_q", "largest_phi", "guards"),
 )
@@ -38,9 +38,9 @@ class Sweep:
     over : dict of str to list
         Dotted key → the values that it takes.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
-        is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
-        names those that were not quiet.
+        For each point of the outer product, the last key running fastest: the swept values and `SWEEP_COLUMNS`.
+        ``status`` is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0,
+        ``guards`` names those that were not quiet.
     """
 
     folder: Path
@@ -93,7 +93,7 @@ class Sweep:
     def to_csv(self) -> str:
         """The table, each number in the shortest form that reads back to the same double."""
         stream = io.StringIO()
-        writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
+        writer = csv.DictWriter(stream, [*self.over, *SWEEP_COLUMNS], lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.rows)
         return stream.getvalue()
@@ -106,7 +106,7 @@ class Sweep:
         PackageMissingError
             Without pandas.
         """
-        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
+        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *SWEEP_COLUMNS])
 
     def to_xarray(self) -> Any:
         """The table as an ``xarray.Dataset``, a dimension for each key that is swept.
