@@ -6,7 +6,6 @@ units of the static overlap Δ0. What is declared "auto" is decided here where i
 and in `granular_lmp.effects` where it concerns the physics.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import cached_property
@@ -19,22 +18,8 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
-from granular_lmp.scene.schema import (
-    AUTO,
-    NOT_TOML,
-    allowed_names,
-    checked_name,
-    cut,
-    default_name,
-    file_text,
-    first_file,
-    one_line,
-    plain,
-    record,
-    refuse_unknown,
-    shown,
-    toml_lines,
-)
+from granular_lmp.scene.document import Document
+from granular_lmp.scene.schema import AUTO, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
@@ -51,8 +36,6 @@ SECTIONS: dict[str, type] = {
     "output": Output,
 }
 SECTION_RULES = {"sphere": SPHERE_RULES}
-_ATTRIBUTES = {"sphere": "material"}  # of the tables that a scene holds under another name
-# Keys that a scene does not hold beside another; `with_values` of one takes the others out.
 EXCLUSIVE = {
     "time.tolerance": ("time.timestep",),
     "time.timestep": ("time.tolerance",),
@@ -74,7 +57,7 @@ def note(key: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Scene:
+class Scene(Document):
     """One simulation: spheres, packing, wave and its envelope, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is what the deck is made of: pressed by
@@ -88,7 +71,12 @@ class Scene:
         longer small, D0 beyond R/10, snapshots that fall between two records.
     """
 
-    name: str
+    sections = SECTIONS
+    rules = SECTION_RULES
+    attributes = {"sphere": "material"}
+    exclusive = EXCLUSIVE
+    named = "the files of the run"
+
     material: Sphere
     packing: Packing
     wave: Wave
@@ -110,43 +98,24 @@ class Scene:
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
-        text = file_text(found)
-        try:
-            return cls.loads(text, default_name(found))
-        except SceneError as error:
-            raise SceneError(f"{found}: {error}") from error
+        return cls.read(found)
 
     @classmethod
-    def loads(cls, text: str, default: str = "scene") -> Self:
-        """Scene from TOML text; `default` is its name if the text holds none."""
-        try:
-            tables = tomllib.loads(text)
-        except NOT_TOML as error:
-            raise SceneError(f"not valid TOML: {one_line(error)}") from error
-        return cls.from_dict(tables, default)
-
-    @classmethod
-    def from_dict(cls, tables: Mapping[str, Any], default: str = "scene") -> Self:
-        """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
-        refuse_unknown(tables, ("name", *SECTIONS), "")
-        name = checked_name(tables, default, "the files of the run")
-        tables = _without_wavevector(tables)
-        records = {
-            _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, SECTION_RULES.get(key))
-            for key, kind in SECTIONS.items()
-        }
-        if {"timestep", "tolerance"} <= set(tables["time"]):
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
+        time = tables.get("time")
+        if isinstance(time, Mapping) and {"timestep", "tolerance"} <= set(time):
             raise SceneError(
-                f"time.tolerance = {tables['time']['tolerance']!r}: excludes time.timestep = "
-                f"{tables['time']['timestep']!r}; give one of the two"
+                f"time.tolerance = {shown(time['tolerance'])}: excludes time.timestep = {shown(time['timestep'])}; "
+                "give one of the two"
             )
-        return cls(name=name, **records)
+        return _without_wavevector(tables)
 
     def to_dict(self) -> dict[str, Any]:
         """Nested plain values, every default filled in; of the time step and the tolerance the one that is declared."""
-        tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), SECTION_RULES.get(key)) for key in SECTIONS}
+        tables = super().to_dict()
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
-        return {"name": self.name} | tables
+        return tables
 
     def departures(self) -> dict[str, Any]:
         """Return every value that is not its key's default, by dotted key; keys without a default are always there."""
@@ -156,35 +125,11 @@ class Scene:
             if not is_dataclass(value):
                 found |= {section.name: value} if value != _default(section) else {}
                 continue
-            key = next((name for name, held in _ATTRIBUTES.items() if held == section.name), section.name)
+            key = next((name for name, held in self.attributes.items() if held == section.name), section.name)
             for item in fields(value):
                 if getattr(value, item.name) != _default(item):
                     found[f"{key}.{item.name}"] = getattr(value, item.name)
         return found
-
-    def to_toml(self) -> str:
-        """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
-        lines = [f'name = "{self.name}"']
-        tables = self.to_dict()
-        for key, kind in SECTIONS.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], SECTION_RULES.get(key))]
-        return "\n".join(lines) + "\n"
-
-    def with_values(self, changes: Mapping[str, Any]) -> "Scene":
-        """Copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``."""
-        tables = self.to_dict()
-        for key, value in changes.items():
-            table, _, name = key.rpartition(".")
-            if table and table not in SECTIONS:
-                raise SceneError(f"{cut(key)}: unknown key; {allowed_names(table, SECTIONS)}")
-            inner = tables[table] if table else tables
-            if not isinstance(inner, dict):
-                break  # an earlier change put a value in the table's place, which is what is wrong
-            for other in EXCLUSIVE.get(key, ()):
-                if other not in changes:
-                    inner.pop(other.rpartition(".")[2], None)
-            inner[name] = value
-        return Scene.from_dict(tables)
 
     def __repr__(self) -> str:
         shape = self.shape

@@ -5,7 +5,6 @@ that writes it for the wave decks (`granular_lmp.lammps.contact`). The bodies to
 of the first sphere at the contact is +x, its tangent +y, spins are about z. `granular_lmp.studies.collide` runs it.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, gamma, pi, sqrt
@@ -16,22 +15,9 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.document import Document
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
-from granular_lmp.scene.schema import (
-    NOT_TOML,
-    checked_name,
-    choice,
-    count,
-    default_name,
-    file_text,
-    first_file,
-    number,
-    one_line,
-    plain,
-    record,
-    refuse_unknown,
-    toml_lines,
-)
+from granular_lmp.scene.schema import choice, count, first_file, number
 from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
 
@@ -68,12 +54,8 @@ class Impact:
     steps: int = count("to an elastic contact time", 100, 10_000_000, default=10_000)
 
 
-_TABLES: dict[str, type] = {"sphere": Sphere, "contact": Contact, "collision": Impact}
-_RULES = {"sphere": SPHERE_RULES}
-
-
 @dataclass(frozen=True)
-class Collision:
+class Collision(Document):
     """One collision: what meets, by which law, and how.
 
     Raises
@@ -83,7 +65,10 @@ class Collision:
         hard that the overlap is no longer small.
     """
 
-    name: str
+    sections = {"sphere": Sphere, "contact": Contact, "collision": Impact}
+    rules = {"sphere": SPHERE_RULES}
+    named = "the deck"
+
     sphere: Sphere
     contact: Contact
     collision: Impact
@@ -122,49 +107,15 @@ class Collision:
         if found is None:
             shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
-        text = file_text(found)
-        try:
-            tables = tomllib.loads(text)
-        except NOT_TOML as error:
-            raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
-        try:
-            return cls.from_dict(tables, default_name(found))
-        except SceneError as error:
-            raise SceneError(f"{found}: {error}") from error
+        return cls.read(found)
 
     @classmethod
-    def from_dict(cls, tables: Mapping[str, Any], default: str = "collision") -> Self:
-        """Collision from nested mappings; every key and value is checked."""
-        refuse_unknown(tables, ("name", *_TABLES), "")
-        name = checked_name(tables, default, "the deck")
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with a contact, and spheres without adhesion, where they are not declared."""
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
-        return cls(name, **{key: record(kind, given.get(key), key, _RULES.get(key)) for key, kind in _TABLES.items()})
-
-    def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in."""
-        return {"name": self.name} | {key: plain(getattr(self, key), _RULES.get(key)) for key in _TABLES}
-
-    def to_toml(self) -> str:
-        """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
-        lines = [f'name = "{self.name}"']
-        tables = self.to_dict()
-        for key, kind in _TABLES.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
-        return "\n".join(lines) + "\n"
-
-    def with_values(self, changes: Mapping[str, Any]) -> Self:
-        """Copy with some values changed, named by dotted keys: ``{"collision.spin": 1.2}``."""
-        tables = self.to_dict()
-        for key, value in changes.items():
-            table, _, name = key.rpartition(".")
-            refuse_unknown({table: None} if table else {}, _TABLES, "")
-            inner = tables[table] if table else tables
-            if not isinstance(inner, dict):
-                break  # an earlier change put a value in the table's place, which is what is wrong
-            inner[name] = value
-        return self.from_dict(tables)
+        return given
 
     # --- what follows from the values ---
 

@@ -344,7 +344,7 @@ def test_a_collision_reads_back_as_it_is_written(name: str, tmp_path: Path) -> N
         ({"collision.normal_velocity": 0.0}, "collision.normal_velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
         ({"collision.normal_velocity": 1e4}, "the overlap would be 1.43 of the diameter; at most 0.05 is allowed"),
         ({"collision.spn": 1.0}, "collision.spn: unknown key; did you mean 'spin'?"),
-        ({"colision.spin": 1.0}, "colision: unknown key; did you mean 'collision'?"),
+        ({"colision.spin": 1.0}, "colision.spin: unknown key; did you mean 'collision'?"),
         ({"name": "a b"}, "name = 'a b': must be a string of at most 200 ASCII letters"),
     ],
 )
