@@ -15,7 +15,6 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.errors import RunInterrupted
 from granular_lmp.runs.launch import resume
-from granular_lmp.runs.launch import run as run_once
 from tests.conftest import PAPER
 
 EIGHTH = np.pi / 4  # rad per row
@@ -57,7 +56,7 @@ def test_a_wave_that_runs_down_is_the_mirror_of_one_that_runs_up(tmp_path: Path)
 @pytest.mark.parametrize("scene", ALL, ids=lambda scene: scene.name)
 def test_module_and_program_write_the_same_bytes(scene: Scene, tmp_path: Path) -> None:
     for launcher in ("module", "lmp"):
-        run_once(scene, tmp_path / launcher, launcher=launcher)
+        run(scene, tmp_path / launcher, launcher=launcher)
     for name in ("dump.centre", "trajectory.csv"):
         assert (tmp_path / "module" / name).read_bytes() == (tmp_path / "lmp" / name).read_bytes()
 
@@ -92,12 +91,12 @@ def test_a_stopped_run_resumes_as_if_it_had_not_been_stopped(scene: Scene, tmp_p
 
 def rows_of(record: Record) -> dict[str, Any]:
     """Displacements (T, rows, columns, 2) and rotations (T, rows, columns) of all spheres, in D0."""
-    particles, shape = record.particles(), record.scene.shape
-    grid = (len(particles), shape.rows, shape.columns)
+    snapshots, shape = record.snapshots(), record.scene.shape
+    grid = (len(snapshots), shape.rows, shape.columns)
     return {
-        "tau": particles.tau,
-        "displacement": particles.stack("displacement").reshape(*grid, 2),
-        "rotation": particles.stack("rotation").reshape(grid),
+        "tau": snapshots.tau,
+        "displacement": snapshots.stack("displacement").reshape(*grid, 2),
+        "rotation": snapshots.stack("rotation").reshape(grid),
     }
 
 
@@ -125,17 +124,17 @@ def test_nothing_runs_ahead_of_the_fastest_wave(tmp_path: Path) -> None:
 
 def test_a_pulse_runs_with_its_group_velocity(tmp_path: Path) -> None:
     record = run(PULSE.with_values({"time.duration": 30.0, "wave.amplitude": 0.01}), tmp_path / "run")
-    particles = record.particles()
-    positions = particles.rest / (particles.rest[1] - particles.rest[0])[0]
+    snapshots = record.snapshots()
+    positions = snapshots.rest / (snapshots.rest[1] - snapshots.rest[0])[0]
     shape, vector = record.scene.shape, record.scene.vector
     box = np.array([shape.columns, shape.rows * np.sqrt(0.75)])
     middles = []
-    for moment in (particles[0], particles[-1]):
+    for moment in (snapshots[0], snapshots[-1]):
         around = np.exp(2j * np.pi * positions / box)  # a mean that the periodic cell does not cut
         energy = moment.energy[:, None]
         middles.append(np.angle((energy * around).sum(axis=0)) / (2 * np.pi) * box)
     way = (middles[1] - middles[0] + box / 2) % box - box / 2
-    speed = way / particles.tau[-1]
+    speed = way / snapshots.tau[-1]
     expected = group_velocity(record.scene)
     # 5 %: the middle of the kinetic energy sways with the phase, and the branch bends over the width of the pulse
     np.testing.assert_allclose(speed, expected, atol=0.05 * np.linalg.norm(expected))

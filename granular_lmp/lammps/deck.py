@@ -19,7 +19,7 @@ from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
 from granular_lmp.lammps.datafile import DataFile
-from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, writable, write_files
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
 from granular_lmp.scene.initial_fields import initial_fields
@@ -323,7 +323,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
         "contacts_append": "",
         "dump": DUMP,
-        "snapshots": PARTICLES,
+        "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen else "centre",
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
         # On a line of the thermo table, so that no look falls between the two

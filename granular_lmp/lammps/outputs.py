@@ -15,7 +15,7 @@ from granular_lmp.errors import RunFolderError
 
 SCENE = "scene.toml"
 DUMP = "dump.centre"
-PARTICLES = "dump.particles"
+SNAPSHOTS = "dump.particles"
 PER_SAMPLE = "_per_sample"  # ends the names of the folders that hold the runs of a tolerance
 CONTACTS = f"{DUMP}.contacts"  # of the looks where a guard needs each contact
 LOG = "log.lammps"
@@ -135,8 +135,8 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
 
 
 @dataclass(frozen=True)
-class Snapshot:
-    """A whole snapshot of a LAMMPS text dump: its step, its number of entries, and where in the file it stands."""
+class SnapshotPlace:
+    """Where a whole snapshot stands in a LAMMPS text dump, in bytes, with its step and its number of entries."""
 
     step: int
     entries: int
@@ -144,8 +144,8 @@ class Snapshot:
     end: int
 
 
-def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """The whole snapshots of a LAMMPS text dump, in the order of the file, without empty ones."""
+def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
+    """Yield the places of the whole snapshots of a LAMMPS text dump, in the order of the file, without empty ones."""
     begin = end = lines = 0
     head: list[bytes] = []
     last = b""
@@ -157,7 +157,7 @@ def snapshots(path: str | Path) -> Iterator[Snapshot]:
             if cut >= 0:
                 end += cut
                 if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
-                    yield Snapshot(int(head[1]), int(head[3]), begin, end)
+                    yield SnapshotPlace(int(head[1]), int(head[3]), begin, end)
                 begin, lines, head = end, 0, []
             last = line[max(cut, 0) :]
             if lines < _LINES_BEFORE_ATOMS:
@@ -178,8 +178,8 @@ def mend_dump(path: str | Path) -> None:
     wrote again, the first. A file that is already that of one run is left alone.
     """
     path = Path(path)
-    kept: list[Snapshot] = []
-    for snapshot in snapshots(path):
+    kept: list[SnapshotPlace] = []
+    for snapshot in whole_snapshots(path):
         while kept and kept[-1].step >= snapshot.step:
             kept.pop()
         kept.append(snapshot)

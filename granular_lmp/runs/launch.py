@@ -28,8 +28,8 @@ from granular_lmp.lammps.outputs import (
     CONTACTS,
     DUMP,
     LOG,
-    PARTICLES,
     SCENE,
+    SNAPSHOTS,
     STATUS,
     mend_dump,
     mend_log,
@@ -236,7 +236,7 @@ def _collect(folder: Path, scene: Scene) -> Record:
 
 
 def _mend(folder: Path) -> None:
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, PARTICLES))):
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS))):
         mend_dump(path)
 
 

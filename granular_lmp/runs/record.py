@@ -24,7 +24,7 @@ from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
 from granular_lmp.runs.folder import is_held
-from granular_lmp.runs.snapshots import Particles
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class Record:
         """τ, p, q, φ by name: the columns of ``trajectory.csv``."""
         return {"tau": self.tau} | self.signals
 
-    def particles(self) -> Particles:
+    def snapshots(self) -> Snapshots:
         """The snapshots of all spheres.
 
         Raises
@@ -148,7 +148,7 @@ class Record:
         """
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
-        return Particles.load(self.folder)
+        return Snapshots.load(self.folder)
 
     def plot(self) -> "Picture":
         """p, q, φ over τ, those that move; a notebook shows it."""

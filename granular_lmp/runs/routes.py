@@ -96,12 +96,19 @@ def _run_module(module: Any, job: Job) -> None:
                 raise LammpsError(_first_line(error), _last_command(job.folder), log_tail(job.folder)) from error
             # Before its first step a run holds nothing that is worth a checkpoint, and maybe not yet the wave
             if instance.extract_global("ntimestep") > 0:
-                pool.submit(instance.command, f"write_restart {CHECKPOINTS[0]}").result()
+                for command in (*_to_next_look(instance), f"write_restart {CHECKPOINTS[0]}"):
+                    pool.submit(instance.command, command).result()
                 for line in _last_line(instance, job.columns):
                     pool.submit(instance.command, f'print "{line}"').result()
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+def _to_next_look(instance: Any) -> list[str]:
+    """Commands that take a stopped run on to a step at which guards look: LAMMPS continues their table only there."""
+    steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
+    return ["thermo_style custom step", "timer timeout off", f"run {steps} pre no post no"] if steps else []
 
 
 def _last_line(instance: Any, columns: tuple[str, ...]) -> tuple[str, str]:

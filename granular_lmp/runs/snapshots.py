@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import hexagonal
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import PARTICLES, PER_SAMPLE, Snapshot, read_snapshot, snapshots
+from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.scene import Scene
 
@@ -49,8 +49,8 @@ class Spheres:
 
 
 @dataclass(frozen=True, repr=False)
-class Particles:
-    """The snapshots of a run: ``particles[i]`` reads one, ``particles.tau`` says when each was taken.
+class Snapshots:
+    """The snapshots of a run: ``snapshots[i]`` reads one, ``snapshots.tau`` says when each was taken.
 
     Attributes
     ----------
@@ -58,13 +58,13 @@ class Particles:
         The dump.
     scene : Scene
         Of the run that wrote it.
-    index : list of Snapshot
+    index : list of SnapshotPlace
         Where each snapshot stands in the file.
     """
 
     path: Path
     scene: Scene
-    index: list[Snapshot]
+    index: list[SnapshotPlace]
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -76,15 +76,15 @@ class Particles:
             When the run has none.
         """
         folder = Path(folder)
-        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
-        path = next(filter(Path.is_file, [folder / PARTICLES, *reversed(finer)]), None)
+        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{SNAPSHOTS}"), key=lambda path: int(path.parent.name.split("_")[0]))
+        path = next(filter(Path.is_file, [folder / SNAPSHOTS, *reversed(finer)]), None)
         if path is None:
             raise RunFolderError(
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
                 "them, for instance --set output.particles=1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        whole = (each for each in snapshots(path) if each.entries == scene.shape.spheres)
+        whole = (each for each in whole_snapshots(path) if each.entries == scene.shape.spheres)
         return cls(path, scene, list(whole))
 
     @cached_property
@@ -138,4 +138,4 @@ class Particles:
         )
 
     def __repr__(self) -> str:
-        return f"<Particles {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"
+        return f"<Snapshots {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"
