@@ -63,7 +63,7 @@ def test_module_and_program_write_the_same_bytes(scene: Scene, tmp_path: Path) -
 
 @pytest.mark.parametrize("scene", [OBLIQUE, DRIVEN], ids=lambda scene: scene.name)
 def test_two_ranks_agree_with_one(scene: Scene, tmp_path: Path) -> None:
-    one, two = (run_once(scene, tmp_path / str(ranks), ranks=ranks) for ranks in (1, 2))
+    one, two = (run(scene, tmp_path / str(ranks), ranks=ranks) for ranks in (1, 2))
     for name in ("p", "q", "phi"):
         np.testing.assert_allclose(getattr(two, name), getattr(one, name), atol=1e-9)
 
