@@ -362,6 +362,9 @@ def test_a_dump_of_other_columns_or_another_number_of_spheres_is_refused(tmp_pat
         read_dump(tmp_path / "dump", 3, ["id", "x"])
     with pytest.raises(RunFolderError, match="expected id y or id z of 2"):
         read_dump(tmp_path / "dump", 2, ["id", "y"], ["id", "z"])
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, 0.5) + SNAPSHOT.format(6, 0.5).replace("id x", "id y"))
+    with pytest.raises(RunFolderError, match="holds id y of 2 spheres at step 6, expected id x of 2"):
+        read_dump(tmp_path / "dump", 2, ["id", "x"], ["id", "y"])
     (tmp_path / "dump").write_text(SNAPSHOT.format(3, "none"))
     with pytest.raises(RunFolderError, match="dump: not a LAMMPS dump: could not convert string to float: 'none'"):
         read_dump(tmp_path / "dump", 2, ["id", "x"])

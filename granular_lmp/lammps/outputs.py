@@ -82,7 +82,8 @@ def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] 
     lines = list(islice(stream, entries))
     if len(lines) < entries or (lines and not lines[-1].endswith("\n")):
         return None
-    return step, names, np.array("".join(lines).split(), dtype=float).reshape(entries, len(names))
+    numbers = map(float, "".join(lines).split())  # of one sphere, np.array would take a third longer
+    return step, names, np.fromiter(numbers, dtype=float).reshape(entries, len(names))
 
 
 def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[np.float64]]]:
@@ -109,18 +110,18 @@ def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[s
     RunFolderError
         If the file cannot be read, or holds other columns or another number of spheres.
     """
-    found, steps, tables = list(allowed[0]), [], []
+    steps, tables = [], []
     for step, names, table in read_snapshots(path):
         if names not in map(list, allowed) or len(table) != spheres:
             raise RunFolderError(
                 f"{path}: holds {' '.join(names)} of {len(table)} spheres at step {step}, "
                 f"expected {' or '.join(map(' '.join, allowed))} of {spheres}"
             )
-        found = names
+        allowed = (names,)  # the same in all snapshots
         steps.append(step)
         tables.append(table)
-    values = np.array(tables).reshape(-1, spheres, len(found))
-    return {"step": np.array(steps, dtype=float)} | dict(zip(found, np.moveaxis(values, 2, 0), strict=True))
+    values = np.array(tables).reshape(-1, spheres, len(allowed[0]))
+    return {"step": np.array(steps, dtype=float)} | dict(zip(allowed[0], np.moveaxis(values, 2, 0), strict=True))
 
 
 def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
