@@ -10,9 +10,9 @@ from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.crystal import MOVIES, run_figure, run_movie
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.snapshots import Particles
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import note
-from granular_lmp.studies.sweep import COLUMNS, Sweep
+from granular_lmp.studies.sweep_table import SWEEP_COLUMNS, Sweep
 
 _LABELS = {"largest_p": r"largest $|p|$", "largest_q": r"largest $|q|$", "largest_phi": r"largest $|\varphi|$"} | {
     "wavenumber_used": r"wave number used (rad per row)",
@@ -73,16 +73,16 @@ def view(
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
     try:
-        particles = Particles.load(folder)
+        snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
         if movie or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
-        run_movie(record, particles, path, colour=colour, magnify=magnify, rows=rows)
+        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows)
     else:
-        save(run_figure(record, particles, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
+        save(run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
     return lacks
 
 
@@ -102,7 +102,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     ViewError
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
-    allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
+    allowed = [name for name in SWEEP_COLUMNS if name not in ("run", "status", "message", "guards")]
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))

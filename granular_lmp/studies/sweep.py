@@ -5,146 +5,34 @@ scene) and ``sweep.csv`` (a line for each run). The run folders are its only mem
 started again, reads them, runs what is missing, and continues interrupted runs.
 """
 
-import csv
-import io
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.accuracy.tolerance import resume, run
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import SCENE, STATUS, SWEEP, replace_text, writable
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
+from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.record import Record, optional_package, read_status, write_status
+from granular_lmp.runs.record import Record, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.executors import stop_requested
-from granular_lmp.studies.sweep_points import concrete_hash, points, scene_hash
+from granular_lmp.studies.sweep_points import points, scene_hash
+from granular_lmp.studies.sweep_table import RUNS, Point, read_request, row_of, status_of, summary, table_of
+from granular_lmp.studies.sweep_table import Sweep as Sweep
 
 Progress = Callable[[int, int, float], None]
-Point = dict[str, Any]
 
-TABLE = "sweep.csv"
-RUNS = "runs"
-# Columns of the table beside the swept values: entries of run.json, and the largest |p|, |q|, |phi| of the record
-COLUMNS = (
-    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
-    *("largest_p", "largest_q", "largest_phi", "guards"),
-)
+SWEEP_TABLE = "sweep.csv"
 _LOOK = 0.02  # s between two checks for finished runs
 _SAVE = 5.0  # s between two writes of the table
 _OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to start and to read its record
-
-
-@dataclass(frozen=True, repr=False)
-class Sweep:
-    """A sweep, finished or not.
-
-    Attributes
-    ----------
-    folder : Path
-        Sweep folder.
-    scene : Scene
-        Scene whose values are varied.
-    over : dict of str to list
-        Dotted key → its values.
-    rows : list of dict
-        Swept values and `COLUMNS` for each point of the outer product, the last key running fastest. ``status`` is
-        "finished", "failed" or "unfinished"; unknown values are None. ``frequency`` is in rad/t0, and ``guards`` names
-        the guards that triggered.
-    """
-
-    folder: Path
-    scene: Scene
-    over: dict[str, list[Any]]
-    rows: list[Point]
-
-    @classmethod
-    def load(cls, folder: str | Path) -> Self:
-        """Read a sweep from its run folders.
-
-        Raises
-        ------
-        RunFolderError
-            If the folder holds no sweep, or a run folder holds the run of another scene.
-        SceneError
-            If the scene is not valid in this version.
-        """
-        folder = Path(folder).absolute()
-        request = _read_request(folder)
-        if request is None:
-            raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
-        scene, over = Scene.from_dict(request["scene"]), request["over"]
-        grid = points(scene, over)
-        rows = {name: _row(folder / RUNS / name) for _, name, _ in grid}
-        return cls(folder, scene, over, _table(grid, rows))
-
-    def column(self, name: str) -> NDArray[Any]:
-        """Return one column of the table in the order of `rows`; unknown numbers are nan."""
-        values = [row[name] for row in self.rows]
-        numbers = all(value is None or isinstance(value, (int, float)) for value in values)
-        return np.array(values, dtype=float if numbers else None)
-
-    def record(self, row: Point) -> Record:
-        """Return the record of the run of a row.
-
-        Raises
-        ------
-        RunFolderError
-            If the folder holds no finished run, or the run of another scene.
-        """
-        folder = self.folder / row["run"]
-        _refuse_other_point(folder)
-        return Record.load(folder)
-
-    def having(self, status: str) -> list[Point]:
-        """Return the rows with this status."""
-        return [row for row in self.rows if row["status"] == status]
-
-    def to_csv(self) -> str:
-        """Return the table as CSV, each number in the shortest form that reads back to the same double."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return stream.getvalue()
-
-    def to_pandas(self) -> Any:
-        """Return the table as a ``pandas.DataFrame``.
-
-        Raises
-        ------
-        PackageMissingError
-            If pandas is not installed.
-        """
-        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
-
-    def to_xarray(self) -> Any:
-        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key.
-
-        Raises
-        ------
-        PackageMissingError
-            If pandas or xarray is not installed.
-        """
-        optional_package("xarray")
-        return self.to_pandas().set_index([*self.over]).to_xarray()
-
-    def __repr__(self) -> str:
-        asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
-        counts = (f"{len(self.having(status))} {status}" for status in ("finished", "failed", "unfinished"))
-        return f"<Sweep {self.folder}: {asked}; {', '.join(counts)}>"
-
-
-# --- the sweep -------------------------------------------------------------------------------------------------------
 
 
 def sweep(
@@ -190,16 +78,16 @@ def sweep(
     """
     folder = Path(folder).absolute()
     asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
-    grid = points(scene, asked)
-    made = {name: each for _, name, each in grid}
+    every = points(scene, asked)
+    made = {name: each for _, name, each in every}
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
-        rows = {name: _row(folder / RUNS / name) for name in made}
+        rows = {name: row_of(folder / RUNS / name) for name in made}
 
         def save() -> Sweep:
-            done = Sweep(folder, scene, asked, _table(grid, rows))
+            done = Sweep(folder, scene, asked, table_of(every, rows))
             with writable(folder):
-                replace_text(folder / TABLE, done.to_csv())
+                replace_text(folder / SWEEP_TABLE, done.to_csv())
             return done
 
         cost = {name: _cost(each) for name, each in made.items() if rows[name]["status"] != "finished"}
@@ -215,7 +103,7 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: _row(folder / RUNS / name) for name in cost}  # some runs may have ended since
+            rows |= {name: row_of(folder / RUNS / name) for name in cost}  # some runs may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -228,7 +116,7 @@ def sweep(
 
 def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
     """Write the request into the folder, or raise RunFolderError if it belongs to another sweep or run."""
-    there = _read_request(folder)
+    there = read_request(folder)
     if there is not None and not force and _identity(there) != _identity(request):
         asked = ", ".join(f"{key} ({len(values)})" for key, values in there["over"].items())
         raise RunFolderError(f"{folder}: holds another sweep, over {asked}; choose another folder or say --force")
@@ -243,20 +131,6 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
 
 def _identity(request: dict[str, Any]) -> str:
     return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
-
-
-def _read_request(folder: Path) -> dict[str, Any] | None:
-    """Return the contents of ``sweep.json``, or None without the file."""
-    path = folder / SWEEP
-    try:
-        request = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):
-            raise TypeError("over and scene must be JSON objects")
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise RunFolderError(f"{path}: cannot be read: {error}") from error
-    return {"over": request["over"], "scene": request["scene"]}
 
 
 def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
@@ -320,15 +194,14 @@ def run_point(scene: Scene, folder: Path) -> Point:
         record = _continued(scene, folder, heed)
     except RunInterrupted:
         raise
-    except (
-        GranularError
-    ) as error:  # a row, because an exception with several arguments cannot be sent between processes
-        return _row(folder) | {"status": "failed", "message": str(error)}
-    return _summary(record.info, record)
+    except GranularError as error:
+        # A row, because an exception with several arguments cannot be sent between processes
+        return row_of(folder) | {"status": "failed", "message": str(error)}
+    return summary(record.info, record)
 
 
 def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
-    if _status(folder).get("status") in ("running", "interrupted"):
+    if status_of(folder).get("status") in ("running", "interrupted"):
         with suppress(RunFolderError):  # the run has no checkpoint
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
@@ -339,84 +212,17 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
     try:
         return future.result()
     except RunInterrupted:
-        return _row(folder)
+        return row_of(folder)
     except Exception as error:  # an error of the executor or of the machine fails this run, and the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
-    info = _status(folder)
+    info = status_of(folder)
     if info.get("status") == "finished":  # the run is complete and only its row was lost
-        return _row(folder)
+        return row_of(folder)
     if info:
         with suppress(OSError):
             write_status(folder, info | {"status": "failed", "message": message})
-    return _row(folder) | {"status": "failed", "message": message}
-
-
-# --- the results -----------------------------------------------------------------------------------------------------
-
-
-def _status(folder: Path) -> dict[str, Any]:
-    try:
-        return read_status(folder)
-    except RunFolderError:
-        return {}
-
-
-def _table(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
-    """Return a row for each point of the grid; points of the same scene share a run."""
-    return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
-
-
-def _refuse_other_point(folder: Path) -> None:
-    """Raise RunFolderError if the hash of the scene in a run folder is not the name of the folder.
-
-    A scene that cannot be read is reported by `Record.load`.
-    """
-    try:
-        scene = Scene.load(folder / SCENE)
-    except SceneError:
-        return
-    name = concrete_hash(scene)
-    if name != folder.name:
-        raise RunFolderError(
-            f"{folder}: holds the run of another scene ({scene.wave_label}), that of {RUNS}/{name}; "
-            "move it there, or away, and start the sweep again"
-        )
-
-
-def _row(folder: Path) -> Point:
-    """Return the row of a run folder, also of one that does not exist yet.
-
-    Raises
-    ------
-    RunFolderError
-        If it holds the run of another scene, which a new run would destroy.
-    """
-    info = _status(folder)
-    if info:
-        _refuse_other_point(folder)
-    if info.get("status") != "finished":
-        return _summary(info, None)
-    try:
-        return _summary(info, Record.load(folder))
-    except GranularError as error:  # the files of the run are damaged
-        return _summary(info | {"status": "failed", "message": str(error)}, None)
-
-
-def _summary(info: dict[str, Any], record: Record | None) -> Point:
-    ended = info.get("status") in ("finished", "failed")
-    return {
-        "status": info["status"] if ended else "unfinished",
-        "message": info.get("message", "") if ended else "",
-        "seconds": info.get("wall_seconds", {}).get("total"),
-        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
-        **{f"largest_{name}": _largest(record, name) for name in ("p", "q", "phi")},
-        "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
-    }
-
-
-def _largest(record: Record | None, name: str) -> float | None:
-    return None if record is None else float(np.abs(getattr(record, name)).max())
+    return row_of(folder) | {"status": "failed", "message": message}
 
 
 def _cost(scene: Scene) -> float:
