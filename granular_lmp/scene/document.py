@@ -119,7 +119,7 @@ class Document:
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             if table and table not in self.sections:
-                raise SceneError(unknown_key(table, self.sections))
+                raise SceneError(unknown_key(key, table, self.sections))
             inner = tables[table] if table else tables
             if not isinstance(inner, dict):
                 break  # an earlier change replaced the table by a value, which is the error to report

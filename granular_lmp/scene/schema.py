@@ -247,13 +247,12 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
     """Raise SceneError for the first key that is not in `names`."""
     for key in table:
         if key not in names:
-            raise SceneError(unknown_key(key, names, prefix))
+            raise SceneError(unknown_key(f"{prefix}{key}", key, names))
 
 
-def unknown_key(key: str, names: Iterable[str], prefix: str = "") -> str:
-    """Return what is wrong with a key that is none of `names`: not supported, misspelt, or not one of those allowed."""
-    reason = not_supported(key)
-    return f"{prefix}{cut(key)}: {reason or f'unknown key; {allowed_names(key, names)}'}"
+def unknown_key(whole: str, part: str, names: Iterable[str]) -> str:
+    """Return what is wrong with a key, a part of which is none of `names`: not supported, misspelt, or not allowed."""
+    return f"{cut(whole)}: {not_supported(part) or f'unknown key; {allowed_names(part, names)}'}"
 
 
 def checked_description(tables: Mapping[str, Any]) -> str:
