@@ -23,7 +23,7 @@ from benchmarks.timing import both_ratios, interleave, machine, rates, spread, t
 from granular_lmp import Scene, build
 from granular_lmp.lammps.datafile import DataFile, read
 from granular_lmp.lammps.installation import lmp_command
-from granular_lmp.lammps.outputs import DUMP, LOG, read_dump, read_log
+from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.shape import quiet_rows
 
@@ -268,7 +268,7 @@ def _run(variant: Variant, scene: Scene, folder: Path) -> Outcome:
     command = [*lmp_command(variant.ranks), "-in", script.name, "-log", LOG, "-screen", "none"]
     subprocess.run(command, cwd=folder, check=True, stdin=subprocess.DEVNULL)
     _, loop = read_log(folder / LOG)
-    dump = read_dump(folder / DUMP)
+    dump = read_centre(folder / DUMP)
     metre = units_for(scene.sphere.radius).number(1.0, length=1)
     p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)
     spheres, steps = len(data.kind), scene.time.steps

@@ -119,7 +119,7 @@ class Start:
         packing = deck.packing
         rows, columns = packing.arrays["row"], packing.arrays["column"]
         fields = plane_wave(packing, deck.problem.mode, scene.wave.phase)
-        unit = scene.wave.amplitude * sphere.static_overlap * np.array([1.0, 1.0, 1 / sphere.radius])
+        unit = scene.displacement_amplitude * np.array([1.0, 1.0, 1 / sphere.radius])
         low = packing.get_celldisp().ravel()[:2]
         return cls(
             position=(packing.positions[:, :2] - low) * sphere.radius,
@@ -137,5 +137,5 @@ class Start:
 
 def centre_signals(scene: Scene, displacement: Floats) -> tuple[Floats, Floats]:
     """p and q from the displacement (T, 2) of the centre sphere in m."""
-    d0 = scene.wave.amplitude * scene.sphere.static_overlap
+    d0 = scene.displacement_amplitude
     return displacement[:, 1] / d0, -displacement[:, 0] / d0

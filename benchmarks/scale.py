@@ -23,7 +23,7 @@ from benchmarks.timing import interleave, machine, rates, ratio, spread, table
 from granular_lmp import Scene, build
 from granular_lmp.errors import LammpsError
 from granular_lmp.lammps.installation import lmp_command
-from granular_lmp.lammps.outputs import DUMP, LOG, read_dump, read_log
+from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
 from granular_lmp.lammps.units import units_for
 
 COLUMNS = 100
@@ -75,7 +75,7 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
     _, loop = read_log(folder / "run" / LOG)
-    dump = read_dump(folder / "run" / DUMP)
+    dump = read_centre(folder / "run" / DUMP)
     metre = units_for(scene.sphere.radius).number(1.0, length=1)
     p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)
     return Run(

@@ -75,7 +75,7 @@ def run_of_rows(
     p, q, phi = (each.repeat(COLUMNS, axis=1) for each in signals)
     fields = {"displacement": np.stack([-q, p], axis=-1), "rotation": phi}
 
-    def particles() -> Any:
+    def read() -> Any:
         if not snapshots:
             raise RunFolderError("run: holds no snapshots of all spheres")
         return SimpleNamespace(tau=tau, stack=fields.__getitem__)
@@ -87,4 +87,4 @@ def run_of_rows(
         envelope=envelope or Envelope(),
         shape=SimpleNamespace(rows=rows, columns=COLUMNS, ends=ends, centre_row=(rows - 1) // 2),
     )
-    return SimpleNamespace(scene=scene, info=info or {}, particles=particles)
+    return SimpleNamespace(scene=scene, info=info or {}, snapshots=read)

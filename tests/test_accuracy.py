@@ -16,7 +16,8 @@ from analysis.theory.contact import Contact
 from analysis.theory.lattice import torus
 from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy.richardson import halved_step, richardson
+from granular_lmp.accuracy.ladder import with_step
+from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import grain, noise_floor
 from tests.conftest import PAPER
 
@@ -150,7 +151,6 @@ def test_richardson_refuses_records_that_are_no_pair(paper_run: Callable[..., Re
 def test_richardson_estimates_the_error_of_the_finer_run(pair: Callable[[float], Record]) -> None:
     fine = pair(0.802).info["error_estimate"]
     assert fine["p"] == pytest.approx(4.1e-4, rel=0.1)  # measured once against the exact lattice
-    assert halved_step(PAPER).time.step == 0.025
 
 
 # --- the floor; its size is measured in tests/hard ---
@@ -164,7 +164,7 @@ def test_the_noise_floor_rises_as_the_root_of_the_duration_and_as_one_over_the_a
 
 
 def test_smaller_steps_make_the_grain_coarser_and_the_floor_higher(small: Scene) -> None:
-    finer = halved_step(small)
+    finer = with_step(small, small.time.step / 2)
     assert grain(finer) == pytest.approx(2 * grain(small), rel=1e-12)
     assert noise_floor(finer) == pytest.approx(2**0.5 * noise_floor(small), rel=1e-12)
 

@@ -13,7 +13,7 @@ from benchmarks.timing import interleave, ratio
 
 def test_the_start_of_a_peer_is_the_wave() -> None:
     start, scene = Start.of(base_scene()), base_scene()
-    d0 = scene.wave.amplitude * scene.sphere.static_overlap
+    d0 = scene.displacement_amplitude
     p, q = exact(scene)
     # Rounding of SI numbers; Q = 0.9731 moves along −x, and nothing along y.
     np.testing.assert_allclose(start.displacement[start.centre, :2] / d0, [-q[0], p[0]], rtol=1e-9, atol=1e-12)

@@ -11,7 +11,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.lammps.installation import lmp_command
-from granular_lmp.lammps.outputs import read_dump
+from granular_lmp.lammps.outputs import read_centre
 from granular_lmp.lammps.units import MICRO, NANO, SI, Units, units_for
 from granular_lmp.scene.shipped import SHIPPED
 
@@ -176,6 +176,6 @@ def test_the_record_starts_at_the_wave_s_own_values(small: Scene, tmp_path: Path
     record = Record.from_dump(tmp_path / "deck", small)
     assert record.q[0] == pytest.approx(-deck.problem.mode.ux, abs=1e-9)
     assert record.p[0] == record.phi[0] == 0
-    table = read_dump(tmp_path / "deck" / "dump.centre")
+    table = read_centre(tmp_path / "deck" / "dump.centre")
     spin = deck.problem.mode.f * deck.problem.mode.frequency * small.wave.amplitude * small.sphere.overlap_ratio * 2
     assert table["omegaz"][0] == pytest.approx(spin / (small.sphere.time_scale * 1e9), rel=1e-12)

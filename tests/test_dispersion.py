@@ -11,8 +11,8 @@ from analysis.measure import dispersion
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from granular_lmp import Scene, build
-from granular_lmp.errors import EffectError, RunFolderError, SceneError
-from granular_lmp.studies.kick import DUMP, kicked, read_sheet, run_kicked
+from granular_lmp.errors import EffectError, SceneError
+from granular_lmp.studies.kick import kicked, run_kicked
 
 SMALL = Scene.load("tr_periodic").with_values(
     {"packing.rows": 12, "packing.columns": 12, "wave.amplitude": 0.01, "time.duration": 120.0, "time.sample": 1.5}
@@ -138,12 +138,6 @@ def test_a_strip_between_walls_is_refused_before_anything_is_written(tmp_path: P
 def test_a_kick_that_is_too_hard_is_refused(changes: dict[str, object], said: str, tmp_path: Path) -> None:
     with pytest.raises(EffectError, match=said):
         run_kicked(SMALL.with_values({"time.duration": 12.0} | changes), tmp_path / "run")
-
-
-def test_a_broken_dump_is_refused(tmp_path: Path) -> None:
-    (tmp_path / DUMP).write_text("ITEM: TIMESTEP\nnone\n")
-    with pytest.raises(RunFolderError, match="not a dump of a sheet"):
-        read_sheet(tmp_path / DUMP)
 
 
 @pytest.mark.parametrize(

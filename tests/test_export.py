@@ -48,7 +48,7 @@ def test_xarray_reads_the_netcdf_with_units_and_scales(record: Record, tmp_path:
 def test_ase_reads_the_extended_xyz(record: Record, tmp_path: Path) -> None:
     export(record, tmp_path / "run.xyz")
     frames = ase.io.read(tmp_path / "run.xyz", index=":", format="extxyz")
-    particles = record.particles()
+    particles = record.snapshots()
     assert [atoms.info["tau"] for atoms in frames] == list(particles.tau)
     d0 = record.scene.wave.amplitude * record.scene.sphere.static_overlap / record.scene.sphere.radius
     for atoms, spheres in zip(frames, particles, strict=False):

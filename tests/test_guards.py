@@ -11,7 +11,7 @@ from granular_lmp import Scene, build, run
 from granular_lmp.effects.effect import Case
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEVER, columns, measured, watches_part, words_between_runs
-from granular_lmp.lammps.outputs import CONTACTS, read_local
+from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.runs.record import read_status
 from tests.hard.guard_study import FAMILIES, Comparison, compared, random_scene
 
@@ -151,8 +151,8 @@ def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_
         "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ENTRIES\n2\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ENTRIES a b\n"
     )
     (tmp_path / "dump").write_text(look.format(3) + "1 2\n3 4\n" + look.format(6) + "1 2\n")
-    ((step, contacts),) = read_local(tmp_path / "dump")
-    assert step == 3
+    ((step, names, contacts),) = read_snapshots(tmp_path / "dump")
+    assert (step, names) == (3, ["a", "b"])
     assert contacts.tolist() == [[1, 2], [3, 4]]
 
 

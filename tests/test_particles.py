@@ -8,10 +8,10 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
-from granular_lmp.lammps.outputs import mend_dump, read_dump, snapshots
+from granular_lmp.lammps.outputs import mend_dump, read_centre, whole_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs import launch
-from granular_lmp.runs.snapshots import Particles, Spheres
+from granular_lmp.runs.snapshots import Snapshots, Spheres
 from granular_lmp.scene.initial_fields import plane_wave
 from granular_lmp.studies.cost_settings import base
 
@@ -36,26 +36,26 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
     lines = (tmp_path / "run" / "dump.particles").read_text().split("\n")
     size = 9 + seen.shape.spheres
     names = lines[8].split()[2:]
-    alone = read_dump(tmp_path / "run" / "dump.centre")
+    alone = read_centre(tmp_path / "run" / "dump.centre")
     pairs = {"Displacement.X": "ux", "Displacement.Y": "uy", "v_theta": "theta", "omegaz": "omegaz", "vx": "vx"}
     for snapshot in range(3):
         values = dict(zip(names, lines[size * snapshot + 9 + centre].split(), strict=True))
         for ours, theirs in pairs.items():
             assert float(values[ours]) == alone[theirs][2 * snapshot]
-    particles = Particles.load(tmp_path / "run")
-    np.testing.assert_array_equal(particles.tau, record.tau[::2])
-    assert particles.stack("displacement").shape == (3, 24, 2)
+    snapshots = Snapshots.load(tmp_path / "run")
+    np.testing.assert_array_equal(snapshots.tau, record.tau[::2])
+    assert snapshots.stack("displacement").shape == (3, 24, 2)
     # The record divides in metres, the snapshots in the deck's nanometres: a few roundings
-    np.testing.assert_allclose(particles.stack("displacement")[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
-    np.testing.assert_allclose(-particles.stack("displacement")[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
-    np.testing.assert_allclose(particles.stack("rotation")[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(snapshots.stack("displacement")[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(-snapshots.stack("displacement")[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(snapshots.stack("rotation")[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
 
 
 def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:
     run(seen, tmp_path / "run")
     deck = build(seen)
     wave = plane_wave(deck.packing, deck.problem.mode)
-    first = Particles.load(tmp_path / "run")[0]
+    first = Snapshots.load(tmp_path / "run")[0]
     # A position of 3e3 nm resolves 5e-13 nm, 1e-11 of D0; the data file holds 13 decimals
     np.testing.assert_allclose(np.column_stack([first.displacement, first.rotation]), wave.displacement, atol=1e-10)
     np.testing.assert_allclose(np.column_stack([first.velocity, first.spin]), wave.velocity, atol=1e-12)
@@ -105,7 +105,7 @@ def test_columns_have_the_names_that_ovito_maps_by_itself(
     run(seen.with_values(changes), tmp_path / "run")
     header = (tmp_path / "run" / "dump.particles").read_text().split("\n")[8]
     assert header == f"ITEM: ATOMS id type x y z radius Displacement.X Displacement.Y {names}"
-    rotation = Particles.load(tmp_path / "run")[1].rotation
+    rotation = Snapshots.load(tmp_path / "run")[1].rotation
     assert np.isnan(rotation).all() == ("tracking" in str(changes))
     assert np.any(rotation != 0) == (changes.get("wave.mode") != "L")
 
@@ -122,12 +122,12 @@ def test_a_stopped_run_resumes_to_the_same_snapshots(tmp_path: Path) -> None:
     with pytest.raises(RunInterrupted):
         run(scene, tmp_path / "run", progress=stop)
     dump = tmp_path / "run" / "dump.particles"
-    assert 1 <= len(Particles.load(tmp_path / "run")) < 31
+    assert 1 <= len(Snapshots.load(tmp_path / "run")) < 31
     with dump.open("a") as stream:
         stream.write("ITEM: TIMESTEP\n")  # as a kill leaves it
     launch.resume(tmp_path / "run")
     run(scene, tmp_path / "whole")
-    assert len(Particles.load(tmp_path / "run")) == 31
+    assert len(Snapshots.load(tmp_path / "run")) == 31
     assert dump.read_bytes() == (tmp_path / "whole" / "dump.particles").read_bytes()
 
 
@@ -138,21 +138,21 @@ def test_a_mended_dump_of_many_spheres_is_that_of_one_run(cut: int, seen: Scene,
     text = dump.read_text()
     parts = ["ITEM: TIMESTEP" + part for part in text.split("ITEM: TIMESTEP")[1:]]
     dump.write_text("".join(parts[:2]) + parts[2][:cut] + "".join(parts[1:]) + parts[0][:cut])
-    assert [each.step for each in snapshots(dump)] == [0, 20, 20, 40]
+    assert [each.step for each in whole_snapshots(dump)] == [0, 20, 20, 40]
     mend_dump(dump)
     assert dump.read_text() == text
 
 
 def test_a_run_to_a_tolerance_shows_the_snapshots_of_its_finest_step(seen: Scene, tmp_path: Path) -> None:
     record = run(seen.with_values({"time.tolerance": 1e-3}), tmp_path / "run")
-    particles = Particles.load(tmp_path / "run")
-    assert particles.scene.time.step == min(record.info["extrapolated_from"])
+    snapshots = Snapshots.load(tmp_path / "run")
+    assert snapshots.scene.time.step == min(record.info["extrapolated_from"])
 
 
 def test_a_run_without_snapshots_says_what_its_scene_needs(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
     with pytest.raises(RunFolderError, match=r"no snapshots of all spheres; run its scene with output\.particles"):
-        Particles.load(tmp_path / "run")
+        Snapshots.load(tmp_path / "run")
 
 
 def test_a_dump_of_something_else_is_refused(seen: Scene, tmp_path: Path) -> None:
@@ -160,9 +160,9 @@ def test_a_dump_of_something_else_is_refused(seen: Scene, tmp_path: Path) -> Non
     dump = tmp_path / "run" / "dump.particles"
     dump.write_text(dump.read_text().replace("Displacement.X", "c_d"))
     with pytest.raises(RunFolderError, match="not a dump of our spheres"):
-        Particles.load(tmp_path / "run")[0]
+        Snapshots.load(tmp_path / "run")[0]
     dump.write_text("a\n" * 20)
-    assert len(Particles.load(tmp_path / "run")) == 0
+    assert len(Snapshots.load(tmp_path / "run")) == 0
 
 
 def test_a_study_of_costs_takes_no_snapshots_of_its_own(seen: Scene) -> None:

@@ -414,8 +414,8 @@ def test_a_beam_in_lammps_has_the_static_field_and_the_second_harmonic_of_theory
     assert relative(c.around(c.second, 0), c.around(c.beyond, 0)) < 1e-4
     assert relative(c.around(c.second, 2), c.around(c.beyond, 2)) < 2e-4
     flat = Sheet(c.sheet.rows, c.sheet.columns, SILICA)
-    particles = record.particles()
-    start = fields_of(particles)[0], fields_of(particles, "velocity", "spin")[0]
+    snapshots = record.snapshots()
+    start = fields_of(snapshots)[0], fields_of(snapshots, "velocity", "spin")[0]
     second = 0.02 * evolve(flat, *start, c.tau, timestep=record.scene.time.step)[1]
     assert relative(c.around(second, 0), c.around(c.beyond, 0)) > 5e-4
     assert relative(c.linear + c.second, c.run) < 5e-6
@@ -423,8 +423,8 @@ def test_a_beam_in_lammps_has_the_static_field_and_the_second_harmonic_of_theory
 
 def test_the_time_step_of_the_run_has_to_be_in_the_theory(lammps: Record) -> None:
     c = compare(lammps)
-    particles = lammps.particles()
-    rate = np.concatenate([particles[0].velocity, particles[0].spin[:, None]], axis=1)
+    snapshots = lammps.snapshots()
+    rate = np.concatenate([snapshots[0].velocity, snapshots[0].spin[:, None]], axis=1)
     exact, _ = evolve(c.sheet, c.run[0], rate, c.tau)
     assert relative(c.second, c.run - exact) > 0.04
 

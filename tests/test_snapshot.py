@@ -16,7 +16,7 @@ HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo
 @pytest.mark.parametrize("changes", [PERIODIC, HELD], ids=["periodic", "held"])
 def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
     scene = Scene.load("tr_periodic").with_values(changes)
-    snapshots = run(scene, tmp_path / "run").particles()
+    snapshots = run(scene, tmp_path / "run").snapshots()
     network, state = read_network(snapshots.path, DENSITY, SILICA)
     assert np.count_nonzero(network.held) == (6 if changes is HELD else 0)
     times = scene.sphere.time_scale * 1e9 * np.arange(1, 6)

@@ -12,7 +12,7 @@ from analysis.figures import spectrum as spectrum_figure
 from analysis.measure import spectrum
 from analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy.richardson import halved_step
+from granular_lmp.accuracy.ladder import with_step
 from tests.stand_in import leave_folder
 
 ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})
@@ -236,7 +236,7 @@ def test_an_empty_folder_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mode", ["TR", "RT", "L"])
 def test_lammps_makes_the_amplitude_of_theory(mode: str, tmp_path: Path) -> None:
     scene = ZONE.with_values({"packing.rows": 16, "wave.mode": mode, "wave.wavenumber": np.pi / 4})
-    pair = [run(each, tmp_path / str(each.time.step)) for each in (scene, halved_step(scene))]
+    pair = [run(each, tmp_path / str(each.time.step)) for each in (scene, with_step(scene, scene.time.step / 2))]
     point = spectrum.point(*spectrum.extrapolated(pair))
     # TR 2e-5, RT 9e-4 (the next order of a pair), L 2e-3 (waves of order a³ that are no column of the fit)
     assert abs(point.deviation) < 3e-3

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from analysis.figures.plotting import start
-from granular_lmp.runs.launch import FEWEST_FILES
+from granular_lmp.runs.routes import FEWEST_FILES
 
 SCRIPTS = (
     "figures.accuracy",

@@ -17,7 +17,7 @@ from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, view
 from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
-from granular_lmp.runs.snapshots import Particles
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import assignment, note
 from granular_lmp.studies.sweep import Sweep, sweep
 
@@ -40,16 +40,16 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
 
 def drawn(folder: Path, **options: Any) -> tuple[Any, Any]:
     """The axes of the crystal, and the discs in it."""
-    figure = crystal.run_figure(Record.load(folder), Particles.load(folder), **options)
+    figure = crystal.run_figure(Record.load(folder), Snapshots.load(folder), **options)
     axes = next(axes for axes in figure.axes if axes.get_ylabel() == "row")
     return axes, axes.collections[0]
 
 
 def test_spheres_stand_where_their_snapshot_says_magnified_by_the_factor_that_is_printed(seen: Path) -> None:
     axes, discs = drawn(seen, tau=3.0)
-    scene, moment = Particles.load(seen).scene, Particles.load(seen)[3]
+    scene, moment = Snapshots.load(seen).scene, Snapshots.load(seen)[3]
     factor = float(axes.get_xlabel().split("×")[1].split()[0])
-    rest = Particles.load(seen).rest
+    rest = Snapshots.load(seen).rest
     shifts = np.asarray(discs.get_offsets())[:24] - rest  # radii
     amplitude = scene.wave.amplitude * scene.sphere.overlap_ratio * 2  # D0/R
     np.testing.assert_allclose(shifts, moment.displacement * amplitude * factor, atol=1e-12)
@@ -65,12 +65,12 @@ def test_copies_of_the_cell_stand_beside_it_and_are_counted(seen: Path) -> None:
     offsets = np.asarray(discs.get_offsets())
     assert len(offsets) == 3 * 24
     assert "3 columns, drawn 3 times" in axes.get_xlabel()
-    cell = 3 * (2 - 2 * Particles.load(seen).scene.sphere.overlap_ratio)
+    cell = 3 * (2 - 2 * Snapshots.load(seen).scene.sphere.overlap_ratio)
     np.testing.assert_allclose(offsets[24:48] - offsets[:24], [[cell, 0]] * 24, atol=1e-12)
 
 
 def test_rotation_is_coloured_with_zero_in_the_middle_and_energy_from_zero(seen: Path) -> None:
-    moment = Particles.load(seen)[-1]
+    moment = Snapshots.load(seen)[-1]
     _, discs = drawn(seen)
     low, high = discs.get_clim()
     assert low == -high == -np.abs(moment.rotation).max()
@@ -226,7 +226,7 @@ def test_scene_record_and_sweep_are_one_short_line(seen: Path, swept: Sweep) -> 
     assert repr(record.scene) == (
         "<Scene tr_nonresonant: TR xi=0.785398 a=0.2, 8 x 3 spheres, periodic ends, tau 0..4>"
     )
-    for shown in (record, record.scene, swept, Particles.load(seen)):
+    for shown in (record, record.scene, swept, Snapshots.load(seen)):
         assert "\n" not in repr(shown)
         assert len(repr(shown).replace(str(seen), "").replace(str(swept.folder), "")) < 120
 

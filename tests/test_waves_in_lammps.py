@@ -94,12 +94,12 @@ def test_a_stopped_run_resumes_as_if_it_had_not_been_stopped(scene: Scene, tmp_p
 
 def rows_of(record: Record) -> dict[str, Any]:
     """Displacements (T, rows, columns, 2) and rotations (T, rows, columns) of all spheres, in D0."""
-    particles, shape = record.particles(), record.scene.shape
-    grid = (len(particles), shape.rows, shape.columns)
+    snapshots, shape = record.snapshots(), record.scene.shape
+    grid = (len(snapshots), shape.rows, shape.columns)
     return {
-        "tau": particles.tau,
-        "displacement": particles.stack("displacement").reshape(*grid, 2),
-        "rotation": particles.stack("rotation").reshape(grid),
+        "tau": snapshots.tau,
+        "displacement": snapshots.stack("displacement").reshape(*grid, 2),
+        "rotation": snapshots.stack("rotation").reshape(grid),
     }
 
 
@@ -127,17 +127,17 @@ def test_nothing_runs_ahead_of_the_fastest_wave(tmp_path: Path) -> None:
 
 def test_a_pulse_runs_with_its_group_velocity(tmp_path: Path) -> None:
     record = run(PULSE.with_values({"time.duration": 30.0, "wave.amplitude": 0.01}), tmp_path / "run")
-    particles = record.particles()
-    positions = particles.rest / (particles.rest[1] - particles.rest[0])[0]
+    snapshots = record.snapshots()
+    positions = snapshots.rest / (snapshots.rest[1] - snapshots.rest[0])[0]
     shape, vector = record.scene.shape, record.scene.vector
     box = np.array([shape.columns, shape.rows * np.sqrt(0.75)])
     middles = []
-    for moment in (particles[0], particles[-1]):
+    for moment in (snapshots[0], snapshots[-1]):
         around = np.exp(2j * np.pi * positions / box)  # a mean that the periodic cell does not cut
         energy = moment.energy[:, None]
         middles.append(np.angle((energy * around).sum(axis=0)) / (2 * np.pi) * box)
     way = (middles[1] - middles[0] + box / 2) % box - box / 2
-    speed = way / particles.tau[-1]
+    speed = way / snapshots.tau[-1]
     expected = group_velocity(record.scene)
     # 5 %: the middle of the kinetic energy sways with the phase, and the branch bends over the width of the pulse
     np.testing.assert_allclose(speed, expected, atol=0.05 * np.linalg.norm(expected))

@@ -68,7 +68,7 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
 
     Raises ValueError where 2k and −2k are one wave vector of the lattice: X is then not told from its conjugate.
     """
-    particles, scene = record.particles(), record.scene
+    particles, scene = record.snapshots(), record.scene
     k = wavevector_of(scene.wavenumber, scene.direction)
     rest = rest_of(particles)
     rest = rest - rest[scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2]

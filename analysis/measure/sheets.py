@@ -81,7 +81,7 @@ def compare(record: Record) -> Comparison:
     field; `GranularError` where there are none.
     """
     refuse(record)
-    particles = record.particles()
+    particles = record.snapshots()
     sphere, shape = record.scene.sphere, record.scene.shape
     if len(particles.tau) < 2:
         raise ValueError(f"{len(particles.tau)} snapshots; the theory starts from the first and predicts the others")

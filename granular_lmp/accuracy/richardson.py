@@ -23,16 +23,10 @@ import numpy as np
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.scene import Scene
 
 # The distance was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5 with errors
 # above 3e-6 (docs/accuracy.md)
 SAFETY = 1.5
-
-
-def halved_step(scene: Scene) -> Scene:
-    """Return the scene with half of the time step that it uses: the second run of a Richardson pair."""
-    return scene.with_values({"time.timestep": scene.time.step / 2})
 
 
 def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:

@@ -20,7 +20,7 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 # Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7
 # Relative error by the walls before their echo arrives (`granular_lmp.scene.shape.echo_time`)
-WALLS = 1e-6
+WALL_ERROR = 1e-6
 
 
 def moving(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:
@@ -76,7 +76,7 @@ def walls(scene: Scene) -> float:
 
     It is also 0 for a scene that runs past the echo (``time.allow_echo``), where the walls are part of the scene.
     """
-    return WALLS if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
+    return WALL_ERROR if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
 
 
 def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
@@ -159,5 +159,5 @@ def _spacing(scene: Scene) -> float:
     # The spacing jumps by factors of two, so it depends on the units of the deck
     units = units_for(scene.sphere.radius)
     y = units.number(scene.sphere.lattice_constant, length=1) * ROW_SPACING * n[np.abs(n) <= reach]
-    size = scene.wave.amplitude * units.number(scene.sphere.static_overlap, length=1)
+    size = units.number(scene.displacement_amplitude, length=1)
     return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)

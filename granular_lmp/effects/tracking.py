@@ -17,7 +17,7 @@ LINES = {
 
 
 def called_for(case: Case) -> Finding:
-    angle = case.scene.wave.amplitude * case.mode.f * case.scene.sphere.static_overlap / case.scene.sphere.radius
+    angle = case.mode.f * case.scene.displacement_amplitude / case.scene.sphere.radius
     return Finding(case.on["rotation"], abs(angle), "rad is the largest angle of a sphere")
 
 

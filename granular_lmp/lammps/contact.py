@@ -24,7 +24,7 @@ NORMAL_LAWS = ("dmt", "hertz")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
-SHEAR_LAWS = (*_MINDLIN, "none")
+TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
 
 def model(
@@ -82,8 +82,8 @@ def model(
 
     https://docs.lammps.org/pair_granular.html
     """
-    if normal not in NORMAL_LAWS or shear not in SHEAR_LAWS:
-        raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {SHEAR_LAWS}")
+    if normal not in NORMAL_LAWS or shear not in TANGENTIAL_LAWS:
+        raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
     if restitution is not None and (normal == "dmt" or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
     modulus = units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 
 # Columns of the section Atoms by the atom style that LAMMPS writes behind its title
-COLUMNS = {
+ATOM_COLUMNS = {
     "sphere": "id type diameter density x y z",
     "hybrid": "id type x y z diameter density q mux muy muz",
 }
@@ -62,9 +62,9 @@ class DataFile:
         style = "hybrid" if self.directed else "sphere"
         columns = {"type": self.kind, "diameter": self.diameter, "density": self.density}
         columns |= dict(zip("xyz", self.position.T, strict=True))
-        own = [columns[name] for name in COLUMNS[style].split() if name in columns]
+        own = [columns[name] for name in ATOM_COLUMNS[style].split() if name in columns]
         yield f"{title}\n\n{len(self.kind)} atoms\n2 atom types\n\n{faces}\n\n"
-        yield f"Atoms # {style} ({COLUMNS[style]})\n\n"
+        yield f"Atoms # {style} ({ATOM_COLUMNS[style]})\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.directed else "\n")
         yield "\nwave\n\n"
         yield from _lines([*self.wave.T], tail="\n")
@@ -113,7 +113,7 @@ def read(path: str | Path) -> DataFile:
         count = int(next(line.split()[0] for line in header if line.split()[1:] == ["atoms"]))
         box = [next(line.split()[:2] for line in header if line.endswith(f"{axis}hi")) for axis in "xyz"]
         style = next(line.split()[2] for line in text.splitlines() if line.startswith("Atoms #"))
-        names = COLUMNS[style].split()
+        names = ATOM_COLUMNS[style].split()
         lines = np.array([line.split()[: len(names)] for line in sections["Atoms"]], dtype=float)
         atoms = dict(zip(names, lines[np.argsort(lines[:, 0])].T, strict=True))
         wave = np.array([line.split() for line in sections.get("wave", [])], dtype=float)

@@ -21,7 +21,7 @@ from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
-from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, PARTICLES, SCENE, STATUS, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
 from granular_lmp.scene.initial_fields import initial_fields
@@ -136,9 +136,7 @@ class Deck:
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=force)
             (folder / STATUS).unlink(missing_ok=True)  # the status of an earlier run of another deck
-            for name, pieces in self.files().items():
-                with (folder / name).open("w", encoding="utf-8") as stream:
-                    stream.writelines(pieces)
+        write_files(folder, self.files())
 
 
 def deck_of(problem: Problem) -> Deck:
@@ -397,7 +395,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "names": " or ".join(_NO_VARIABLES),
         "said": variables_line(_variables(scene)),
         "dump": DUMP,
-        "snapshots": PARTICLES,
+        "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen else "centre",
         "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
         # Checkpoints coincide with lines of the thermo table, so that no look falls between the two

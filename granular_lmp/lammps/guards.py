@@ -20,7 +20,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import SLIDING_FORCE
-from granular_lmp.lammps.outputs import CONTACTS, read_local
+from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
@@ -58,7 +58,7 @@ class Measured:
 # Extremes over all contacts, also those that cannot affect the record: held ends cut a wave off and shear their
 # neighbours strongly
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
-_ELSEWHERE = (
+_ELSEWHERE_LINES = (
     "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
     "compute      contact_all all pair/local dist p4",
     "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
@@ -168,7 +168,7 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
         text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
-        text += [line for line in _ELSEWHERE if _is_there(line, names)]
+        text += [line for line in _ELSEWHERE_LINES if _is_there(line, names)]
     for column, name in enumerate(names, start=1):
         if GUARDS[name].per_contact and name in judged:
             text += _written_out(GUARDS[name], column, scene)
@@ -273,7 +273,7 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
     diameter, rest = units.number(2 * sphere.radius, length=1), units.number(sphere.static_overlap, length=1)
     adhesive = units.number(sphere.pull_off_force, mass=1, length=1, time=-2)
     holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
-    for step, contacts in read_local(path):
+    for step, _, contacts in read_snapshots(path):
         distance, shear = contacts.T
         sliding = friction * (adhesive + holding * np.maximum((diameter - distance) / rest, 0.0) ** 1.5)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)

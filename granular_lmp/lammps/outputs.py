@@ -1,11 +1,12 @@
 """The files of a run folder: their names, and how to read and mend the dumps and logs of LAMMPS."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from granular_lmp.errors import RunFolderError
 
 SCENE = "scene.toml"
 DUMP = "dump.centre"
-PARTICLES = "dump.particles"
+SNAPSHOTS = "dump.particles"
 PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
 CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
 LOG = "log.lammps"
@@ -43,6 +44,14 @@ def writable(folder: Path) -> Iterator[None]:
         raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
 
 
+def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
+    """Write files, name → text in pieces, into a folder that is there."""
+    with writable(folder):
+        for name, pieces in files.items():
+            with (folder / name).open("w", encoding="utf-8") as stream:
+                stream.writelines(pieces)
+
+
 def replace_text(path: Path, text: str) -> None:
     """Replace a file atomically, so that a reader or a crash finds the old or the new text, never a part."""
     draft = _draft(path)
@@ -54,67 +63,99 @@ def _draft(path: Path) -> Path:
     return path.with_name(path.name + ".part")
 
 
-def read_dump(path: str | Path) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of a LAMMPS text dump of one sphere by name, with ``step``.
+def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] | None:
+    """Return step, column names and table (entries, columns) of the next snapshot of a LAMMPS text dump.
 
-    An incomplete snapshot at the end is left out.
+    None stands for the end of the file, and for a snapshot that a killed run wrote half of.
+
+    Raises
+    ------
+    ValueError
+        If the file holds something else there.
+    """
+    head = list(islice(stream, _LINES_BEFORE_ATOMS))
+    if len(head) < _LINES_BEFORE_ATOMS or not head[-1].endswith("\n"):
+        return None
+    if head[0] != _SNAPSHOT.decode():
+        raise ValueError(f"line {head[0].strip()!r}, expected {_SNAPSHOT.decode().strip()!r}")
+    step, entries, names = int(head[1]), int(head[3]), head[-1].split()[2:]
+    lines = list(islice(stream, entries))
+    if len(lines) < entries or (lines and not lines[-1].endswith("\n")):
+        return None
+    numbers = map(float, "".join(lines).split())  # of one sphere, np.array would take a third longer
+    return step, names, np.fromiter(numbers, dtype=float).reshape(entries, len(names))
+
+
+def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[np.float64]]]:
+    """Yield step, column names and table (entries, columns) of each whole snapshot of a LAMMPS text dump.
 
     Raises
     ------
     RunFolderError
-        If the file cannot be read or its columns are not those of a deck.
+        If the file cannot be read or is not such a dump.
     """
     try:
-        lines = Path(path).read_text(encoding="utf-8").split("\n")[:-1]
-        size = _LINES_BEFORE_ATOMS + 1
-        whole = len(lines) // size * size
-        names = lines[_LINES_BEFORE_ATOMS - 1].split()[2:] if whole else DUMP_COLUMNS[0]
-        if names not in DUMP_COLUMNS:
-            raise ValueError(f"columns {names}, expected {DUMP_COLUMNS[0]} or those without theta and omegaz")
-        steps = np.array(lines[1:whole:size], dtype=float)
-        rows = np.array([line.split() for line in lines[_LINES_BEFORE_ATOMS:whole:size]], dtype=float)
+        with Path(path).open(encoding="utf-8") as stream:
+            while (snapshot := read_snapshot(stream)) is not None:
+                yield snapshot
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a dump of one sphere: {error}") from error
-    return {"step": steps} | dict(zip(names, rows.reshape(-1, len(names)).T, strict=True))
+        raise RunFolderError(f"{path}: not a LAMMPS dump: {error}") from error
 
 
-def read_local(path: str | Path) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Yield step and table (entries, columns) of each complete snapshot of a LAMMPS dump of local quantities."""
-    with Path(path).open(encoding="utf-8") as stream:
-        while stream.readline():
-            step = stream.readline().strip()
-            stream.readline()
-            count = stream.readline().strip()
-            columns = [stream.readline() for _ in range(5)][-1].split()[2:]  # the names follow the box
-            if not columns:
-                return
-            words = "".join(stream.readline() for _ in range(int(count))).split()
-            if len(words) != int(count) * len(columns):
-                return  # a killed run left an incomplete snapshot
-            yield int(step), np.array(words, dtype=float).reshape(-1, len(columns))
+def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump whose columns are one of `allowed`.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be read, or holds other columns or another number of spheres.
+    """
+    steps, tables = [], []
+    for step, names, table in read_snapshots(path):
+        if names not in map(list, allowed) or len(table) != spheres:
+            raise RunFolderError(
+                f"{path}: holds {' '.join(names)} of {len(table)} spheres at step {step}, "
+                f"expected {' or '.join(map(' '.join, allowed))} of {spheres}"
+            )
+        allowed = (names,)  # the same in all snapshots
+        steps.append(step)
+        tables.append(table)
+    values = np.array(tables).reshape(-1, spheres, len(allowed[0]))
+    return {"step": np.array(steps, dtype=float)} | dict(zip(allowed[0], np.moveaxis(values, 2, 0), strict=True))
+
+
+def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Return ``step`` and the columns by name, (T,) each, of the dump of the centre sphere.
+
+    Raises
+    ------
+    RunFolderError
+        As `read_dump`.
+    """
+    return {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
 
 
 @dataclass(frozen=True)
-class Snapshot:
-    """A complete snapshot of a LAMMPS text dump: its step, its number of spheres, and its place in the file.
+class SnapshotPlace:
+    """The place of a complete snapshot in a LAMMPS text dump, with its step and its number of entries.
 
     Attributes
     ----------
     step : int
-    particles : int
-        Number of spheres.
+    entries : int
+        Number of spheres, or of local quantities.
     begin, end : int
         Offsets in the file, bytes.
     """
 
     step: int
-    particles: int
+    entries: int
     begin: int
     end: int
 
 
-def snapshots(path: str | Path) -> Iterator[Snapshot]:
-    """Yield the complete snapshots of a LAMMPS text dump in the order of the file, without empty ones."""
+def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
+    """Yield the places of the complete snapshots of a LAMMPS text dump in the order of the file, without empty ones."""
     begin = end = lines = 0
     head: list[bytes] = []
     last = b""
@@ -126,7 +167,7 @@ def snapshots(path: str | Path) -> Iterator[Snapshot]:
             if cut >= 0:
                 end += cut
                 if _is_whole(head, lines - _LINES_BEFORE_ATOMS, last):
-                    yield Snapshot(int(head[1]), int(head[3]), begin, end)
+                    yield SnapshotPlace(int(head[1]), int(head[3]), begin, end)
                 begin, lines, head = end, 0, []
             last = line[max(cut, 0) :]
             if lines < _LINES_BEFORE_ATOMS:
@@ -135,9 +176,9 @@ def snapshots(path: str | Path) -> Iterator[Snapshot]:
             end += len(last)
 
 
-def _is_whole(head: list[bytes], particles: int, last: bytes) -> bool:
+def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
     numbers = [line.strip() for line in head[1:4:2]]
-    return particles > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == particles and last.endswith(b"\n")
+    return entries > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries and last.endswith(b"\n")
 
 
 def mend_dump(path: str | Path) -> None:
@@ -147,8 +188,8 @@ def mend_dump(path: str | Path) -> None:
     continuation, is kept. The dump of an uninterrupted run is not touched.
     """
     path = Path(path)
-    kept: list[Snapshot] = []
-    for snapshot in snapshots(path):
+    kept: list[SnapshotPlace] = []
+    for snapshot in whole_snapshots(path):
         while kept and kept[-1].step >= snapshot.step:
             kept.pop()
         kept.append(snapshot)

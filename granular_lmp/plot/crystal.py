@@ -25,7 +25,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, title
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.snapshots import Particles, Spheres
+from granular_lmp.runs.snapshots import Snapshots, Spheres
 
 ROWS = 25  # rows drawn by default: three wavelengths of the paper's first case
 LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
@@ -79,7 +79,7 @@ COLOURINGS = {
 
 def run_figure(
     record: Record,
-    particles: Particles,
+    snapshots: Snapshots,
     *,
     tau: float | None = None,
     colour: str | None = None,
@@ -92,7 +92,7 @@ def run_figure(
     ----------
     record : Record
         Record of the run.
-    particles : Particles
+    snapshots : Snapshots
         Snapshots of the run.
     tau : float, optional
         Time in units of t0, of which the nearest snapshot is drawn; by default the last one.
@@ -110,15 +110,15 @@ def run_figure(
     ViewError
         If τ is beyond the snapshots, the run does not hold the quantity, or the factor is not above 0.
     """
-    moment = particles[_nearest(particles, tau)]
-    scenery = _Scenery(record, particles, [moment], colour, magnify, rows)
+    moment = snapshots[_nearest(snapshots, tau)]
+    scenery = _Scenery(record, snapshots, [moment], colour, magnify, rows)
     scenery.show(moment)
     return scenery.figure
 
 
 def run_movie(
     record: Record,
-    particles: Particles,
+    snapshots: Snapshots,
     path: str | Path,
     *,
     colour: str | None = None,
@@ -138,14 +138,14 @@ def run_movie(
     gif = path.suffix.lower() == ".gif"
     if not gif and not FFMpegWriter.isAvailable():
         raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
-    _nearest(particles, None)
-    moments = map(particles.__getitem__, range(len(particles)))
-    scenery = _Scenery(record, particles, moments, colour, magnify, rows)
+    _nearest(snapshots, None)
+    moments = map(snapshots.__getitem__, range(len(snapshots)))
+    scenery = _Scenery(record, snapshots, moments, colour, magnify, rows)
     figure = scenery.figure
 
     def frames() -> Iterator[Picture]:
-        for number in range(len(particles)):
-            scenery.show(particles[number])
+        for number in range(len(snapshots)):
+            scenery.show(snapshots[number])
             yield figure
 
     try:
@@ -182,14 +182,14 @@ def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
     images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
 
 
-def _nearest(particles: Particles, tau: float | None) -> int:
-    times = particles.tau
+def _nearest(snapshots: Snapshots, tau: float | None) -> int:
+    times = snapshots.tau
     if not len(times):
-        raise ViewError(f"{particles.path}: holds no whole snapshot yet")
+        raise ViewError(f"{snapshots.path}: holds no whole snapshot yet")
     if tau is None:
         return len(times) - 1
     if not times[0] <= tau <= times[-1]:
-        raise ViewError(f"tau = {tau!r}: must be from {times[0]:g} to {times[-1]:g}, the snapshots of {particles.path}")
+        raise ViewError(f"tau = {tau!r}: must be from {times[0]:g} to {times[-1]:g}, the snapshots of {snapshots.path}")
     return int(np.argmin(np.abs(times - tau)))
 
 
@@ -199,7 +199,7 @@ class _Scenery:
     def __init__(
         self,
         record: Record,
-        particles: Particles,
+        snapshots: Snapshots,
         moments: Iterable[Spheres],
         colour: str | None,
         magnify: float | None,
@@ -219,7 +219,7 @@ class _Scenery:
             panel.plot([], [], "o", color=_MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels
         ]
         self.axes = self.figure.add_subplot(grid[:, 0])
-        self.crystal = _Crystal(self.axes, particles, _colouring(particles, colour), moments, magnify, rows)
+        self.crystal = _Crystal(self.axes, snapshots, _colouring(snapshots, colour), moments, magnify, rows)
         self.figure.suptitle(title(record.scene), fontsize="medium")
 
     def show(self, moment: Spheres) -> None:
@@ -229,8 +229,8 @@ class _Scenery:
             mark.set_data([moment.tau], [np.interp(moment.tau, self.record.tau, self.record.signals[name])])
 
 
-def _colouring(particles: Particles, colour: str | None) -> Colouring:
-    tracked = particles.scene.effects.tracking is True
+def _colouring(snapshots: Snapshots, colour: str | None) -> Colouring:
+    tracked = snapshots.scene.effects.tracking is True
     if colour is None:
         return COLOURINGS["rotation" if tracked else "energy"]
     if colour not in COLOURINGS:
@@ -249,14 +249,14 @@ class _Crystal:
     def __init__(
         self,
         axes: Axes,
-        particles: Particles,
+        snapshots: Snapshots,
         colouring: Colouring,
         moments: Iterable[Spheres],
         magnify: float | None,
         rows: int | None,
     ):
-        scene, shape = particles.scene, particles.scene.shape
-        amplitude = scene.wave.amplitude * scene.sphere.static_overlap / scene.sphere.radius  # D0, radii
+        scene, shape = snapshots.scene, snapshots.scene.shape
+        amplitude = scene.displacement_amplitude / scene.sphere.radius  # D0, radii
         factor = _magnification(amplitude) if magnify is None else magnify
         if not 0 < factor < inf:
             raise ViewError(f"magnify = {factor!r}: must be a number above 0")
@@ -268,11 +268,11 @@ class _Crystal:
         self.copies = -(-FEWEST_DRAWN // shape.columns)
         width = shape.columns * lattice_constant(scene.sphere)
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
-        self.rest = (particles.rest[self.drawn] + beside).reshape(-1, 2)
+        self.rest = (snapshots.rest[self.drawn] + beside).reshape(-1, 2)
         crowded = len(self.rest) > MOST_WITH_EDGES
         self.turns = scene.effects.tracking is True and not crowded
 
-        held = np.tile(particles.held[self.drawn], self.copies)
+        held = np.tile(snapshots.held[self.drawn], self.copies)
         diameters = np.full(len(self.rest), 2.0)
         self.discs = EllipseCollection(
             diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,

@@ -18,15 +18,15 @@ from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
 # The dashes distinguish the modes in print without colour
-LINES = {
+BRANCH_STYLES = {
     "L": {"color": "black", "linestyle": "-"},
     "TR": {"color": "tab:blue", "linestyle": "--"},
     "RT": {"color": "tab:red", "linestyle": "-."},
 }
 
-ROTATION = {"phi": r"$\varphi = R\theta/D_0$"}
-ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION
-OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION
+ROTATION_LABEL = {"phi": r"$\varphi = R\theta/D_0$"}
+ALONG_Y = {"p": r"$p = v/D_0$", "q": r"$q = -u/D_0$"} | ROTATION_LABEL
+OBLIQUE = {"p": r"$p$, along $k$ ($D_0$)", "q": r"$q$, across $k$ ($D_0$)"} | ROTATION_LABEL
 
 
 class Picture(Figure):
@@ -97,7 +97,7 @@ def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
     modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
     for index, name in enumerate(physics.modes):
         if vector.axis:
-            axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **LINES[name])  # type: ignore[arg-type]
+            axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **BRANCH_STYLES[name])  # type: ignore[arg-type]
         else:
             branch = [sorted(mode.frequency for mode in three)[index] for three in modes]
             axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")

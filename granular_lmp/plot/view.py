@@ -10,7 +10,7 @@ from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.crystal import MOVIES, run_figure, run_movie
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.snapshots import Particles
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import note
 from granular_lmp.studies.sweep import COLUMNS, Sweep
 
@@ -78,16 +78,16 @@ def view(
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
     try:
-        particles = Particles.load(folder)
+        snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
         if movie or any(value is not None for value in of_a_run.values()):
             raise ViewError(str(missing)) from missing
         save(record.plot(), path)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
-        run_movie(record, particles, path, colour=colour, magnify=magnify, rows=rows)
+        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows)
     else:
-        save(run_figure(record, particles, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
+        save(run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
     return lacks
 
 

@@ -18,7 +18,7 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.lammps.deck import Deck, deck_of, said_variables
-from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, PARTICLES, SCENE, read_log, replace_text, writable
+from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, replace_text, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import Job, execute
@@ -107,7 +107,7 @@ def adopt(
             with writable(place):
                 shutil.copyfile(dump, place / DUMP)
                 shutil.copyfile(source / LOG, place / LOG)
-                for name, there in {PARTICLES: PARTICLES, CONTACTS: f"{dump.name}.contacts"}.items():
+                for name, there in {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts"}.items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import replace_text, writable
 from granular_lmp.runs.record import Record
-from granular_lmp.runs.snapshots import Particles
 
 
 def si_columns(record: Record) -> dict[str, NDArray[np.float64]]:
@@ -38,7 +37,7 @@ def write_si(record: Record, path: Path) -> None:
     replace_text(path, stream.getvalue())
 
 
-def write_extxyz(particles: Particles, path: Path) -> None:
+def write_extxyz(particles: Snapshots, path: Path) -> None:
     """Write the snapshots as extended XYZ: positions and radii in R, what moves in D0 and t0; the cell is the run's.
 
     The columns beside the positions are ``id``, ``radius``, ``displacement``, ``velocity``, and where spheres turn
@@ -73,7 +72,7 @@ def _write_netcdf(record: Record, path: Path) -> None:
 
 
 def _write_snapshots(record: Record, path: Path) -> None:
-    write_extxyz(record.particles(), path)
+    write_extxyz(record.snapshots(), path)
 
 
 FORMATS: dict[str, Callable[[Record, Path], None]] = {

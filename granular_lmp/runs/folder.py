@@ -15,9 +15,9 @@ from granular_lmp.lammps.outputs import (
     COST,
     DUMP,
     LOG,
-    PARTICLES,
     PER_SAMPLE,
     SCENE,
+    SNAPSHOTS,
     STATUS,
     SWEEP,
     writable,
@@ -26,7 +26,7 @@ from granular_lmp.scene.schema import NOT_TOML, checked_name, file_text, shown
 
 # Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
 _FILES = (
-    *(SCENE, STATUS, LOG, DUMP, PARTICLES, CONTACTS, "trajectory.csv", *CHECKPOINTS),
+    *(SCENE, STATUS, LOG, DUMP, SNAPSHOTS, CONTACTS, "trajectory.csv", *CHECKPOINTS),
     *("dump.everything", "dump.everything.bin"),
     *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
 )

@@ -1,21 +1,13 @@
 """Run a deck: in this process through the ``lammps`` module, or as the program ``lmp`` on one or more MPI ranks.
 
-On either route LAMMPS reads the same ``in.NAME`` in the run folder, and on one rank the record is the same to the last
-bit. LAMMPS runs in a second thread, so that Ctrl-C and the progress display work at once.
+On either route (`granular_lmp.runs.routes`) LAMMPS reads the same ``in.NAME`` in the run folder, and on one rank the
+record is the same to the last bit.
 """
 
 import os
-import resource
-import signal
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import chdir, contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -25,77 +17,37 @@ import numpy as np
 from granular_lmp.errors import (
     EffectError,
     LammpsError,
-    LammpsMissingError,
     LaunchError,
     RunFolderError,
     RunInterrupted,
 )
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, line_interval, words_between_runs
-from granular_lmp.lammps.installation import lammps_module, lmp_command
+from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
     DUMP,
     LOG,
-    PARTICLES,
     SCENE,
+    SNAPSHOTS,
     STATUS,
     mend_dump,
     mend_log,
     read_log,
     replace_text,
     writable,
+    write_files,
 )
 from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
+from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 LAUNCHERS = ("module", "lmp")
-FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
-_POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
-_GRACE = 0.5  # s between the request to stop and the kill of a program
-_working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
-
-
-@dataclass(frozen=True)
-class Job:
-    """One input to be run in a folder.
-
-    Attributes
-    ----------
-    folder : Path
-    input_name : str
-        File name of the input.
-    log : str
-        Argument of ``-log``.
-    lock : int
-        Descriptor of the folder's lock. The program inherits it, so that the folder stays locked if it outlives this
-        process.
-    report_step : callable
-        Callback for progress, called with the time step.
-    columns : tuple of str
-        Thermo columns of the input.
-    """
-
-    folder: Path
-    input_name: str
-    log: str
-    lock: int
-    report_step: Callable[[int], None]
-    columns: tuple[str, ...] = ()
-
-    @property
-    def switches(self) -> list[str]:
-        """Command-line switches for the program and the module."""
-        return ["-log", self.log, "-screen", "none", "-nocite"]
-
-
-Route = Callable[[Job], None]
 
 
 @dataclass(frozen=True)
@@ -135,7 +87,7 @@ def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
         As in `granular_lmp.run`.
     """
     # Missing programs and libraries are reported before a file is written
-    route = _route(options.program, options.ranks)
+    route = route_of(options.program, options.ranks)
     info = description(deck, "lmp" if options.program else "module", options.ranks)
     folder = Path(folder).absolute()
     with locked(folder, make=True, force=options.force) as lock:
@@ -181,7 +133,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
         last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
-        route = _route(info["launcher"] == "lmp", info["ranks"])
+        route = route_of(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
@@ -214,20 +166,26 @@ def _is_whole(checkpoint: Path) -> bool:
         return stream.read() == mark
 
 
-def run_input(folder: Path, input_name: str, lock: int) -> None:
-    """Run an input in its locked folder in this process; LAMMPS writes ``log.lammps`` there.
+def run_files(folder: Path, files: Mapping[str, Iterable[str]], input_name: str, *, force: bool = False) -> None:
+    """Write files into a folder, which is created, and run one of them there in this process.
 
     Raises
     ------
-    LammpsMissingError, LammpsError
+    RunFolderError
+        If the folder exists (without `force`) or cannot be written.
+    LammpsMissingError, LaunchError, LammpsError, RunInterrupted
         As in `granular_lmp.run`.
     """
-    _route(program=False, ranks=1)(Job(folder, input_name, LOG, lock, lambda step: None))
-
-
-def check_machine() -> None:
-    """Raise LammpsMissingError or LaunchError if LAMMPS cannot run in this process."""
-    _route(program=False, ranks=1)
+    check_machine()
+    with locked(folder, make=True, force=force) as lock:
+        clear(folder)
+        write_files(folder, files)
+        try:
+            run_input(folder, input_name, lock)
+        except KeyboardInterrupt as error:
+            for stray in CHECKPOINTS:
+                (folder / stray).unlink(missing_ok=True)
+            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error
 
 
 def core_count() -> int:
@@ -286,13 +244,13 @@ def _collect(folder: Path, scene: Scene) -> Record:
     try:
         record = Record.from_dump(folder, scene)
     except RunFolderError as error:
-        raise LammpsError(str(error), f"in.{scene.name}", _log_tail(folder)) from error
+        raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)
     return record
 
 
 def _mend(folder: Path) -> None:
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, PARTICLES))):
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS))):
         mend_dump(path)
 
 
@@ -301,9 +259,9 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
     if not all(np.isfinite(x).all() for x in tracked):
-        return LammpsError("the record holds numbers that are not finite", job.input_name, _log_tail(job.folder))
+        return LammpsError("the record holds numbers that are not finite", job.input_name, log_tail(job.folder))
     if len(record.tau) != expected:
-        return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, _log_tail(job.folder))
+        return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
     table, _ = read_log(job.folder / LOG)
     time_ = record.scene.time
@@ -312,173 +270,5 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
     if len(missed) or absent:
         lack = f"step {missed[0]}" if len(missed) else f"the guard {absent[0]}"
-        return LammpsError(f"the log lacks {lack}", job.input_name, _log_tail(job.folder))
+        return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
     return None
-
-
-def _log_tail(folder: Path, lines: int = 15) -> str:
-    try:
-        return "\n".join((folder / LOG).read_text(encoding="utf-8", errors="replace").splitlines()[-lines:])
-    except OSError:
-        return ""
-
-
-# --- the two routes --------------------------------------------------------------------------------------------------
-
-
-def _route(program: bool, ranks: int) -> Route:
-    """Return the function that runs a job.
-
-    Raises
-    ------
-    LammpsMissingError, LaunchError
-        If LAMMPS, its MPI library or a program is missing, or too few files may be open.
-    """
-    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
-        raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
-    return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
-
-
-def _run_module(module: Any, job: Job) -> None:
-    with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
-        try:
-            instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
-        except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
-            raise LammpsMissingError(
-                f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
-            ) from refused
-        work = pool.submit(instance.file, job.input_name)
-        try:
-            _watch(work, lambda: job.report_step(instance.extract_global("ntimestep")))
-        except BaseException:
-            if not work.done():
-                instance.force_timeout()  # the time loop ends at its next step
-            error = work.exception()
-            if error is not None:  # the module raises plain Exception and MPIAbortException
-                raise LammpsError(_first_line(error), _last_command(job.folder), _log_tail(job.folder)) from error
-            # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
-            if instance.extract_global("ntimestep") > 0:
-                with _uninterrupted():
-                    for command in _to_next_look(instance):
-                        pool.submit(instance.command, command).result()
-                    for command in _last_commands(instance, job.columns):
-                        pool.submit(instance.command, command).result()
-            raise
-        finally:
-            pool.submit(instance.close).result()
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ignore a second Ctrl-C, which would leave a stopped run without its checkpoint."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _to_next_look(instance: Any) -> list[str]:
-    """Commands that take a stopped run on to a step at which guards look: LAMMPS continues their table only there."""
-    steps = -instance.extract_global("ntimestep") % int(instance.extract_variable("look"))
-    return ["thermo_style custom step", "timer timeout off", f"run {steps} pre no post no"] if steps else []
-
-
-def _last_commands(instance: Any, columns: tuple[str, ...]) -> list[str]:
-    """Return the commands that write a checkpoint and a thermo table of the step at which a run was stopped.
-
-    The continuation begins with no looks. LAMMPS sets the fix that holds them up again before it writes a checkpoint,
-    for a run of no steps, which after a continuation it cannot: the fix has to go first.
-    """
-    rows, width = (instance.extract_fix("looks", 0, kind) for kind in (4, 5))  # LMP_SIZE_ROWS, LMP_SIZE_COLS
-    looks = np.array([[instance.extract_fix("looks", 0, 2, i, j) for j in range(width)] for i in range(rows)])
-    words = (str(instance.extract_global("ntimestep")), *words_between_runs(list(columns), looks))
-    table = [" ".join(("Step", *columns)), " ".join(words)]
-    prints = [f'print "{line}"' for line in table]
-    return ["thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}", *prints]
-
-
-def _this_rank() -> Any:
-    """Return the communicator of this process alone if mpi4py is loaded; in the world's, LAMMPS waits for all ranks."""
-    mpi = sys.modules.get("mpi4py.MPI")
-    return mpi.COMM_SELF if mpi else None
-
-
-def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
-    """Wait for `work` and call `look` every `_POLL` seconds."""
-    while True:
-        try:
-            work.result(timeout=_POLL)
-            return
-        except TimeoutError:
-            if work.done():  # the work itself raised TimeoutError
-                raise
-            look()
-
-
-def _run_program(program: list[str], job: Job) -> None:
-    command = [*program, "-in", job.input_name, *job.switches, "-nonbuf"]
-    with subprocess.Popen(
-        command,
-        cwd=job.folder,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,  # this process passes Ctrl-C of the terminal on
-        pass_fds=[job.lock],
-    ) as process:
-        try:
-            output = _output(process, job)
-        except BaseException:
-            _stop(process)
-            raise
-    if process.returncode != 0:
-        lines = [*_log_tail(job.folder).splitlines(), *output.splitlines()]
-        errors = [line for line in lines if "ERROR" in line] or [f"exit status {process.returncode}"]
-        raise LammpsError(errors[0], _last_command(job.folder) or " ".join(command), _log_tail(job.folder))
-
-
-def _output(process: "subprocess.Popen[str]", job: Job) -> str:
-    """Wait for the program, report its step every `_POLL` seconds, and return its output."""
-    while True:
-        try:
-            return process.communicate(timeout=_POLL)[0]
-        except subprocess.TimeoutExpired:
-            step = _step_in_log(job.folder)
-            if step is not None:
-                job.report_step(step)
-
-
-def _stop(process: "subprocess.Popen[str]") -> None:
-    """End the program and all its ranks."""
-    os.killpg(process.pid, signal.SIGTERM)
-    try:
-        process.wait(_GRACE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-
-
-def _step_in_log(folder: Path) -> int | None:
-    try:
-        table, _ = read_log(folder / LOG)
-    except RunFolderError:
-        return None
-    steps = table.get("Step")
-    return int(steps[-1]) if steps is not None and len(steps) else None
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-
-
-def _last_command(folder: Path) -> str:
-    """Return the last input line according to LAMMPS's log, or an empty string."""
-    lines = _log_tail(folder, 40).splitlines()
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("Last input line:")]
-    return named[-1] if named else ""

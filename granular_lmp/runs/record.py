@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
-from granular_lmp.lammps.outputs import DUMP, SCENE, read_dump, replace_text
+from granular_lmp.lammps.outputs import DUMP, SCENE, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
 from granular_lmp.runs.folder import is_held
-from granular_lmp.runs.snapshots import Particles
+from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ class Record:
     @classmethod
     def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
         """Make the record of a run folder from its dump, dimensionless with the scene's D0 and R."""
-        table = read_dump(Path(folder) / dump)
-        displacement = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+        table = read_centre(Path(folder) / dump)
+        displacement = scene.displacement_amplitude
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         return cls(
@@ -163,7 +163,7 @@ class Record:
         """Columns τ, p, q, φ of ``trajectory.csv`` by name."""
         return {"tau": self.tau} | self.signals
 
-    def particles(self) -> Particles:
+    def snapshots(self) -> Snapshots:
         """Return the snapshots of all spheres.
 
         Raises
@@ -173,7 +173,7 @@ class Record:
         """
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
-        return Particles.load(self.folder)
+        return Snapshots.load(self.folder)
 
     def plot(self) -> "Picture":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import hexagonal
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import PARTICLES, PER_SAMPLE, Snapshot, snapshots
+from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.scene import Scene
 
@@ -50,8 +50,8 @@ class Spheres:
 
 
 @dataclass(frozen=True, repr=False)
-class Particles:
-    """Snapshots of a run: ``particles[i]`` reads one, ``particles.tau`` holds their times.
+class Snapshots:
+    """Snapshots of a run: ``snapshots[i]`` reads one, ``snapshots.tau`` holds their times.
 
     Attributes
     ----------
@@ -59,13 +59,13 @@ class Particles:
         Path of the dump.
     scene : Scene
         Scene of the run that wrote it.
-    index : list of Snapshot
+    index : list of SnapshotPlace
         Place of each snapshot in the file.
     """
 
     path: Path
     scene: Scene
-    index: list[Snapshot]
+    index: list[SnapshotPlace]
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -77,15 +77,15 @@ class Particles:
             If the run has no snapshots.
         """
         folder = Path(folder)
-        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{PARTICLES}"), key=lambda path: int(path.parent.name.split("_")[0]))
-        path = next(filter(Path.is_file, [folder / PARTICLES, *reversed(finer)]), None)
+        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{SNAPSHOTS}"), key=lambda path: int(path.parent.name.split("_")[0]))
+        path = next(filter(Path.is_file, [folder / SNAPSHOTS, *reversed(finer)]), None)
         if path is None:
             raise RunFolderError(
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
                 "them, for instance output.particles = 1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        whole = (each for each in snapshots(path) if each.particles == scene.shape.spheres)
+        whole = (each for each in whole_snapshots(path) if each.entries == scene.shape.spheres)
         return cls(path, scene, list(whole))
 
     @cached_property
@@ -118,20 +118,20 @@ class Particles:
     def __getitem__(self, number: int) -> Spheres:
         where = self.index[number]
         try:
-            with self.path.open("rb") as stream:
+            with self.path.open(encoding="utf-8") as stream:
                 stream.seek(where.begin)
-                lines = stream.read(where.end - where.begin).decode().splitlines()
-            names = lines[-where.particles - 1].split()[2:]
-            values = np.array(" ".join(lines[-where.particles :]).split(), dtype=float)
-            columns = dict(zip(names, values.reshape(where.particles, -1).T, strict=True))
-            return self._dimensionless(where.step, columns)
+                snapshot = read_snapshot(stream)
+            if snapshot is None:
+                raise ValueError(f"the snapshot of step {where.step} is cut off")
+            step, names, table = snapshot
+            return self._dimensionless(step, dict(zip(names, table.T, strict=True)))
         except (OSError, ValueError, KeyError) as error:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 
     def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
         sphere, still = self.scene.sphere, np.zeros(len(columns["id"]))
         units = units_for(sphere.radius)
-        displacement = units.number(self.scene.wave.amplitude * sphere.static_overlap, length=1)  # D0
+        displacement = units.number(self.scene.displacement_amplitude, length=1)
         velocity = displacement / units.number(sphere.time_scale, time=1)
         radius = units.number(sphere.radius, length=1)
         untracked = still + (np.nan if "omegaz" in columns else 0.0)
@@ -144,4 +144,4 @@ class Particles:
         )
 
     def __repr__(self) -> str:
-        return f"<Particles {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"
+        return f"<Snapshots {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"

@@ -28,7 +28,7 @@ from granular_lmp.scene.sections import Envelope
 
 Floats = NDArray[np.float64]
 FARTHEST = 7.0  # standard deviations of w that are summed: beyond them w is below 2e-11
-NOTHING = 1e-9  # rad per row: rounding of a difference of wave vectors
+SAME_WAVENUMBER = 1e-9  # rad per row: rounding of a difference of wave vectors
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
     inside = exponent <= FARTHEST**2
     # A direction without an envelope has only the wave vector of the wave itself
-    inside &= (envelope.length > 0) | (np.abs(along) < NOTHING)
-    inside &= (envelope.width > 0) | (np.abs(across) < NOTHING)
+    inside &= (envelope.length > 0) | (np.abs(along) < SAME_WAVENUMBER)
+    inside &= (envelope.width > 0) | (np.abs(across) < SAME_WAVENUMBER)
     weight = np.exp(-exponent[inside] / 2)
     weight = weight / weight.sum() * np.exp(1j * (along[inside] * envelope.offset + scene.wave.phase))
 

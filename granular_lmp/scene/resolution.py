@@ -9,7 +9,7 @@ from granular_lmp.scene.scene import Scene
 def position_rounding(scene: Scene, lattice_constants: float) -> float:
     """Return the rounding, in D0, of a position at a distance in lattice constants from the origin: ½ eps of it."""
     distance = lattice_constants * scene.sphere.lattice_constant
-    return float(np.finfo(float).eps / 2 * distance / (scene.wave.amplitude * scene.sphere.static_overlap))
+    return float(np.finfo(float).eps / 2 * distance / scene.displacement_amplitude)
 
 
 def farthest_rounding(scene: Scene) -> float:

@@ -6,7 +6,6 @@ units of the static overlap Δ0. An "auto" of the packing is decided here (`Scen
 `granular_lmp.effects`.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import cached_property
@@ -19,24 +18,10 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import validation as checks
+from granular_lmp.scene import validation
+from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.schema import (
-    AUTO,
-    NOT_TOML,
-    checked_description,
-    checked_name,
-    default_name,
-    file_text,
-    first_file,
-    head_lines,
-    one_line,
-    plain,
-    record,
-    refuse_unknown,
-    toml_lines,
-    unknown_key,
-)
+from granular_lmp.scene.schema import AUTO, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
@@ -53,7 +38,6 @@ SECTIONS: dict[str, type] = {
     "output": Output,
 }
 SECTION_RULES = {"sphere": SPHERE_RULES}
-_ATTRIBUTES = {"sphere": "material"}  # tables that a scene holds under another name
 # A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
 EXCLUSIVE = {
     "time.tolerance": ("time.timestep",),
@@ -78,7 +62,7 @@ def note(key: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Scene:
+class Scene(Document):
     """One simulation: spheres, packing, wave and its envelope, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is the sphere of the deck: pressed by
@@ -96,7 +80,12 @@ class Scene:
     A scene is frozen: `with_values` returns a changed copy.
     """
 
-    name: str
+    sections = SECTIONS
+    rules = SECTION_RULES
+    attributes = {"sphere": "material"}
+    exclusive = EXCLUSIVE
+    named = "the files of the run"
+
     material: Sphere
     packing: Packing
     wave: Wave
@@ -104,7 +93,6 @@ class Scene:
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
-    description: str = ""  # one line for a list of scenes; it changes nothing of a run
 
     # --- reading and writing ---
 
@@ -128,49 +116,35 @@ class Scene:
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
-        text = file_text(found)
-        try:
-            return cls.loads(text, default_name(found))
-        except SceneError as error:
-            raise SceneError(f"{found}: {error}") from error
+        return cls.read(found)
 
     @classmethod
-    def loads(cls, text: str, default: str = "scene") -> Self:
-        """Read a scene from TOML text; `default` is its name if the text declares none."""
-        try:
-            tables = tomllib.loads(text)
-        except NOT_TOML as error:
-            raise SceneError(f"not valid TOML: {one_line(error)}") from error
-        return cls.from_dict(tables, default)
-
-    @classmethod
-    def from_dict(cls, tables: Mapping[str, Any], default: str = "scene") -> Self:
-        """Scene from nested mappings, as `to_dict` gives them; every key and value is checked."""
-        refuse_unknown(tables, ("name", "description", *SECTIONS), "")
-        name = checked_name(tables, default, "the files of the run")
-        tables = with_placeholder(without_wavevector(tables))
-        records = {
-            _ATTRIBUTES.get(key, key): record(kind, tables.get(key), key, SECTION_RULES.get(key))
-            for key, kind in SECTIONS.items()
-        }
-        if {"timestep", "tolerance"} <= set(tables["time"]):
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
+        time = tables.get("time")
+        if isinstance(time, Mapping) and {"timestep", "tolerance"} <= set(time):
             raise SceneError(
-                f"time.tolerance = {tables['time']['tolerance']!r}: excludes time.timestep = "
-                f"{tables['time']['timestep']!r}; give one of the two"
+                f"time.tolerance = {shown(time['tolerance'])}: excludes time.timestep = {shown(time['timestep'])}; "
+                "give one of the two"
             )
+        return with_placeholder(without_wavevector(tables))
+
+    @classmethod
+    def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
+        """Return the records with the smallest wave number at which the wave has its frequency, if that is declared."""
         wave, material, effects = records["wave"], records["material"], records["effects"]
-        if wave.frequency is not None:
-            sphere = at_rest(material, records["packing"], effects)
-            checks.check_sphere(material, sphere, effects, wave.amplitude)
-            records["wave"] = replace(wave, wavenumber=_wavenumbers(wave, sphere, effects)[0])
-        return cls(name=name, description=checked_description(tables), **records)
+        if wave.frequency is None:
+            return records
+        sphere = at_rest(material, records["packing"], effects)
+        validation.check_sphere(material, sphere, effects, wave.amplitude)
+        return records | {"wave": replace(wave, wavenumber=_wavenumbers(wave, sphere, effects)[0])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared."""
-        tables = {key: plain(getattr(self, _ATTRIBUTES.get(key, key)), SECTION_RULES.get(key)) for key in SECTIONS}
+        tables = super().to_dict()
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
-        return {"name": self.name, "description": self.description} | tables
+        return tables
 
     def departures(self) -> dict[str, Any]:
         """Return every value that is not its key's default, by dotted key; keys without a default are always there.
@@ -183,44 +157,14 @@ class Scene:
             if not is_dataclass(value):
                 found |= {section.name: value} if value != _default(section) else {}
                 continue
-            key = next((name for name, held in _ATTRIBUTES.items() if held == section.name), section.name)
+            key = next((name for name, held in self.attributes.items() if held == section.name), section.name)
             for item in fields(value):
                 if getattr(value, item.name) != _default(item):
                     found[f"{key}.{item.name}"] = getattr(value, item.name)
         return found
 
-    def to_toml(self) -> str:
-        """TOML text that `loads` reads back to an equal scene, a comment behind each value."""
-        lines = head_lines(self.name, self.description)
-        tables = self.to_dict()
-        for key, kind in SECTIONS.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], SECTION_RULES.get(key))]
-        return "\n".join(lines) + "\n"
-
-    def with_values(self, changes: Mapping[str, Any]) -> "Scene":
-        """Return a copy with some values changed, named by dotted keys: ``{"wave.wavenumber": 1.2}``.
-
-        Raises
-        ------
-        SceneError
-            If a key is unknown or a value is not allowed.
-        """
-        tables = self.to_dict()
-        for key, value in changes.items():
-            table, _, name = key.rpartition(".")
-            if table and table not in SECTIONS:
-                raise SceneError(unknown_key(key, table, SECTIONS))
-            inner = tables[table] if table else tables
-            if not isinstance(inner, dict):
-                break  # an earlier change replaced the table by a value, which is the error to report
-            for other in EXCLUSIVE.get(key, ()):
-                if other not in changes:
-                    inner.pop(other.rpartition(".")[2], None)
-            inner[name] = value
-        return Scene.from_dict(tables)
-
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the view of a notebook."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
@@ -236,6 +180,11 @@ class Scene:
     def sphere(self) -> Sphere:
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
         return at_rest(self.material, self.packing, self.effects)
+
+    @property
+    def displacement_amplitude(self) -> float:
+        """D0 = a Δ0, m: the amplitude of the wave's displacement."""
+        return self.wave.amplitude * self.sphere.static_overlap
 
     @cached_property
     def shape(self) -> Shape:
@@ -364,11 +313,11 @@ class Scene:
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
-        checks.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
-        checks.check_wave(wave, self.envelope, self.packing, shape)
-        checks.check_packing(self.packing, wave, self.envelope, shape, self.vector)
-        checks.check_size(self.sphere, shape, wave.amplitude)
-        checks.check_time(self.time, self.output, shape, self.echo_time)
+        validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
+        validation.check_wave(wave, self.envelope, self.packing, shape)
+        validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
+        validation.check_size(self.sphere, shape, wave.amplitude)
+        validation.check_time(self.time, self.output, shape, self.echo_time)
 
 
 def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:

@@ -38,7 +38,7 @@ class Room:
     along: bool = False
 
 
-NOTHING = Room()
+NO_ROOM = Room()
 
 
 def decide(
@@ -48,7 +48,7 @@ def decide(
     vector: WaveVector,
     duration: float,
     *,
-    room: Room = NOTHING,
+    room: Room = NO_ROOM,
     driven: bool = False,
 ) -> Shape:
     """Return rows, columns and ends of a packing with every "auto" decided.

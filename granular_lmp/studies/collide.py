@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import LammpsError, RunInterrupted, SceneError
-from granular_lmp.lammps.outputs import CHECKPOINTS, writable
+from granular_lmp.errors import LammpsError, SceneError
+from granular_lmp.lammps.outputs import SCENE, read_dump, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import check_machine, run_input
-from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
+from granular_lmp.runs.launch import run_files
+from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
 
 COURSE = "collision.csv"
 RESULT = "collision.json"
@@ -130,23 +129,9 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     """
     folder = Path(folder).absolute()
     name = f"in.{collision.name}"
-    check_machine()
-    with locked(folder, make=True, force=force) as lock:
-        clear(folder)
-        with writable(folder):
-            (folder / "scene.toml").write_text(collision.to_toml(), encoding="utf-8")
-            (folder / name).write_text(deck_text(collision), encoding="utf-8")
-        try:
-            run_input(folder, name, lock)
-        except KeyboardInterrupt as error:
-            for stray in CHECKPOINTS:
-                (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error
+    run_files(folder, {SCENE: [collision.to_toml()], name: [deck_text(collision)]}, name, force=force)
     with writable(folder):
-        try:
-            result = _course(collision, folder)
-        except (ValueError, IndexError) as error:
-            raise LammpsError(f"{DUMP} is cut off: {error}", name, "") from error
+        result = _course(collision, folder)
         _write_csv(result, folder / COURSE)
     _refuse_defects(result, name)
     if result.overlap[-1] >= 0:
@@ -167,8 +152,9 @@ def _refuse_defects(result: Result, input_name: str) -> None:
     if not all(np.isfinite(x).all() for x in signals):
         raise LammpsError("the course holds numbers that are not finite", input_name, "")
     end = result.collision.collision.duration * result.collision.elastic_contact_time
-    if result.time[-1] < end * (1 - 1e-9):
-        raise LammpsError(f"the course ends at {result.time[-1]:.3g} s instead of {end:.3g} s", input_name, "")
+    reached = float(np.max(result.time, initial=0.0))
+    if reached < end * (1 - 1e-9):
+        raise LammpsError(f"the course ends at {reached:.3g} s instead of {end:.3g} s", input_name, "")
 
 
 def write_numbers(result: Result, errors: Mapping[str, float]) -> None:
@@ -183,11 +169,7 @@ def _course(collision: Collision, folder: Path) -> Result:
     units = units_for(collision.sphere.radius)
     metre, second, newton = 10.0**units.length, 10.0**units.time, 10.0 ** (units.mass + units.length - 2 * units.time)
     bodies = 1 if collision.on_plane else 2
-    lines = (folder / DUMP).read_text(encoding="utf-8").split("\n")[:-1]
-    size = 9 + bodies  # lines of a snapshot, nine of them before the spheres
-    table = np.array([lines[start + 9 : start + size] for start in range(0, len(lines), size)])
-    values = np.array([[row.split() for row in snapshot] for snapshot in table], dtype=float)
-    at = {name: values[:, :, column] for column, name in enumerate(COLUMNS)}
+    at = read_dump(folder / COLLISION_DUMP, bodies, COLLISION_COLUMNS)
     position = np.stack([at["x"], at["y"]], axis=-1)
     if collision.on_plane:
         normal = np.broadcast_to([1.0, 0.0], position[:, 0].shape)
@@ -202,7 +184,7 @@ def _course(collision: Collision, folder: Path) -> Result:
     step = collision.elastic_contact_time / collision.collision.steps
     return Result(
         collision=collision,
-        time=np.array(lines[1::size], dtype=float) * step,
+        time=at["step"] * step,
         overlap=overlap * metre,
         normal_force=-np.einsum("ti,ti->t", push, normal) * newton,
         tangential_force=(normal[:, 0] * push[:, 1] - normal[:, 1] * push[:, 0]) * newton,

@@ -5,7 +5,6 @@ A collision tests one contact. The contact law is written by the same function a
 is +x, its tangent +y, and spins are about z. `granular_lmp.studies.collide` runs it.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, gamma, pi, sqrt
@@ -16,32 +15,17 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.document import Document
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
-from granular_lmp.scene.schema import (
-    NOT_TOML,
-    checked_description,
-    checked_name,
-    choice,
-    count,
-    default_name,
-    file_text,
-    first_file,
-    head_lines,
-    number,
-    one_line,
-    plain,
-    record,
-    refuse_unknown,
-    toml_lines,
-)
+from granular_lmp.scene.schema import choice, count, first_file, number
 from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
 
-DUMP = "dump.collision"
-COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump
+COLLISION_DUMP = "dump.collision"
+COLLISION_COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump
 RECORDS = 500  # fewest records in a contact time
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
-_SHIPPED = SHIPPED / "collisions"
+_SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
 
@@ -51,7 +35,7 @@ class Contact:
     """Contact law with the arguments of `granular_lmp.lammps.contact.model`."""
 
     normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
-    shear: str = choice("what the shear force follows", contact.SHEAR_LAWS, default="secant")
+    shear: str = choice("what the shear force follows", contact.TANGENTIAL_LAWS, default="secant")
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
     shear_damping: float = number("", "of shear over that of normal motion", 0.0, 100.0, default=0.0)
@@ -70,12 +54,8 @@ class Impact:
     steps: int = count("to an elastic contact time", 100, 10_000_000, default=10_000)
 
 
-_TABLES: dict[str, type] = {"sphere": Sphere, "contact": Contact, "collision": Impact}
-_RULES = {"sphere": SPHERE_RULES}
-
-
 @dataclass(frozen=True)
-class Collision:
+class Collision(Document):
     """One collision: its sphere, contact law and impact.
 
     Raises
@@ -85,11 +65,13 @@ class Collision:
         fast that the overlap is no longer small.
     """
 
-    name: str
+    sections = {"sphere": Sphere, "contact": Contact, "collision": Impact}
+    rules = {"sphere": SPHERE_RULES}
+    named = "the deck"
+
     sphere: Sphere
     contact: Contact
     collision: Impact
-    description: str = ""  # one line for the list of what is shipped
 
     def __post_init__(self) -> None:
         if self.contact.normal == "dmt" and self.contact.restitution < 1:
@@ -120,56 +102,20 @@ class Collision:
 
     @classmethod
     def load(cls, source: str | Path) -> Self:
-        """Read a collision from a TOML file, or by its name in ``lammps_inputs/collisions``."""
-        found = first_file(source, (Path(source), _SHIPPED / f"{source}.toml"))
+        """Collision from a TOML file, or the name of one in ``lammps_inputs/collisions``."""
+        found = first_file(source, (Path(source), _SHIPPED_COLLISIONS / f"{source}.toml"))
         if found is None:
-            shipped = sorted(path.stem for path in _SHIPPED.glob("*.toml"))
+            shipped = sorted(path.stem for path in _SHIPPED_COLLISIONS.glob("*.toml"))
             raise SceneError(f"{source}: no such collision; shipped: {', '.join(shipped) or 'none'}")
-        text = file_text(found)
-        try:
-            tables = tomllib.loads(text)
-        except NOT_TOML as error:
-            raise SceneError(f"{found}: not valid TOML: {one_line(error)}") from error
-        try:
-            return cls.from_dict(tables, default_name(found))
-        except SceneError as error:
-            raise SceneError(f"{found}: {error}") from error
+        return cls.read(found)
 
     @classmethod
-    def from_dict(cls, tables: Mapping[str, Any], default: str = "collision") -> Self:
-        """Collision from nested mappings; every key and value is checked."""
-        refuse_unknown(tables, ("name", "description", *_TABLES), "")
-        name = checked_name(tables, default, "the deck")
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with a contact, and spheres without adhesion, where they are not declared."""
         given = {"contact": {}, **tables}
         if isinstance(given.get("sphere"), Mapping):
             given["sphere"] = {"work_of_adhesion": 0.0, **given["sphere"]}  # spheres that meet need not be adhesive
-        records = {key: record(kind, given.get(key), key, _RULES.get(key)) for key, kind in _TABLES.items()}
-        return cls(name, **records, description=checked_description(tables))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Nested plain values, every default filled in."""
-        named = {"name": self.name, "description": self.description}
-        return named | {key: plain(getattr(self, key), _RULES.get(key)) for key in _TABLES}
-
-    def to_toml(self) -> str:
-        """TOML text that `from_dict` reads back to an equal collision, a comment behind each value."""
-        lines = head_lines(self.name, self.description)
-        tables = self.to_dict()
-        for key, kind in _TABLES.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], _RULES.get(key))]
-        return "\n".join(lines) + "\n"
-
-    def with_values(self, changes: Mapping[str, Any]) -> Self:
-        """Return a copy with some values changed, named by dotted keys: ``{"collision.spin": 1.2}``."""
-        tables = self.to_dict()
-        for key, value in changes.items():
-            table, _, name = key.rpartition(".")
-            refuse_unknown({table: None} if table else {}, _TABLES, "")
-            inner = tables[table] if table else tables
-            if not isinstance(inner, dict):
-                break  # an earlier change replaced the table by a value, which is the error to report
-            inner[name] = value
-        return self.from_dict(tables)
+        return given
 
     # --- derived values ---
 
@@ -275,7 +221,7 @@ timestep     {step!r}
 {plane}
 # --- motion, and a record of every body with all digits
 fix          move all nve/sphere
-dump         all all custom {every} {DUMP} {" ".join(COLUMNS)}
+dump         all all custom {every} {COLLISION_DUMP} {" ".join(COLLISION_COLUMNS)}
 dump_modify  all sort id format float %.17g
 thermo_style custom step
 thermo       {every * records}

@@ -33,7 +33,7 @@ from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
-TABLE = "cost.csv"
+COST_TABLE = "cost.csv"
 _PROGRAM = 0.5  # s to start mpiexec and lmp
 
 Progress = Callable[[int, int, float], None]
@@ -223,7 +223,7 @@ def _save(plan: Plan) -> dict[str, Any]:
     result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
         replace_text(plan.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")
-        replace_text(plan.folder / TABLE, to_csv(result["points"]))
+        replace_text(plan.folder / COST_TABLE, to_csv(result["points"]))
     return result
 
 

@@ -22,9 +22,9 @@ from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
 HALVINGS = 5  # a single run halves the longest stable step at most five times
-COLUMNS = (3, 4, 8, 20, 100)
+COLUMN_COUNTS = (3, 4, 8, 20, 100)
 RANKS = (1, 2)
-SHEET = 100  # columns: half as wide as the paper's 201 rows are long
+SHEET_WIDTH = 100  # columns: half as wide as the paper's 201 rows are long
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
@@ -161,7 +161,7 @@ def _tolerance(scene: Scene) -> dict[str, Make]:
 
 
 def _columns(scene: Scene) -> dict[str, Make]:
-    return {str(columns): _changed(scene, {"packing.columns": columns}) for columns in COLUMNS}
+    return {str(columns): _changed(scene, {"packing.columns": columns}) for columns in COLUMN_COUNTS}
 
 
 def _ends(scene: Scene) -> dict[str, Make]:
@@ -214,7 +214,7 @@ def _ranks(scene: Scene) -> dict[str, Make]:
 
 def _sheet(scene: Scene) -> dict[str, Make]:
     """Return the fewest spheres, and a sheet with every effect and LAMMPS's default dump of all positions."""
-    sheet = {"packing.columns": SHEET}
+    sheet = {"packing.columns": SHEET_WIDTH}
     return {
         "strip": _changed(scene, _strip(scene)),
         "sheet": lambda: (Run(with_all(scene.with_values(sheet)), "all, text, 6 digits"),),

@@ -14,29 +14,29 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.ladder import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, read_log, writable
+from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import check_machine, run_input
+from granular_lmp.runs.launch import run_files
 from granular_lmp.scene.scene import Scene
 
 INPUT = "in.sheet"
-DUMP = "dump.sheet"
-SHEET = "sheet.npz"
+SHEET_DUMP = "dump.sheet"
+SHEET_COLUMNS = ("id", "vx", "vy", "omegaz")
+SHEET_RECORD = "sheet.npz"
 FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum leaves hardly any data
 
 # Guards of the deck, the values from which on the sheet is not linear, and the reasons
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
 
-_INPUT = """\
+_INPUT_TEXT = """\
 # The sheet of {deck}, all spheres recorded. Runs in this folder:  lmp -in {name}
 variable duration index 0  # the deck makes the sheet, kicks it, and stops there
 include  {deck}
 group    inside static  # all spheres are recorded, so that guards judge all
 group    inside union all
-dump     sheet all custom ${{every}} {dump} id vx vy omegaz
+dump     sheet all custom ${{every}} {dump}
 dump_modify sheet sort id format float %.9g
 run      {steps}
 """
@@ -98,30 +98,20 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
-    check_machine()
-    with locked(folder, make=True, force=force) as lock:
-        clear(folder)
-        deck.write(folder, force=True)
-        with writable(folder):
-            (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
-            text = _INPUT.format(deck=deck.input_name, name=INPUT, dump=DUMP, steps=scene.time.steps)
-            (folder / INPUT).write_text(text, encoding="utf-8")
-        try:
-            run_input(folder, INPUT, lock)
-        except KeyboardInterrupt as error:
-            for stray in CHECKPOINTS:
-                (folder / stray).unlink(missing_ok=True)
-            raise RunInterrupted(f"{folder}: interrupted; run it again with force=True") from error
-        log = read_log(folder / LOG)[0]
-        for column, limit, what in _LINEAR:
-            if log.get(column, np.zeros(1)).max() >= limit:
-                raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-        steps, velocity = read_sheet(folder / DUMP)
-        if len(steps) != scene.time.samples + 1 or not np.isfinite(velocity).all():
-            raise LammpsError(f"{DUMP} is cut off or holds numbers that are not finite", INPUT, "")
-        with writable(folder):
-            _save(folder / SHEET, deck, steps, velocity)
-    return folder / SHEET
+    dump = " ".join([SHEET_DUMP, *SHEET_COLUMNS])
+    text = _INPUT_TEXT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
+    run_files(folder, deck.files() | {SCENE: [scene.to_toml()], INPUT: [text]}, INPUT, force=force)
+    log = read_log(folder / LOG)[0]
+    for column, limit, what in _LINEAR:
+        if log.get(column, np.zeros(1)).max() >= limit:
+            raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
+    table = read_dump(folder / SHEET_DUMP, len(deck.packing), SHEET_COLUMNS)
+    velocity = np.stack([table[name] for name in SHEET_COLUMNS[1:]], axis=-1)
+    if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
+        raise LammpsError(f"{SHEET_DUMP} is cut off or holds numbers that are not finite", INPUT, "")
+    with writable(folder):
+        _save(folder / SHEET_RECORD, deck, table["step"], velocity)
+    return folder / SHEET_RECORD
 
 
 def _refuse_unfit(scene: Scene) -> None:
@@ -152,7 +142,7 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
     scene, sphere = deck.scene, deck.scene.sphere
     units, constant = units_for(sphere.radius), lattice_constant(sphere)
     radius = units.number(sphere.radius, length=1)
-    unit = scene.wave.amplitude * units.number(sphere.static_overlap / sphere.time_scale, length=1, time=-1)
+    unit = units.number(scene.displacement_amplitude / sphere.time_scale, length=1, time=-1)
     np.savez(
         path,
         tau=steps * scene.time.step,
@@ -164,27 +154,3 @@ def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[
         contact_force=sphere.contact_force,
         effects=[effect.name for effect in deck.problem.effects if effect.on],
     )
-
-
-def read_sheet(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return steps (T,) and columns vx, vy, omegaz (T, N, 3) of a dump of all spheres, sorted.
-
-    Raises
-    ------
-    RunFolderError
-        If the file is not such a dump.
-    """
-    steps, frames = [], []
-    try:
-        with path.open(encoding="utf-8") as stream:
-            while stream.readline():
-                steps.append(int(stream.readline()))
-                stream.readline()
-                count = int(stream.readline())
-                for _ in range(5):  # lines of the box, and the names of the columns
-                    stream.readline()
-                lines = "".join(stream.readline() for _ in range(count))
-                frames.append(np.fromstring(lines, sep=" ").reshape(count, 4)[:, 1:])
-    except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a dump of a sheet: {error}") from error
-    return np.array(steps, dtype=float), np.array(frames)

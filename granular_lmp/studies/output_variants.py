@@ -6,7 +6,6 @@ is edited so that LAMMPS writes more spheres or fewer digits, and the trajectory
 
 import struct
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,14 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import DUMP
+from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import TRAJECTORY, Record
 
 Floats = NDArray[np.float64]
 
 EVERYTHING = "dump.everything"
-_FULL = "format float %.17g"
-_LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump
+_ALL_DIGITS = "format float %.17g"
 
 
 @dataclass(frozen=True)
@@ -72,16 +70,16 @@ def edited(deck: Deck, output: Output) -> Deck:
     """
     text = deck.input_text
     head, run, tail = text.rpartition("\nrun ")
-    if not run or text.count(_FULL) != 1:
+    if not run or text.count(_ALL_DIGITS) != 1:
         raise ValueError(f"{deck.input_name}: not a deck whose output can be changed")
     if output.everything:
         columns = "id xs ys" + " mux muy" * (deck.scene.effects.tracking is True)
         head += f"dump         all all custom ${{every}} {output.file} {columns}\n"
         if output.all_digits and not output.binary:
-            head += f"dump_modify  all {_FULL}\n"
+            head += f"dump_modify  all {_ALL_DIGITS}\n"
         text = head + run + tail
     elif not output.all_digits:
-        text = text.replace(f" {_FULL}", "")
+        text = text.replace(f" {_ALL_DIGITS}", "")
     return replace(deck, input_text=text)
 
 
@@ -99,11 +97,11 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     if not path.exists():
         return record
     index = centre(deck.packing)
-    rows = (_binary_rows if output.binary else _text_rows)(path, len(deck.packing), index + 1)
+    rows = _binary_rows(path, len(deck.packing), index + 1) if output.binary else _text_rows(path, index + 1)
     if len(rows) != len(record.tau):
         raise ValueError(f"{path}: {len(rows)} snapshots instead of {len(record.tau)}")
     scene = deck.scene
-    units, size = units_for(scene.sphere.radius), scene.wave.amplitude * scene.sphere.static_overlap
+    units, size = units_for(scene.sphere.radius), scene.displacement_amplitude
     radius, d0 = (units.number(length, length=1) for length in (scene.sphere.radius, size))
     low, high = deck.data.box[:2].T
     rest = radius * deck.packing.positions[index, :2]
@@ -116,14 +114,13 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     return kept
 
 
-def _text_rows(path: Path, spheres: int, number: int) -> Floats:
+def _text_rows(path: Path, number: int) -> Floats:
     """Return the numbers behind the id of one sphere in a text dump, one row per snapshot."""
-    rows, start = [], f"{number} "
-    with path.open(encoding="utf-8") as stream:
-        while len(list(islice(stream, _LINES_BEFORE_ATOMS))) == _LINES_BEFORE_ATOMS:
-            (line,) = [line for line in islice(stream, spheres) if line.startswith(start)]
-            rows.append(line.split()[1:])
-    return np.array(rows, dtype=float)
+    rows = []
+    for _, _, table in read_snapshots(path):
+        (row,) = table[table[:, 0] == number]
+        rows.append(row[1:])
+    return np.array(rows)
 
 
 def _binary_rows(path: Path, spheres: int, number: int) -> Floats:

@@ -24,7 +24,7 @@ from granular_lmp.studies.output_variants import OUTPUTS
 RUNS = "runs"
 NOT_RUN = "not run yet"
 COMPONENTS = ("p", "q", "phi")
-COLUMNS = (
+COST_COLUMNS = (
     *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
     *("particles", "steps", "particle_steps", "particle_steps_per_second"),
     *("error_p", "error_q", "error_phi", "slope", "message"),
@@ -117,7 +117,7 @@ def _left(places: list[Path]) -> dict[str, float | None]:
 
 def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
     """Return the row of a setting."""
-    row: Row = dict.fromkeys(COLUMNS) | {"knob": point.knob, "setting": point.setting, "message": ""}
+    row: Row = dict.fromkeys(COST_COLUMNS) | {"knob": point.knob, "setting": point.setting, "message": ""}
     row["repeats"] = len(rounds)
     if not rounds:
         return row | {"message": _why_not(folder, point)}
@@ -182,7 +182,7 @@ def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None
 def to_csv(rows: list[Row]) -> str:
     """Return the table as CSV, each number in the shortest form that reads back to the same double."""
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+    writer = csv.DictWriter(stream, COST_COLUMNS, lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
     return stream.getvalue()

@@ -12,8 +12,9 @@ from granular_lmp import Scene, build, run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP
-from granular_lmp.runs import launch
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status
+from granular_lmp.runs.routes import run_input
 
 MEMORY = 4 * 10**9  # bytes of addresses: a broken deck must not take the machine with it
 LIMIT = 60  # s for a run of 10 ms: it hangs
@@ -41,8 +42,8 @@ def whole_dump(name: str) -> bytes:
     """Return the record of the unbroken deck's run."""
     with tempfile.TemporaryDirectory() as folder:
         deck(name).write(folder, force=True)
-        with launch.locked(Path(folder)) as lock:
-            launch.run_input(Path(folder), deck(name).input_name, lock)
+        with locked(Path(folder)) as lock:
+            run_input(Path(folder), deck(name).input_name, lock)
         return (Path(folder) / DUMP).read_bytes()
 
 

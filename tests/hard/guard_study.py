@@ -29,6 +29,7 @@ from granular_lmp.effects.guard import BETWEEN
 from granular_lmp.errors import EffectError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import GUARDS
+from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
@@ -166,17 +167,8 @@ def _contacts(deck: Deck) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]
 
 def _snapshots(path: Path) -> tuple[Floats, Floats]:
     """Return steps (T,) and ux, uy, angle (T, N, 3) of a dump of all spheres."""
-    steps, frames = [], []
-    with path.open(encoding="utf-8") as stream:
-        while stream.readline():
-            steps.append(int(stream.readline()))
-            stream.readline()
-            count = int(stream.readline())
-            for _ in range(5):
-                stream.readline()
-            words = "".join(stream.readline() for _ in range(count))
-            frames.append(np.fromstring(words, sep=" ").reshape(count, -1)[:, 1:])
-    values = np.array(frames)
+    steps, _, tables = zip(*read_snapshots(path), strict=True)
+    values = np.array(tables)[:, :, 1:]
     if values.shape[2] == 2:
         return np.array(steps, dtype=float), np.pad(values, ((0, 0), (0, 0), (0, 1)))
     angle = np.unwrap(np.arctan2(values[..., 3], values[..., 2]), axis=0)

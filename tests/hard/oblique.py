@@ -26,7 +26,7 @@ def made(scene: Scene, edits: Edits = ()) -> tuple[Record, float]:
         record = run(replace(deck, input_text=edited(deck.input_text, edits)), Path(place) / "run")
         if not scene.output.particles:
             return record, 0.0
-        velocity = record.particles().stack("velocity")
+        velocity = record.snapshots().stack("velocity")
     total = velocity.sum(axis=1)
     return record, float(np.abs(total - total[0]).max() / np.abs(velocity[0]).sum())
 

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, SceneError
-from granular_lmp.lammps.contact import SHEAR_LAWS
+from granular_lmp.errors import LammpsError, RunFolderError, SceneError
+from granular_lmp.lammps.contact import TANGENTIAL_LAWS
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.folder import locked
-from granular_lmp.runs.launch import run_input
+from granular_lmp.runs.routes import run_input
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies.collide import Result, run
-from granular_lmp.studies.collision import COLUMNS, DUMP, Collision, deck_text
+from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
 
 SHIPPED_COLLISIONS = sorted(path.stem for path in (SHIPPED / "collisions").glob("*.toml"))
 PAGE = Path(__file__).parents[2] / "docs" / "collisions.md"
@@ -119,8 +119,18 @@ def test_tsuji_does_not_give_the_restitution_asked_for(tmp_path: Path) -> None:
     (tmp_path / "in.tsuji").write_text(deck_text(collision).replace("coeff_restitution", "tsuji"))
     with locked(tmp_path) as lock:
         run_input(tmp_path, "in.tsuji", lock)
-    last = (tmp_path / DUMP).read_text().splitlines()[-1].split()
-    assert -float(last[COLUMNS.index("vx")]) / 0.2 == pytest.approx(0.616, abs=1e-3)
+    last = (tmp_path / COLLISION_DUMP).read_text().splitlines()[-1].split()
+    assert -float(last[COLLISION_COLUMNS.index("vx")]) / 0.2 == pytest.approx(0.616, abs=1e-3)
+
+
+def test_a_course_that_was_not_recorded_to_its_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def record_nothing(folder: Path, *_: Any, **__: Any) -> None:
+        folder.mkdir()
+        (folder / COLLISION_DUMP).write_text("ITEM: TIMESTEP\n")
+
+    monkeypatch.setattr("granular_lmp.studies.collide.run_files", record_nothing)
+    with pytest.raises(LammpsError, match="the course ends at 0 s instead of"):
+        run(Collision.load("test2"), tmp_path / "run")
 
 
 # ---------------------------------------------------------------- tests 4 and 5: oblique impacts
@@ -217,7 +227,7 @@ def test_a_sticking_sphere_recoils_as_the_same_law_without_lammps(psi: float, sh
 # ---------------------------------------------------------------- tests 6 and 7: spins
 
 
-@pytest.mark.parametrize("shear", SHEAR_LAWS)
+@pytest.mark.parametrize("shear", TANGENTIAL_LAWS)
 @pytest.mark.parametrize("spin", [0.1, 10.0, 1000.0])
 def test_gears_keep_their_spins(spin: float, shear: str, collide: Collide) -> None:
     """Test 7: opposite spins of equal spheres leave no slip at the contact."""
@@ -334,7 +344,7 @@ def test_a_collision_reads_back_as_it_is_written(name: str, tmp_path: Path) -> N
         ({"collision.normal_velocity": 0.0}, "collision.normal_velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
         ({"collision.normal_velocity": 1e4}, "the overlap would be 1.43 of the diameter; at most 0.05 is allowed"),
         ({"collision.spn": 1.0}, "collision.spn: unknown key; did you mean 'spin'?"),
-        ({"colision.spin": 1.0}, "colision: unknown key; did you mean 'collision'?"),
+        ({"colision.spin": 1.0}, "colision.spin: unknown key; did you mean 'collision'?"),
         ({"name": "a b"}, "name = 'a b': must be a string of at most 200 ASCII letters"),
     ],
 )
@@ -368,7 +378,7 @@ def test_the_deck_of_a_collision_runs_with_plain_lmp_to_the_same_bytes(tmp_path:
     run(Collision.load(name), tmp_path / "run")
     (tmp_path / f"in.{name}").write_text(deck_text(Collision.load(name)))
     subprocess.run([*lmp_command(1), "-in", f"in.{name}", "-screen", "none"], cwd=tmp_path, check=True)
-    assert (tmp_path / DUMP).read_bytes() == (tmp_path / "run" / DUMP).read_bytes()
+    assert (tmp_path / COLLISION_DUMP).read_bytes() == (tmp_path / "run" / COLLISION_DUMP).read_bytes()
 
 
 def test_the_command_says_what_the_library_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

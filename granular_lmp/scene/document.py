@@ -1,0 +1,130 @@
+"""A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import (
+    NOT_TOML,
+    Rules,
+    checked_description,
+    checked_name,
+    default_name,
+    file_text,
+    head_lines,
+    one_line,
+    plain,
+    record,
+    refuse_unknown,
+    toml_lines,
+    unknown_key,
+)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A name, a description and sections, each a record whose fields carry their rules.
+
+    Attributes
+    ----------
+    name : str
+    description : str
+        One line for a list of documents; it changes nothing of a run.
+    sections : mapping of str to type
+        TOML table → the type of its record, in the order of the file.
+    rules : mapping
+        TOML table → rules, for records that carry none.
+    attributes : mapping
+        TOML table → attribute that holds its record, where that has another name.
+    exclusive : mapping
+        Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
+    named : str
+        The files that are called after the name, for error messages.
+    """
+
+    name: str
+    description: str = field(default="", kw_only=True)
+    sections: ClassVar[Mapping[str, type]]
+    rules: ClassVar[Mapping[str, Rules]] = {}
+    attributes: ClassVar[Mapping[str, str]] = {}
+    exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    named: ClassVar[str]
+
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """Return the document in a TOML file; its errors begin with the path."""
+        text = file_text(file)
+        try:
+            return cls.loads(text, default_name(file))
+        except SceneError as error:
+            raise SceneError(f"{file}: {error}") from error
+
+    @classmethod
+    def loads(cls, text: str, default: str | None = None) -> Self:
+        """Return the document in TOML text; `default` is its name if the text declares none."""
+        try:
+            tables = tomllib.loads(text)
+        except NOT_TOML as error:
+            raise SceneError(f"not valid TOML: {one_line(error)}") from error
+        return cls.from_dict(tables, default)
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
+        """Return the document of nested mappings, as `to_dict` gives them; every key and value is checked."""
+        refuse_unknown(tables, ("name", "description", *cls.sections), "")
+        name = checked_name(tables, default or cls.__name__.lower(), cls.named)
+        tables = cls.completed(tables)
+        records = {
+            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key))
+            for key, kind in cls.sections.items()
+        }
+        return cls(name=name, description=checked_description(tables), **cls.solved(records))
+
+    @classmethod
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with other ways to say something in the keys of the sections."""
+        return tables
+
+    @classmethod
+    def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
+        """Return the records with the values that follow from several of them."""
+        return records
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested plain values with every default."""
+        held = {key: getattr(self, self.attributes.get(key, key)) for key in self.sections}
+        tables = {key: plain(value, self.rules.get(key)) for key, value in held.items()}
+        return {"name": self.name, "description": self.description} | tables
+
+    def to_toml(self) -> str:
+        """Return TOML text that `loads` reads back to an equal document, with a comment behind each value."""
+        lines = head_lines(self.name, self.description)
+        tables = self.to_dict()
+        for key, kind in self.sections.items():
+            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key))]
+        return "\n".join(lines) + "\n"
+
+    def with_values(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with some values changed, named by dotted keys: ``{"sphere.radius": 1e-6}``.
+
+        Raises
+        ------
+        SceneError
+            If a key is unknown or a value is not allowed.
+        """
+        tables = self.to_dict()
+        for key, value in changes.items():
+            table, _, name = key.rpartition(".")
+            if table and table not in self.sections:
+                raise SceneError(unknown_key(key, table, self.sections))
+            inner = tables[table] if table else tables
+            if not isinstance(inner, dict):
+                break  # an earlier change replaced the table by a value, which is the error to report
+            for other in self.exclusive.get(key, ()):
+                if other not in changes:
+                    inner.pop(other.rpartition(".")[2], None)
+            inner[name] = value
+        return self.from_dict(tables)
