@@ -15,8 +15,8 @@ There is no friction, and spheres do not turn. A crystal that was pressed, dried
 to start from a compressed crystal, hand over one whose places and cell are scaled by less than 1. ``docs/imperfect.md``
 compares both.
 
-Where two contacts are equally near to parting rounding could decide; crystals of 1020 spheres agree to 1e-11 of Δ0
-between the kernels of different processors.
+Where two contacts are equally near to parting rounding could decide. Crystals of 1020 spheres with spreads of up to
+12 Δ0 agree to 2e-10 of Δ0 between OpenBLAS's kernels for different processors.
 """
 
 from collections.abc import Callable, Sequence
@@ -137,7 +137,8 @@ def relax(
     Notes
     -----
     A crystal that is at rest already, such as a perfect lattice, is returned as it is. Good values: spreads of
-    overlaps up to a few Δ0; beyond, contacts part and form in long sequences, which take hundreds of Newton steps.
+    2R up to a few Δ0. Beyond, contacts part and form in long sequences, which take hundreds of Newton steps, and from
+    some 40 Δ0 on the stored energy flings spheres apart: crystals then differ much by seed.
     Spheres without friction that are compressed flow into vacancies unless adhesion holds them.
     """
     if box not in BOXES:
