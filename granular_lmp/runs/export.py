@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import replace_text, writable
 from granular_lmp.runs.record import Record
+from granular_lmp.runs.snapshots import Snapshots
 
 
 def si_columns(record: Record) -> dict[str, NDArray[np.float64]]:
     """Return the trajectory in SI units by column: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``."""
     scene = record.scene
-    unit = scene.wave.amplitude * scene.sphere.static_overlap  # D0, m
+    unit = scene.displacement_amplitude
     return {
         "t_s": record.tau * scene.sphere.time_scale,
         "p_m": record.p * unit,
