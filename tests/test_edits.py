@@ -63,7 +63,7 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
     assert np.abs(pushed.q - plain.q).max() > 0
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
-    assert any("its deck was edited in 1 lines" in note for note in notes(pushed))
+    assert any("its deck was edited, which no theory knows of; lines that differ: 1" in note for note in notes(pushed))
     assert not any("edited" in note for note in notes(plain))
 
 

@@ -108,7 +108,7 @@ class Deck:
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
-        edited = f", {len(self.edits())} lines edited" if self.edits() else ""
+        edited = ", edited" if self.edits() else ""
         shape = self.scene.shape
         return f"<Deck {self.scene.name}: {self.scene.wave_label}, {shape.spheres} spheres{edited}>"
 
