@@ -10,7 +10,6 @@ class GranularError(Exception):
         # A key or a folder may hold a line break, an escape sequence of the terminal, or surrogates, which UTF-8 lacks
         return "".join(c if c.isprintable() else repr(c)[1:-1] for c in super().__str__())
 
-
     def in_options(self) -> str:
         """Return the text for the command line, whose options have other names than the arguments in Python."""
         return str(self).replace("force=True", "--force")

@@ -67,6 +67,20 @@ def test_without_var_nothing_of_the_scene_changes(left: Left, small: Scene, tmp_
     assert adopted.info["ranks"] == 1
 
 
+def test_a_deck_without_friction_is_adopted_as_it_is(left: Left, small: Scene, tmp_path: Path) -> None:
+    changes = {"wave.mode": "L", "effects.shear": False, "effects.rotation": False}
+    adopted = adopt(left("amplitude=0.05", scene=small.with_values(changes)), tmp_path / "adopted")
+    assert adopted.scene.wave.amplitude == 0.05
+    assert "friction" not in adopted.info["adopted"]["variables"]
+
+
+def test_the_variables_of_a_driven_wave_with_snapshots_are_read(left: Left, tmp_path: Path) -> None:
+    driven = Scene.load("tr_driven").with_values({"name": "small", "packing.rows": 21, "time.duration": 8.0})
+    adopted = adopt(left("ramp=5", "particles=3", scene=driven), tmp_path / "adopted")
+    assert (adopted.scene.envelope.ramp, adopted.scene.output.particles) == (5.0, 3.0)
+    assert len(adopted.particles()) == 3
+
+
 def test_the_ranks_are_those_of_the_log(left: Left, tmp_path: Path) -> None:
     assert adopt(left(ranks=2), tmp_path / "adopted").info["ranks"] == 2
 

@@ -51,13 +51,19 @@ def test_a_deck_that_was_not_edited_has_no_edits(small: Scene) -> None:
     assert differing_lines("a\nb", "a\nc") == ["- b", "+ c"]
 
 
+def test_asking_for_the_edits_builds_no_lattice(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    deck = build(small)
+    monkeypatch.setattr("granular_lmp.lammps.deck.initial_fields", None)
+    assert deck.edits() == []
+
+
 def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_path: Path) -> None:
     plain = run(small, tmp_path / "plain")
     pushed = run(build(small).edited(after={"motion": PUSH}), tmp_path / "pushed")
     assert np.abs(pushed.q - plain.q).max() > 0
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
-    assert any("its deck was edited in 1 lines" in note for note in notes(pushed))
+    assert any("its deck was edited, which no theory knows of; lines that differ: 1" in note for note in notes(pushed))
     assert not any("edited" in note for note in notes(plain))
 
 

@@ -1,6 +1,7 @@
 """A wave declared by its frequency: the wave numbers that have it, and what is said of them."""
 
 import re
+from itertools import pairwise
 from math import pi
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from granular_lmp import Scene, build
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
-from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene.frequency import wavenumbers_at
@@ -46,6 +47,27 @@ def test_every_wave_number_found_has_the_frequency_also_where_there_are_two() ->
     chosen = OPEN.with_values({"wave.mode": "L", "wave.direction": "x", "wave.frequency": frequency})
     assert chosen.wave.wavenumber == found[0]
     assert f"the smallest is taken, {found[1]:.6g} has it too" in chosen.remarks()[0]
+
+
+def test_a_jump_between_branches_is_no_wave_number() -> None:
+    """In oblique directions names pass from branch to branch; every wave number that is found has the frequency."""
+    for mode in ("L", "TR", "RT"):
+        scene = PAPER.with_values({"wave.mode": mode})
+        for share in (0.3, 0.6, 0.9):
+            frequency = hertz(scene, share * pi, 10.0)
+            found = wavenumbers_at(frequency, scene.sphere, physics_of(scene), mode, 10.0)
+            assert min(abs(each - share * pi) for each in found) < 1e-9
+            assert [hertz(scene, each, 10.0) for each in found] == pytest.approx([frequency] * len(found), rel=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["L", "RT"])
+def test_a_frequency_between_two_branches_of_one_name_is_refused(mode: str) -> None:
+    scene, edge = PAPER.with_values({"wave.mode": mode}), zone_edge(45.0)
+    branch = [hertz(scene, edge * k / 400, 45.0) for k in range(1, 401)]
+    before, after = max(pairwise(branch), key=lambda pair: abs(pair[1] - pair[0]))
+    assert abs(after - before) > 10 * abs(branch[200] - branch[199])  # a jump, and no slope
+    with pytest.raises(SceneError, match=rf"no {mode} wave at 45 degrees from x has it"):
+        wavenumbers_at((before + after) / 2, scene.sphere, physics_of(scene), mode, 45.0)
 
 
 def test_a_frequency_outside_the_band_names_the_band() -> None:

@@ -40,11 +40,19 @@ def test_a_shipped_scene_fits_the_schema(path: Path) -> None:
     jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), SCHEMA)
 
 
+def test_a_scene_of_a_frequency_fits() -> None:
+    scene = tomllib.loads(SCENES[0].read_text(encoding="utf-8"))
+    wave = {key: value for key, value in scene["wave"].items() if key != "wavenumber"} | {"frequency": 8e7}
+    jsonschema.validate(scene | {"wave": wave}, SCHEMA)
+
+
 @pytest.mark.parametrize(
     "change",
     [
         {"wave": {"wavenumber": 1.0, "amplitude": 0.1}},
         {"wave": {"mode": "TR", "wavenumber": 1.0, "wavevector": [1.0, 0.0], "amplitude": 0.1}},
+        {"wave": {"mode": "TR", "wavenumber": 1.0, "frequency": 8e7, "amplitude": 0.1}},
+        {"description": 3},
         {"packing": {"rows": 2}},
         {"vacancies": 0.1},
         {"time": {"duration": 120.0, "tau": 3.0}},

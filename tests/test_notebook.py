@@ -44,7 +44,7 @@ def test_a_notebook_shows_a_small_picture(name: str, shown: dict[str, Any]) -> N
 def test_a_deck_shows_its_text_escaped_and_its_places(shown: dict[str, Any]) -> None:
     page = shown["deck"].edited(after={"run": "# <b>mine</b>"})._repr_html_()
     assert "# &lt;b&gt;mine&lt;/b&gt;" in page
-    assert "1 lines" in page
+    assert "<td>+ # &lt;b&gt;mine&lt;/b&gt;</td>" in page
     assert "contacts, preload, wave" in page
 
 

@@ -66,7 +66,7 @@ def _adopt(options: Options) -> int:
     for name, value in record.info["adopted"]["variables"].items():
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:
-        remark(f"note: the deck is not the one that granular-lmp writes: {len(record.info['edited'])} lines differ")
+        remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
     return _say_how_it_went(str(record.folder), record)
 
 

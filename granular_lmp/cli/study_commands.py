@@ -38,7 +38,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
     )
 
-    cost = add(commands, "cost", _cost, "find out what accuracy costs: each knob of a run, seconds against error")
+    cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
     scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
     cost.add_argument("--repeats", type=positive, default=5, metavar="N", help="rounds (default: 5)")

@@ -106,14 +106,14 @@ class Deck:
 
     def edits(self) -> list[str]:
         """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
-        return differing_lines(deck_of(self.problem).input_text, self.input_text)
+        return differing_lines(written_text(self.problem), self.input_text)
 
     def _repr_html_(self) -> str:
         """What a notebook shows."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
-        edited = f", {len(self.edits())} lines edited" if self.edits() else ""
+        edited = ", edited" if self.edits() else ""
         shape = self.scene.shape
         return f"<Deck {self.scene.name}: {self.scene.wave_label}, {shape.spheres} spheres{edited}>"
 
@@ -150,8 +150,12 @@ def deck_of(problem: Problem) -> Deck:
     SceneError
         If the scene has a tolerance and no time step; `granular_lmp.accuracy.ladder.build` chooses one.
     """
-    units = units_for(problem.scene.sphere.radius)
-    return Deck(problem, _text(_blocks(problem.scene), _values(problem, units)), _data(problem, units))
+    return Deck(problem, written_text(problem), _data(problem, units_for(problem.scene.sphere.radius)))
+
+
+def written_text(problem: Problem) -> str:
+    """Return ``in.NAME`` of a problem as this package writes it."""
+    return _text(_blocks(problem.scene), _values(problem, units_for(problem.scene.sphere.radius)))
 
 
 def _title(scene: Scene) -> str:
@@ -324,15 +328,21 @@ UNCALLED = dict.fromkeys(
 _STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
 
 
-def _variables(scene: Scene) -> list[str]:
-    """Return the names of the variables that change a run."""
-    optional = {"ramp": scene.wave.form == "driven", "particles": scene.output.particles > 0}
-    there = [name for name, given in optional.items() if given]
-    return ["amplitude", "timestep", "sample", "duration", "friction", "dump", *there]
-
-
-def variables_line(names: Iterable[str]) -> str:
+def _variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
     """Return what a deck prints of its variables, so that the log of a run says what -var made of them."""
+    optional = {
+        "friction": bool(lines.get("friction")),
+        "ramp": scene.wave.form == "driven",
+        "particles": scene.output.particles > 0,
+    }
+    names = [
+        "amplitude",
+        "timestep",
+        "sample",
+        "duration",
+        "dump",
+        *(name for name, there in optional.items() if there),
+    ]
     return _SAID + " ".join(f"{name}=${{{name}}}" for name in names)
 
 
@@ -393,7 +403,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "contacts_append": "",
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in _NO_VARIABLES) + ")",
         "names": " or ".join(_NO_VARIABLES),
-        "said": variables_line(_variables(scene)),
+        "said": _variables_line(scene, selection.lines(problem.on)),
         "dump": DUMP,
         "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen else "centre",

@@ -76,7 +76,7 @@ def _(deck: Deck) -> str:
         "effects": ", ".join(name for name, on in problem.on.items() if on),
         "guards": ", ".join(problem.guards) or "none",
         "places": ", ".join(deck.places),
-        "edited": f"{len(deck.edits())} lines",
+        "edited": "\n".join(deck.edits()) or "no",
     }
     scene = deck.scene
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"

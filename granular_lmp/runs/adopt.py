@@ -17,7 +17,7 @@ import numpy as np
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError
-from granular_lmp.lammps.deck import Deck, deck_of, said_variables
+from granular_lmp.lammps.deck import Deck, deck_of, said_variables, written_text
 from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, replace_text, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.folder import clear, locked
@@ -181,7 +181,7 @@ def _deck(source: Path, declared: Scene, problem: Problem) -> Deck:
     """Return the deck of what was run: with its own text where that is not what this package writes of the scene."""
     text = _text(source / f"in.{declared.name}")
     deck = deck_of(problem)
-    return deck if text == deck_of(prepare(declared)).input_text else replace(deck, input_text=text)
+    return deck if text == written_text(prepare(declared)) else replace(deck, input_text=text)
 
 
 def _ranks(log: str) -> int:

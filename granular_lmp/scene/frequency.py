@@ -21,6 +21,7 @@ from granular_lmp.scene.schema import shown
 _POINTS = 60  # of a branch: its extrema lie much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
 _HALVINGS = 60  # more than a double has digits
+_SAME = 1e-9  # relative: a bisected zero is closer by far, and a jump between branches is far larger
 
 
 @lru_cache(maxsize=32)
@@ -41,7 +42,8 @@ def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, de
     Raises
     ------
     SceneError
-        For a frequency outside the band of the mode in that direction; the text names the band.
+        For a frequency outside the band of the mode in that direction; the text names the band. Also for one that
+        lies between two branches that bear the name of the mode.
     """
     lattice, unit = unit_lattice(sphere), 2 * pi * sphere.time_scale
 
@@ -62,7 +64,14 @@ def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, de
     found = {at for at, height in zip(grid, heights, strict=True) if height == 0}
     ends = pairwise(zip(grid, heights, strict=True))
     found |= {_zero(above, a, b) for (a, low), (b, high) in ends if low * high < 0}
-    return tuple(sorted(found))
+    # In an oblique direction a name may pass from branch to branch, where Ω(ξ) jumps over the frequency
+    there = sorted(each for each in found if abs(above(each)) <= _SAME * hertz)
+    if not there:
+        raise SceneError(
+            f"wave.frequency = {hertz!r}: no {mode} wave at {degrees:g} degrees from x has it, as the branches of that "
+            "name leave it out; give wave.wavenumber"
+        )
+    return tuple(there)
 
 
 def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:

@@ -160,7 +160,7 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
 
     fails_at("description")  # before the folder is touched
     assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
-    for step in ("replace_text", "_execute"):  # while the deck is written, and when the run begins
+    for step in ("replace_text", "execute"):  # while the deck is written, and when the run begins
         fails_at(step)
         refused(tmp_path / "run")
 
