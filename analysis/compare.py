@@ -120,9 +120,7 @@ def notes(record: Record) -> list[str]:
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     if edited := record.info.get("edited"):
-        loud.append(
-            f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, as {edited[0]!r}"
-        )
+        loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
     wave = wave_of(record)
     if not holding(wave):
         script = script_for(traits(wave))

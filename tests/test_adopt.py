@@ -81,6 +81,10 @@ def test_the_variables_of_a_driven_wave_with_snapshots_are_read(left: Left, tmp_
     assert len(adopted.particles()) == 3
 
 
+def test_a_small_wave_is_adopted(left: Left, tmp_path: Path) -> None:
+    assert adopt(left("amplitude=1e-5"), tmp_path / "adopted").scene.wave.amplitude == 1e-5
+
+
 def test_the_ranks_are_those_of_the_log(left: Left, tmp_path: Path) -> None:
     assert adopt(left(ranks=2), tmp_path / "adopted").info["ranks"] == 2
 

@@ -170,7 +170,9 @@ def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
         ux, uy, _ = initial_fields(scene, crystal, problem.mode).displacement[centre(crystal)]
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
-    if np.abs(found - expected).max() > _PLACED:
+    unit = scene.wave.amplitude * scene.sphere.static_overlap
+    rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # of a position next to the origin, in D0
+    if np.abs(found - expected).max() > _PLACED + rounding:
         raise RunFolderError(
             f"{source / dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
             f"{expected[0]:.6g}, {expected[1]:.6g}; give what differs from the scene, for instance wave.amplitude"
