@@ -101,11 +101,12 @@ def on_page_content(html: str, **rest: Any) -> str:
 def _mathml(equation: str, display: str) -> str:
     """Return an equation as MathML, with what latex2mathml leaves out.
 
-    It knows ``align*`` and not ``aligned``, takes ± for a letter, sets no space around the names of functions, and asks
-    for script and bold letters by an attribute that browsers no longer read.
+    It knows ``align*`` and not ``aligned``, takes ± for a letter and the bars of a modulus for relations, sets no space
+    around the names of functions, and asks for script and bold letters by an attribute that browsers no longer read.
     """
     mathml = str(convert(unescape(equation).replace("{aligned}", "{align*}"), display=display))
     mathml = re.sub(r"<mi>(&#x000B1;|&#x02213;)</mi>", r"<mo>\1</mo>", mathml)
+    mathml = mathml.replace("<mo>&#x0007C;</mo>", '<mo lspace="0" rspace="0">&#x0007C;</mo>')
     mathml = _STYLED.sub(_styled, mathml)
     mathml = _BEFORE_FUNCTION.sub(rf"\1{_THIN}\2", mathml)
     return _AFTER_FUNCTION.sub(rf"\1{_THIN}", mathml)

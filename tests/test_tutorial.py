@@ -81,6 +81,7 @@ def same(word: str, other: str) -> bool:
         return word == other
 
 
+@pytest.mark.slow
 def test_every_command_of_the_tutorial_runs_and_prints_what_the_page_shows(tmp_path: Path) -> None:
     assert follow(TUTORIAL.read_text("utf-8"), tmp_path) == []
 
