@@ -78,7 +78,7 @@ def test_the_variables_of_a_driven_wave_with_snapshots_are_read(left: Left, tmp_
     driven = Scene.load("tr_driven").with_values({"name": "small", "packing.rows": 21, "time.duration": 8.0})
     adopted = adopt(left("ramp=5", "particles=3", scene=driven), tmp_path / "adopted")
     assert (adopted.scene.envelope.ramp, adopted.scene.output.particles) == (5.0, 3.0)
-    assert len(adopted.particles()) == 3
+    assert len(adopted.snapshots()) == 3
 
 
 def test_a_small_wave_is_adopted(left: Left, tmp_path: Path) -> None:

@@ -66,8 +66,8 @@ def changed(dotted: str, value: Any) -> Change:
     return change
 
 
-ROLLING = {"on": True, "called_for": True, "number": 1.0, "reason": "", "guard": ""}
-HEARD = {"effect": "rolling", "quiet": True, "value": 0.0, "meaning": "", "judges": False}
+LIQUID = {"on": True, "called_for": True, "number": 1.0, "reason": "", "guard": ""}
+HEARD = {"effect": "liquid", "quiet": True, "value": 0.0, "meaning": "", "judges": False}
 LIES: list[tuple[Change, str]] = [
     (without("scene_sha256"), "scene_sha256 is missing"),
     (without("effects"), "effects is missing"),
@@ -78,11 +78,11 @@ LIES: list[tuple[Change, str]] = [
         (changed(f"effects.{name}.on", not on), f"effects.{name}.on = {json.dumps(not on)}, but {json.dumps(on)}")
         for name, on in {row.name: row.name in ("adhesion", "shear", "rotation", "tracking") for row in EFFECTS}.items()
     ),
-    (changed("effects.rolling", ROLLING), 'effects.rolling.on = true, but "no such name" by scene.toml'),
-    (changed("effects.rolling", ROLLING | {"on": None}), 'effects.rolling.on = null, but "no such name"'),
+    (changed("effects.liquid", LIQUID), 'effects.liquid.on = true, but "no such name" by scene.toml'),
+    (changed("effects.liquid", LIQUID | {"on": None}), 'effects.liquid.on = null, but "no such name"'),
     (changed("effects.sliding.guard", ""), 'effects.sliding.guard = "", but "largest_slip"'),
     (changed("effects.sliding.called_for", True), "guards.largest_slip.judges = true, but false"),
-    (changed("guards.rolled", HEARD), 'guards.rolled.effect = "rolling", but "no such name"'),
+    (changed("guards.wetted", HEARD), 'guards.wetted.effect = "liquid", but "no such name"'),
     (changed("guards.largest_slip.quiet", False), "guards.largest_slip.quiet = false, but true"),
     (changed("guards.largest_slip.effect", "width"), 'guards.largest_slip.effect = "width", but "sliding"'),
     (changed("amplitude", 0.1), "amplitude = 0.1, but 0.2 by scene.toml"),

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analysis.spectrum import main as spectrum_main
-from analysis.swept import Swept
+from analysis.figures.spectrum import main as spectrum_main
+from analysis.measure.swept import Swept
 
 from analysis.compare import main as compare_main
 from granular_lmp import Record, Scene

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from analysis.plotting import load
+from analysis.measure.runs import load
 
 import granular_lmp
 from granular_lmp import Scene, build, run
