@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from analysis.measure.runs import load
 
 import granular_lmp
+from analysis.measure.runs import load
 from granular_lmp import Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
