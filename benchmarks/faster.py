@@ -125,7 +125,7 @@ def listed_once(text: str) -> str:
     Everything that a run sets up is defined before the first; records then fall one step late. Guards are left out.
     """
     head, rest = text.split("# --- preload", 1)
-    preload, rest = rest.split("# --- the wave", 1)
+    preload, rest = rest.split("# --- wave:", 1)
     wave, rest = rest.split("# --- motion", 1)
     preload = swap("nve/noforce", "nve/sphere update dipole")(swap("1e6*v_step", "v_step")(preload))
     preload = preload[: preload.index("thermo_style custom step\nrun")]
@@ -139,7 +139,7 @@ def listed_once(text: str) -> str:
         + "# --- record"
         + record
         + "variable when equal stride(1,1000000000,v_every)\ndump_modify centre every v_when\n"
-        + "run 1 post no\n# --- the wave"
+        + "run 1 post no\n# --- wave:"
         + wave
         + "run ${steps} pre no post no\n"
     )

@@ -1,6 +1,7 @@
 """Scenes and LAMMPS runs that several tests share."""
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ import pytest
 
 # Before numpy is imported, here and in every process that a test starts: tests run side by side, on a core each
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script; programs under test inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from granular_lmp import Record, Scene, run  # noqa: E402
 

@@ -1,7 +1,7 @@
 """Unknown physics is refused: every effect, form and key is declared by a theory, or refused by name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,7 +26,7 @@ from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 5.0, 0.5)
 EFFECTS = [row.name for row in EFFECTS]
-INVENTED_EFFECT, INVENTED_FORM = "rolling", "spiral"
+INVENTED_EFFECT, INVENTED_FORM = "capillary", "spiral"
 
 
 def record_of(scene: Any = PAPER, *on: str, off: tuple[str, ...] = ()) -> Record:
@@ -71,7 +71,7 @@ def test_every_effect_and_form_is_declared_by_a_theory_or_refused_by_name(name: 
 
 
 INVENTED = [
-    (record_of(PAPER, INVENTED_EFFECT), "effects.rolling"),
+    (record_of(PAPER, INVENTED_EFFECT), "effects.capillary"),
     (record_of(with_wave(form=INVENTED_FORM)), "wave.form = 'spiral'"),
 ]
 
@@ -102,8 +102,8 @@ def test_an_invented_effect_or_form_is_refused_by_every_theory_and_script(
 def test_an_invented_effect_or_form_is_no_standing_and_no_driven_wave(
     form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rolling, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
-    for record, said in ((rolling, "leaves out effects.rolling, which"), (spiral, "has the form 'spiral'")):
+    capillary, spiral = record_of(with_wave(form=form), INVENTED_EFFECT), record_of(with_wave(form=INVENTED_FORM))
+    for record, said in ((capillary, "leaves out effects.capillary, which"), (spiral, "has the form 'spiral'")):
         monkeypatch.setattr("analysis.measure.rows.load", lambda folder, record=record: record)
         with pytest.raises(SystemExit, match=said):
             load_form("run", form)
@@ -149,8 +149,8 @@ def grown(section: str, key: str, default: Any, value: Any) -> Any:
 
 NEW_KEYS = [
     ("packing", "lattice", "hexagonal", "chain"),
-    ("effects", "rolling", "auto", True),
-    ("effects", "rolling_friction", 0.0, 0.1),
+    ("effects", "capillary", "auto", True),
+    ("effects", "surface_tension", 0.0, 0.1),
     ("material", "moment_of_inertia", 0.4, 0.5),
     ("wave", "chirp", 0.0, 1e-3),
 ]
@@ -167,7 +167,7 @@ def test_a_key_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
 
 
 def test_an_effect_that_is_switched_off_is_not_there() -> None:
-    assert outcome(record_of(grown("effects", "rolling", "auto", False)))[0]
+    assert outcome(record_of(grown("effects", "capillary", "auto", False)))[0]
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
     default: Any, value: Any, said: str
 ) -> None:
     kind = make_dataclass("Grown", [("absorb", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False)
-    values = {name: getattr(PAPER, name) for name in Scene.__dataclass_fields__}
+    values = {known.name: getattr(PAPER, known.name) for known in fields(Scene)}
     assert outcome(record_of(kind(**values)))[0]
     assert outcome(record_of(kind(**values, absorb=value))) == (False, f"no theory here holds {said}")
 
@@ -228,38 +228,43 @@ def test_best_names_what_no_theory_holds(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.fixture
-def rolling(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
-    """Adds rolling resistance to the table of effects, on or off."""
+def capillary(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
+    """Adds capillary forces to the table of effects, on or off."""
 
     def add(on: bool) -> None:
         def rule(case: Case) -> Finding:
-            return Finding(on, 1.0, "of everything rolls")
+            return Finding(on, 1.0, "of everything is wet")
 
         row = Effect(
-            "rolling", rule, cost="1.00", loss=lambda case: "all", switch="packing.rolling", declared=lambda scene: on
+            "capillary",
+            rule,
+            cost="1.00",
+            loss=lambda case: "all",
+            switch="packing.capillary",
+            declared=lambda scene: on,
         )
-        monkeypatch.setattr(package_effects, "EFFECTS", (*EFFECTS, row))
+        monkeypatch.setattr(package_effects, "EFFECTS", (*package_effects.EFFECTS, row))
 
     return add
 
 
 def test_an_effect_added_to_the_table_is_refused_until_a_theory_declares_it(
-    rolling: Callable[[bool], None], small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    capillary: Callable[[bool], None], small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rolling(True)
+    capillary(True)
     record = run(small, tmp_path / "on")
-    assert record.info["effects"]["rolling"]["on"]
-    with pytest.raises(SystemExit, match=r"on: no theory here holds effects\.rolling$"):
+    assert record.info["effects"]["capillary"]["on"]
+    with pytest.raises(SystemExit, match=r"on: no theory here holds effects\.capillary$"):
         compare.main([str(tmp_path / "on")])
     for theory in THEORIES:
-        monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] | {"effects.rolling"})
-    monkeypatch.setattr(catalogue, "KNOWN", KNOWN | {"effects.rolling"})
+        monkeypatch.setitem(catalogue.HOLDS, theory, HOLDS[theory] | {"effects.capillary"})
+    monkeypatch.setattr(catalogue, "KNOWN", KNOWN | {"effects.capillary"})
     assert compare.main([str(tmp_path / "on")]) == 0
 
 
 def test_an_effect_added_to_the_table_that_is_off_is_no_matter(
-    rolling: Callable[[bool], None], small: Scene, tmp_path: Path
+    capillary: Callable[[bool], None], small: Scene, tmp_path: Path
 ) -> None:
-    rolling(False)
+    capillary(False)
     run(small, tmp_path / "off")
     assert compare.main([str(tmp_path / "off")]) == 0

@@ -58,7 +58,7 @@ ROUNDING = 1e-13
 
 def amplified_rounding(k: ArrayLike, branch: int) -> float:
     """Rounding of the second harmonic of a mode: that of its drive, of order one, over the least 4ω² − ω_i(2k)²."""
-    frequencies, doubled = modes(k, SILICA)[0], modes(2.0 * np.asarray(k), SILICA)[0]
+    frequencies, doubled = (modes(j * np.asarray(k), Contact(SILICA))[0] for j in (1.0, 2.0))
     return float(ROUNDING / min(1.0, np.min(np.abs(4.0 * frequencies[branch] ** 2 - doubled**2))))
 
 

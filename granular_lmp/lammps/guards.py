@@ -247,14 +247,15 @@ def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, fol
     """
     guard = GUARDS[name]
     limit = guard.limit_in(scene)
-    value = np.abs(table.get(guard.column, np.empty(0)))
-    at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
+    # A run whose log lacks a column fails by that, or has not come so far
+    whole = {guard.column, f"{guard.column}_at"} <= set(table)
+    value, at = (np.abs(table[guard.column]), table[f"{guard.column}_at"]) if whole else (np.empty(0), np.empty(0))
     bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
     triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
     if not triggered.any():
         return Measured(bound, None, bound)
     if guard.per_contact and (folder / CONTACTS).is_file():
-        ratios = list(slip_ratios(folder / CONTACTS, scene, float(table["v_mu"][0])))
+        ratios = list(slip_ratios(folder / CONTACTS, scene, float(table.get("v_mu", [np.nan])[0])))
         worst = max((ratio for _, ratio in ratios), default=0.0)
         first = next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None)
         return Measured(worst, first, bound)

@@ -56,12 +56,6 @@ NOT_THERE = (
         "lattice square chain honeycomb cubic",
     ),
     NotThere(
-        "rolling or twisting friction",
-        "spheres roll freely",
-        "`rolling sds` of `pair_style granular`, in a deck of your own",
-        "rolling rolling_friction twisting twisting_friction",
-    ),
-    NotThere(
         "non-spherical grains",
         "LAMMPS's contact law is that of spheres",
         "LIGGGHTS, YADE, MercuryDPM",

@@ -28,11 +28,15 @@ def deck(name: str) -> Deck:
     return build(Scene.load(name).with_values(changes | {"time.duration": 2.0, "time.sample": 0.5}))
 
 
+SAYS = ("if ", "print ")  # lines that refuse a wrong -var, or tell the log what was given: no run depends on them
+
+
 def tokens(text: str) -> list[tuple[int, int]]:
-    """Where the words of a deck's commands start and end; comments have none."""
+    """Where the words of a deck's commands start and end; comments and lines that say something have none."""
     found, at = [], 0
     for line in text.splitlines(keepends=True):
-        found += [(at + word.start(), at + word.end()) for word in re.finditer(r"\S+", line.partition("#")[0])]
+        command = "" if line.startswith(SAYS) else line.partition("#")[0]
+        found += [(at + word.start(), at + word.end()) for word in re.finditer(r"\S+", command)]
         at += len(line)
     return found
 
