@@ -335,7 +335,7 @@ def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(launch, "run_input", interrupt)
-    with pytest.raises(RunInterrupted, match="interrupted; run it again with --force"):
+    with pytest.raises(RunInterrupted, match="interrupted; run it again with force=True"):
         launch.run_files(tmp_path / "run", {"in.two": ["run ", "0\n"]}, "in.two")
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["in.two"]
     assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
