@@ -75,7 +75,7 @@ def random_scene(family: str, seed: int) -> Scene:
         "effects.friction": 1.0,
     }
     scene = Scene.load("tr_periodic").with_values(changes | shape[family])
-    # An RT wave at the zone's edge is pure rotation, which stretches no contact: then the amplitude is the largest below
+    # An RT wave at the zone's edge only turns the spheres and stretches no contact: its amplitude is 3
     swing = max(float(np.max(np.abs(Case(scene).stretches[0]))), 1e-9)
     # The rules take the row behind a driven one to stand still, which it does not: its contacts move about half as much
     more = 2.0 if family == "driven" else 1.0
