@@ -35,6 +35,7 @@ from granular_lmp.accuracy.rounding import floor, linear_signals, moving, roundi
 from granular_lmp.accuracy.tolerance import refine, resume
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.stand_in import status_of
@@ -303,8 +304,8 @@ def test_the_rounding_of_what_a_mirror_makes_zero_is_no_signal(tmp_path: Path) -
     assert record.info["error_budget"][2]["q"] is None
 
 
-# Long enough for the display, which looks ten times a second, to come in between
-LONG = periodic("TR", 16, 2, 0.2, time_tolerance=1e-2, time_duration=2500.0)
+# Long enough for the display to come in between, when it looks a thousand times a second
+LONG = periodic("TR", 16, 2, 0.2, time_tolerance=1e-2, time_duration=300.0)
 
 
 @pytest.fixture(scope="module")
@@ -316,7 +317,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.parametrize(("share", "begun"), [(0.01, 1), (0.1, 2)], ids=["in the first run", "in the second"])
-def test_an_interrupted_scene_resumes_to_the_same_bytes(share: float, begun: int, whole: bytes, tmp_path: Path) -> None:
+def test_an_interrupted_scene_resumes_to_the_same_bytes(
+    share: float, begun: int, whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+
     def stop(step: int, steps: int) -> None:
         if step > share * steps:
             raise KeyboardInterrupt
