@@ -51,8 +51,9 @@ def select(scene: Scene) -> list[Chosen]:
         guard = effect.guard_name(on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
+    complete = Case(scene, on)
     for effect in EFFECTS:
-        reason = effect.refuse(Case(scene, on))
+        reason = effect.refuse(complete)
         if reason:
             raise SceneError(reason)
     return chosen
