@@ -180,6 +180,15 @@ def effective_inertia(contacts: Contacts) -> NDArray:
     return INERTIA_RATIO * contacts.mass / (1 - ratio)
 
 
+def effective_rolling(contacts: Contacts, physics: Physics) -> NDArray:
+    """Return the rolling stiffness k_r/(1 − η) of each contact that goes with `effective_inertia`, (C,), N/m.
+
+    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
+    large for it, which its stiffness makes up for.
+    """
+    return physics.rolling / (1 - contacts.overlap / contacts.radii)
+
+
 def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Return the rows (..., C, 3N) that give −i times δN, δT and δS − δT of a shape (ux, uy, f); k in 1/m."""
     half_phase = wavevectors @ contacts.vector[:, :2].T / 2
@@ -193,11 +202,7 @@ def _stretch_rows(contacts: Contacts, wavevectors: NDArray) -> tuple[NDArray, ND
 
 
 def _roll_rows(contacts: Contacts, wavevectors: NDArray) -> NDArray:
-    """Return the rows (..., C, 3N) that give the roll ρ of a shape, up to a phase; k in 1/m.
-
-    LAMMPS's torque of a roll has the arm Rc, without the part δ/2 that shear torques lose: the effective inertia is too
-    large for it, which its stiffness makes up for.
-    """
+    """Return the rows (..., C, 3N) that give the roll ρ of a shape, up to a phase; k in 1/m."""
     half_phase = wavevectors @ contacts.vector[:, :2].T / 2
     turn = np.array([0.0, 0.0, 1.0])
     on_i = 1j * np.exp(-1j * half_phase) * contacts.radius[contacts.j] / contacts.radii
@@ -227,12 +232,7 @@ def _solve(
     if physics.shear:
         springs.append((contacts.shear_stiffness, sideways + turn))
     if physics.rolling and physics.rotation:
-        springs.append(
-            (
-                physics.rolling / (1 - contacts.overlap / contacts.radii),
-                _roll_rows(contacts, wavevectors / sphere.radius),
-            )
-        )
+        springs.append((effective_rolling(contacts, physics), _roll_rows(contacts, wavevectors / sphere.radius)))
     if contacts.contact_force.any():
         springs.append((-contacts.contact_force / contacts.length, sideways))
     energy = [(stiffness[:, None] * per_mass, (rows * inverse_root_mass)[..., columns]) for stiffness, rows in springs]

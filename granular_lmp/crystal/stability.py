@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, require_plane
+from granular_lmp.crystal.modes import FULL, Physics, effective_inertia, effective_rolling, require_plane
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ def _restoring(contacts: Contacts, motion: Floats, physics: Physics) -> Floats:
     across = shear - contacts.contact_force / contacts.length * sideways
     pull = along[:, None] * n + across[:, None] * t
     arm_i, arm_j = contacts.radius[j] / contacts.radii, contacts.radius[i] / contacts.radii  # Rc/Ri, Rc/Rj
-    roll = physics.rolling * (arm_j * motion[j, 2] - arm_i * motion[i, 2])
+    roll = effective_rolling(contacts, physics) * (arm_j * motion[j, 2] - arm_i * motion[i, 2])
     count = len(motion)
     columns = [np.bincount(j, part, count) - np.bincount(i, part, count) for part in pull.T]
     turned = np.bincount(j, arm_j * roll - shear, count) - np.bincount(i, arm_i * roll + shear, count)

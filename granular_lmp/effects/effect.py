@@ -20,6 +20,7 @@ from granular_lmp.effects.guard import Guard
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
+from granular_lmp.scene.shape import Auto
 
 # μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
@@ -231,6 +232,10 @@ class Effect:
     def key(self) -> str:
         """Key of the scene that forces the effect."""
         return self.switch or f"effects.{self.name}"
+
+    def wanted(self, scene: Scene) -> bool | Auto:
+        """Return whether a scene forces the effect on or off, or "auto"."""
+        return self.declared(scene) if self.declared else getattr(scene.effects, self.name)
 
     def guard_name(self, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in a deck with these effects on, or "" if no guard is needed."""

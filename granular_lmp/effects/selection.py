@@ -51,15 +51,16 @@ def select(scene: Scene) -> list[Chosen]:
         guard = effect.guard_name(on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
+    complete = Case(scene, on)
     for effect in EFFECTS:
-        reason = effect.refuse(Case(scene, on))
+        reason = effect.refuse(complete)
         if reason:
             raise SceneError(reason)
     return chosen
 
 
 def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bool:
-    wanted = effect.declared(scene) if effect.declared else getattr(scene.effects, effect.name)
+    wanted = effect.wanted(scene)
     if wanted is True and not possible:
         raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off")
     return possible and called_for if wanted == AUTO else bool(wanted)
@@ -73,7 +74,7 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
     on: dict[str, bool] = {}
     found = {}
     for effect in EFFECTS:
-        on[effect.name] = effect.declared(scene) if effect.declared else getattr(scene.effects, effect.name) is True
+        on[effect.name] = effect.wanted(scene) is True
         found[effect.name] = on[effect.name], effect.guard_name(on)
     return found
 
@@ -89,12 +90,7 @@ def lines(on: Mapping[str, bool]) -> dict[str, str]:
 
 def order(scene: Scene) -> int:
     """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, 1 if an effect lowers it."""
-    lowered = (
-        effect.first_order(scene)
-        for effect in EFFECTS
-        if effect.declared is None and getattr(scene.effects, effect.name) is True
-    )
-    return 1 if any(lowered) else 2
+    return 1 if any(effect.first_order(scene) for effect in EFFECTS if effect.wanted(scene) is True) else 2
 
 
 def with_all(scene: Scene) -> Scene:
