@@ -218,3 +218,13 @@ def test_the_runs_of_a_tolerance_and_their_extrapolation_agree_with_themselves(s
     assert len([Record.load(part) for part in parts]) >= 2
     shutil.copy(parts[0] / TRAJECTORY, parts[1] / TRAJECTORY)
     refused(parts[1], r"by dump\.centre")
+
+
+def test_an_extrapolation_that_was_changed_is_refused(small: Scene, tmp_path: Path) -> None:
+    run_any(small.with_values({"time.tolerance": 1e-2}), tmp_path / "run")
+    written = (tmp_path / "run" / TRAJECTORY).read_text(encoding="utf-8")
+    for part in sorted((tmp_path / "run").glob("*_per_sample")):  # as long as the extrapolation, of the same times
+        shutil.copy(part / TRAJECTORY, tmp_path / "run" / TRAJECTORY)
+        refused(tmp_path / "run", "trajectory.csv: was changed since its runs ended")
+    (tmp_path / "run" / TRAJECTORY).write_text(written, encoding="utf-8")
+    assert len(Record.load(tmp_path / "run").tau) == 5

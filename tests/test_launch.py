@@ -341,6 +341,31 @@ def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
     assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
 
 
+ENDLESS = """\
+atom_style   sphere
+region       box block 0 1 0 1 0 1
+create_box   1 box
+pair_style   none
+fix          move all nve
+run          1000000000
+"""
+
+
+def test_ctrl_c_in_an_input_without_guards_is_an_interruption(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def stop(step: int) -> None:
+        seen.append(step)
+        if step > 0:
+            raise KeyboardInterrupt
+
+    (tmp_path / "in.endless").write_text(ENDLESS)
+    with pytest.raises(KeyboardInterrupt):
+        routes.route_of(program=False, ranks=1)(routes.Job(tmp_path, "in.endless", "log.lammps", 0, stop))
+    assert seen[-1] > 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.endless", "log.lammps"]
+
+
 BOX = "ITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n"
 SNAPSHOT = f"ITEM: TIMESTEP\n{{}}\nITEM: NUMBER OF ATOMS\n2\n{BOX}ITEM: ATOMS id x\n1 {{}}\n2 4.5\n"
 

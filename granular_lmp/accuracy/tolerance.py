@@ -268,7 +268,8 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
     }
     with writable(folder):
         record.write_csv(folder / TRAJECTORY)
-        write_status(folder, record.info | info | outcome)
+        digest = scene_digest((folder / TRAJECTORY).read_text(encoding="utf-8"))
+        write_status(folder, record.info | info | outcome | {"trajectory_sha256": digest})
     return Record.load(folder)
 
 

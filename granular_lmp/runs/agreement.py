@@ -30,7 +30,7 @@ _NO_SUCH = "no such name"
 
 
 def scene_digest(text: str) -> str:
-    """Return the digest of a ``scene.toml`` for ``run.json``: the SHA-256 of its text."""
+    """Return the digest of a ``scene.toml``, or of another file, for ``run.json``: the SHA-256 of its text."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -95,6 +95,15 @@ def _guards(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
         yield f"guards.{guard}.judges", guards[guard]["judges"], judges
         if judges and info.get("status") == "finished":
             yield f"guards.{guard}.quiet", guards[guard]["quiet"], True
+
+
+def refuse_other_extrapolation(path: Path, text: str, info: dict[str, Any]) -> None:
+    """Raise RunFolderError if ``trajectory.csv`` is not the extrapolation whose digest ``run.json`` holds.
+
+    Only a run with a tolerance has that digest, because it has no dump of its own to be compared with.
+    """
+    if info.get("trajectory_sha256") not in (None, scene_digest(text)):
+        raise RunFolderError(f"{path}: was changed since its runs ended; put it back, or run with force=True")
 
 
 def refuse_other_trajectory(path: Path, read: Signals, dumped: Signals, *, whole: bool) -> None:

@@ -23,7 +23,12 @@ from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.agreement import refuse_other_physics, refuse_other_scene, refuse_other_trajectory
+from granular_lmp.runs.agreement import (
+    refuse_other_extrapolation,
+    refuse_other_physics,
+    refuse_other_scene,
+    refuse_other_trajectory,
+)
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
@@ -123,6 +128,7 @@ class Record:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
         except (OSError, ValueError, IndexError, csv.Error) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
+        refuse_other_extrapolation(folder / TRAJECTORY, text, info)
         record = cls(tau, p, q, phi, scene, info, folder)
         if (folder / DUMP).is_file():
             dumped, whole = cls.from_dump(folder, scene), info["status"] == "finished"

@@ -48,7 +48,7 @@ class Job:
     report_step : callable
         Callback for progress, called with the time step.
     columns : tuple of str
-        Thermo columns of the input.
+        Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
     """
 
     folder: Path
@@ -115,7 +115,7 @@ def _run_module(module: Any, job: Job) -> None:
             if error is not None:  # the module raises plain Exception and MPIAbortException
                 raise LammpsError(_first_line(error), _last_command(job.folder), log_tail(job.folder)) from error
             # Before its first step a run may not hold the wave yet, and a checkpoint would save no time
-            if instance.extract_global("ntimestep") > 0:
+            if job.columns and instance.extract_global("ntimestep") > 0:
                 with _uninterrupted():
                     for command in _to_next_look(instance):
                         pool.submit(instance.command, command).result()
