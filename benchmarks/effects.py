@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.faster import unguarded
 from granular_lmp import Record, Scene, build
 from granular_lmp.effects.selection import with_all
 from granular_lmp.lammps.deck import Deck
@@ -76,8 +77,7 @@ def timed(decks: Mapping[str, Deck], repeats: int) -> dict[str, tuple[float, Rec
 
 def without_guards(deck: Deck) -> Deck:
     """The deck with nothing measured but what is recorded."""
-    text = re.sub(r"# --- guards.*?\n\n", "thermo_style custom step\n\n", deck.input_text, flags=re.DOTALL)
-    return replace(deck, input_text=text)
+    return replace(deck, input_text=unguarded(deck.input_text))
 
 
 def costs(repeats: int) -> str:

@@ -19,6 +19,7 @@ from analysis.theory import lattice
 from analysis.theory.contact import Contact, Law
 from analysis.theory.wave import Wave
 from granular_lmp import Scene, build
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.scene.initial_fields import plane_wave
 
 Floats = NDArray[np.float64]
@@ -117,7 +118,6 @@ class Start:
         """Of a scene with fixed ends."""
         deck, sphere = build(scene), scene.sphere
         packing = deck.packing
-        rows, columns = packing.arrays["row"], packing.arrays["column"]
         fields = plane_wave(packing, deck.problem.mode, scene.wave.phase)
         unit = scene.displacement_amplitude * np.array([1.0, 1.0, 1 / sphere.radius])
         low = packing.get_celldisp().ravel()[:2]
@@ -126,7 +126,7 @@ class Start:
             displacement=fields.displacement * unit,
             velocity=fields.velocity * unit / sphere.time_scale,
             held=packing.arrays["fixed"],
-            centre=int(np.flatnonzero((rows == rows.max() // 2) & (columns == (columns.max() + 1) // 2))[0]),
+            centre=centre(packing),
             size=packing.cell.lengths()[:2] * sphere.radius,
         )
 

@@ -209,6 +209,7 @@ def test_bash_completes_commands_options_and_scenes(capsys: pytest.CaptureFixtur
     assert completed(script, "run", "--f") == ["--force"]
     assert completed(script, "run", "tr_p") == ["tr_periodic", "tr_pulse"]
     assert completed(script, "collide", "test1") == ["test1_glass", "test1_limestone"]
+    assert completed(script, "adopt", "tr_p") == ["tr_periodic", "tr_pulse"]  # once each: its DIR is no scene
     assert completed(script, "completion", "b") == ["bash"]
 
 

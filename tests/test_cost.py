@@ -398,6 +398,13 @@ def test_a_folder_of_something_else_is_refused(small: Scene, tmp_path: Path) -> 
         plan(small.with_values({"wave.amplitude": 0.1}), tmp_path / "study")
 
 
+@pytest.mark.parametrize("text", ["{", "{}", "[]", '{"scene": 1}'])
+def test_a_damaged_table_is_refused_by_its_name(text: str, small: Scene, tmp_path: Path) -> None:
+    (tmp_path / "cost.json").write_text(text)
+    with pytest.raises(RunFolderError, match=r"cost\.json: cannot be read"):
+        plan(small, tmp_path)
+
+
 def test_the_command_says_how_long_and_what_is_left_out(
     few: None, small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

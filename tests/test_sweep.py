@@ -312,7 +312,12 @@ def test_two_sweeps_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [(None, "not a sweep folder"), ("{", "cannot be read"), ('{"over": 1, "scene": {}}', "must be JSON objects")],
+    [
+        (None, "not a sweep folder"),
+        ("{", "cannot be read"),
+        ('{"over": 1, "scene": {}}', "must be JSON objects"),
+        ('{"over": {"wave.mode": 1}, "scene": {}}', "the values of over must be lists"),
+    ],
 )
 def test_what_is_no_sweep_folder_is_refused(text: str | None, message: str, tmp_path: Path) -> None:
     if text is not None:

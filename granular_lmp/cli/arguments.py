@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.output import remark
 
@@ -34,7 +34,7 @@ def scene_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def changes_argument(parser: argparse.ArgumentParser, example: str) -> None:
-    """Add ``--set``."""
+    """Add ``--set``; `changes_of` reads it."""
     parser.add_argument(
         "--set",
         action="append",
@@ -63,16 +63,23 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def changes_of(options: Options) -> dict[str, Any]:
+    """Return dotted key → value for what ``--set`` changes."""
+    from granular_lmp.scene.scene import assignment
+
+    return dict(assignment(change) for change in options.changes)
+
+
 def scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for; what was changed to make it fit is said."""
     from granular_lmp.effects.selection import select, warnings, with_all
-    from granular_lmp.scene.scene import Scene, assignment
+    from granular_lmp.scene.scene import Scene
 
     scene = Scene.load(options.scene)
     if options.all_effects:
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
-        scene = scene.with_values(dict(assignment(change) for change in options.changes))
+        scene = scene.with_values(changes_of(options))
     for note in scene.remarks():
         remark(f"note: {note}")
     for warning in warnings(select(scene)):

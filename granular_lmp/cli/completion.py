@@ -36,7 +36,6 @@ def bash(
     for name, parser in commands.items():
         words = [option for action in parser._actions for option in action.option_strings]
         for action in parser._actions:
-            takes_scene = action.dest in ("scene", "source")
-            words += action.choices or (names.get(name, scenes) if takes_scene else ())
+            words += action.choices or (names.get(name, scenes) if action.metavar == "SCENE" else ())
         cases.append(f'        {name}) words="{" ".join(words)}" ;;')
     return _SCRIPT.format(commands=" ".join(["--help", "--version", *commands]), cases="\n".join(cases))

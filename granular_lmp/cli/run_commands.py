@@ -8,6 +8,7 @@ from granular_lmp.cli.arguments import (
     Options,
     add,
     changes_argument,
+    changes_of,
     folder_arguments,
     positive,
     scene_arguments,
@@ -58,11 +59,10 @@ def _resume(options: Options) -> int:
 
 def _adopt(options: Options) -> int:
     from granular_lmp.runs.adopt import adopt
-    from granular_lmp.scene.scene import Scene, assignment
+    from granular_lmp.scene.scene import Scene
 
     scene = Scene.load(options.scene) if options.scene else None
-    changes = dict(assignment(change) for change in options.changes)
-    record = adopt(options.source, options.output, scene=scene, changes=changes, force=options.force)
+    record = adopt(options.source, options.output, scene=scene, changes=changes_of(options), force=options.force)
     for name, value in record.info["adopted"]["variables"].items():
         remark(f"note: {name} = {value}, as the log says")
     if "edited" in record.info:

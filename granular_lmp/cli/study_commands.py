@@ -8,6 +8,7 @@ from granular_lmp.cli.arguments import (
     Options,
     add,
     changes_argument,
+    changes_of,
     folder_arguments,
     positive,
     scene_arguments,
@@ -130,11 +131,10 @@ def _kick(options: Options) -> int:
 
 
 def _collide(options: Options) -> int:
-    from granular_lmp.scene.scene import assignment
     from granular_lmp.studies.collide import run, write_numbers
     from granular_lmp.studies.collision import Collision
 
-    collision = Collision.load(options.scene).with_values(dict(assignment(change) for change in options.changes))
+    collision = Collision.load(options.scene).with_values(changes_of(options))
     with interruptible():
         result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
         errors = result.errors()

@@ -4,7 +4,6 @@ from base64 import b64encode
 from collections.abc import Mapping
 from functools import singledispatch
 from html import escape
-from io import BytesIO
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.errors import ViewError
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.plot.signals import dispersion_figure, trajectory_figure
+from granular_lmp.plot.signals import dispersion_figure, png, trajectory_figure
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
@@ -85,19 +84,15 @@ def _(deck: Deck) -> str:
 
 def _card(title: str, facts: Mapping[str, str], picture: Figure | None, more: str = "") -> str:
     table = _table([], [[name, fact] for name, fact in facts.items()])
-    return f"<div><b>{escape(title)}</b>{table}{_image(picture) if picture else ''}{more}</div>"
+    image = "" if picture is None else b64encode(png(picture, _DPI)).decode()
+    shown = image and f'<img src="data:image/png;base64,{image}">'
+    return f"<div><b>{escape(title)}</b>{table}{shown}{more}</div>"
 
 
 def _table(head: list[str], lines: list[list[str]]) -> str:
     rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in lines)
     titles = "<tr>" + "".join(f"<th>{escape(name)}</th>" for name in head) + "</tr>" if head else ""
     return f"<table>{titles}{rows}</table>" if rows else ""
-
-
-def _image(picture: Figure) -> str:
-    stream = BytesIO()
-    picture.savefig(stream, format="png", dpi=_DPI)
-    return f'<img src="data:image/png;base64,{b64encode(stream.getvalue()).decode()}">'
 
 
 def _short(value: Any) -> str:

@@ -33,9 +33,14 @@ class Picture(Figure):
     """A figure that a notebook shows without pyplot."""
 
     def _repr_png_(self) -> bytes:
-        stream = BytesIO()
-        self.savefig(stream, format="png", dpi=100)
-        return stream.getvalue()
+        return png(self, dpi=100)
+
+
+def png(figure: Figure, dpi: int) -> bytes:
+    """Return the figure as the contents of a PNG file."""
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=dpi)
+    return stream.getvalue()
 
 
 def signals_to_draw(signals: Mapping[str, NDArray[np.float64]]) -> list[str]:

@@ -19,7 +19,6 @@ _LABELS = {
     "largest_p": r"largest $|p|$",
     "largest_q": r"largest $|q|$",
     "largest_phi": r"largest $|\varphi|$",
-} | {
     "wavenumber_used": r"wave number used (rad per row)",
     "direction_used": "direction used (degrees from x)",
     "frequency": r"frequency $\Omega$ (rad per $t_0$)",

@@ -237,7 +237,7 @@ def _check_folder(folder: Path, scene: Scene) -> None:
     if (folder / COST).is_file():
         try:
             there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError) as error:
             raise RunFolderError(f"{folder / COST}: cannot be read: {error}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")

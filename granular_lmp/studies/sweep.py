@@ -252,6 +252,8 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
         request = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(request["over"], dict) or not isinstance(request["scene"], dict):
             raise TypeError("over and scene must be JSON objects")
+        if not all(isinstance(values, list) for values in request["over"].values()):
+            raise TypeError("the values of over must be lists")
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, KeyError) as error:

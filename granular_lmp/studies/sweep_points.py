@@ -98,7 +98,7 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
 
 def scene_hash(scene: Scene) -> str:
     """Return the name of a scene's run: the `concrete_hash` of the scene with every "auto" decided."""
-    return concrete_hash(concrete(scene))
+    return concrete_hash(prepare(scene).scene)
 
 
 def concrete_hash(scene: Scene) -> str:
@@ -109,8 +109,3 @@ def concrete_hash(scene: Scene) -> str:
     values = scene.to_dict() | {"name": None}
     del values["description"]
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def concrete(scene: Scene) -> Scene:
-    """Return the scene with every "auto" decided."""
-    return prepare(scene).scene
