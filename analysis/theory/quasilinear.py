@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE
+from analysis.theory.bloch import unit
 from analysis.theory.contact import Contact
 from analysis.theory.directions import Complexes, Floats, modes
 from analysis.theory.springs import BONDS, TANGENTS
@@ -221,7 +222,6 @@ def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
 
 
 def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ."""
-    k = np.asarray(wavevector, dtype=float)
-    x, y = k / (np.linalg.norm(k) or 1.0)
+    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
+    x, y = unit(wavevector)
     return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
