@@ -114,7 +114,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
 
 
 def notes(record: Record) -> list[str]:
-    """What in a run no theory here covers, and that it did not finish."""
+    """Return why a comparison may mislead: an unfinished run, loud guards, and all that no theory here covers."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
     loud = [f"status '{status}': {record.info.get('message')}"] if status != "finished" else []

@@ -167,7 +167,7 @@ class Mode:
 
     @property
     def along_y(self) -> bool:
-        """Whether the wave runs along y, as the paper's do and the closed forms here."""
+        """True if the wave runs along y, as the paper's waves do and as the closed forms here need."""
         return self.direction == ALONG_Y
 
 
@@ -332,7 +332,7 @@ def second_harmonic(
 
 
 def _start_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
-    """What the start leaves in the contacts adds to p, in D0; zero where ξn + phase is a multiple of π/2.
+    """Share of p, in D0, from what the start leaves in the contacts; zero where ξn + phase is a multiple of π/2.
 
         p = G0 sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)
         G0 = a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) − (ε/2)·memory·[sin²(ξ/2)(Q² − P²) − sin ξ Q f/√3]

@@ -62,6 +62,11 @@ def test_the_components_are_those_along_and_across_the_wave() -> None:
     np.testing.assert_allclose(quasilinear.in_frame(wave, [2.0, 0.0]), [[1 + 1j, 2.0, 3j]], atol=1e-15)
 
 
+def test_a_field_without_a_wave_vector_is_seen_as_along_y() -> None:
+    wave = np.array([[1 + 1j, 2.0, 3j]])
+    np.testing.assert_allclose(quasilinear.in_frame(wave, [0.0, 0.0]), [[2.0, -1 - 1j, 3j]], atol=1e-15)
+
+
 def test_along_y_theory_is_the_closed_form() -> None:
     tau = np.linspace(0, 60, 40)
     start = Wave.of_mode("TR", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)

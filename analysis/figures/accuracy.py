@@ -1,4 +1,4 @@
-"""What accuracy costs: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
+"""The cost of accuracy: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
 
     python -m analysis.figures.accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
 
@@ -43,7 +43,7 @@ from granular_lmp.runs.record import Record
 
 COMPONENTS = ("p", "q", "phi")
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # of the integrator of the exact lattice
+RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # tolerances of the integrator of the exact lattice
 FINEST = 1e-12
 REPEATS = 9
 GAIN = 0.9  # an error must fall by that to count as better
@@ -96,7 +96,7 @@ class Study:
 
     @property
     def floor(self) -> dict[str, float | None]:
-        """What is left in the reference: an error below that is not known."""
+        """The error that is left in the reference: none below it is known."""
         return self.reference.error
 
     @property

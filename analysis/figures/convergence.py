@@ -1,4 +1,4 @@
-"""How good second order is: the error of `second_harmonic.second_order` against the exact lattice as the wave shrinks.
+"""Accuracy of second order: the error of `second_harmonic.second_order` against the exact lattice as the wave shrinks.
 
     python -m analysis.figures.convergence [-o FILE]
 

@@ -26,7 +26,7 @@ Complexes = NDArray[np.complex128]
 PERIODS = 5  # fewest in the window of the fit: Hann's sidelobes then keep 1, Ω and 2Ω apart
 PER_PERIOD = 8  # fewest snapshots: above Nyquist's 6 of the third harmonic
 FEWEST_ROWS = 3
-PART = 1 / 3  # of the time after the ramp, the window
+PART = 1 / 3  # share of the time after the ramp that the window takes
 
 
 def fit(tau: Floats, signals: Floats, frequency: float) -> tuple[Floats, Complexes]:

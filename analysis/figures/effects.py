@@ -1,4 +1,4 @@
-"""What each effect does to the second harmonic: its amplitude over wave number, from LAMMPS and from theory.
+"""The second harmonic under each effect: its amplitude over wave number, from LAMMPS and from theory.
 
     python -m analysis.figures.effects SWEEP... [-o FILE]
 
@@ -38,7 +38,7 @@ STYLES: tuple[dict[str, Any], ...] = (
 
 
 def name(contact: Contact) -> str:
-    """What sets a contact apart from that of the paper."""
+    """Return the departures of a contact from that of the paper, in words."""
     parts = {
         "without rotation": not contact.rotation,
         "without shear": not contact.shear,

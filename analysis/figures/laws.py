@@ -36,7 +36,7 @@ LINES: Final[dict[Law, dict[str, str]]] = {
 
 
 def ratio_to_secant(wavenumber: float, law: Law, poisson_ratio: float = SILICA) -> tuple[float, float, float]:
-    """How much larger p, q, φ of the exact lattice are under a law than under the secant law, TR at a=0.2.
+    """Return p, q, φ of the exact lattice under a law over those under the secant law, TR at a=0.2.
 
     Norm: root mean square over 0 ≤ τ ≤ 120 (every 0.5) in the row and at the phase where ϑ = −Ωτ.
     """

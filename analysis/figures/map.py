@@ -32,9 +32,9 @@ from analysis.theory.contact import Contact
 from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
 
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
-COLOURS = (1e-3, 1e1)  # what lies past them lies at resonances, at Γ and at zeros
+COLOURS = (1e-3, 1e1)  # values past them lie at resonances, at Γ and at zeros
 BRANCHES = ("lower", "middle", "upper")
-STYLES: Final = (":", "-", "--")  # of a resonance with the lower, middle, upper branch
+STYLES: Final = (":", "-", "--")  # lines of the resonances with the lower, middle, upper branch
 CORNER = 4.0 * np.pi / 3.0  # |ΓK| for a close-packed row along x, in 1/lattice constant
 EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, which is ξ = π
 HALO = [patheffects.withStroke(linewidth=1.8, foreground="white")]

@@ -77,7 +77,7 @@ def draw(made: Sequence[Point], records: Sequence[Record]) -> Figure:
 
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
-    """Of the first oblique run of a mode: along an axis an L wave runs without rotation."""
+    """Return the wave of the first oblique run of a mode: along an axis an L wave runs without rotation."""
     these = [wave_of(record) for record in records if record.scene.wave.mode == name]
     return next((wave for wave in these if wave.contact.rotation), these[0])
 

@@ -1,4 +1,4 @@
-"""What the scripts share: colours that stay apart in grey, how runs are read, and how a figure is written."""
+"""Shared parts of the scripts: their colours, options, start and end, and how a figure or text file is written."""
 
 import argparse
 import os
@@ -76,7 +76,7 @@ def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Ca
     """Print the table of a comparison with one run and draw it into a file; bad input is one line and SystemExit."""
     try:
         found = compare()
-    except GranularError as error:  # which names the folder
+    except GranularError as error:  # its message names the folder
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
         raise SystemExit(f"{run}: {error}") from error

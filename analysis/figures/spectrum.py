@@ -60,7 +60,7 @@ def _names(points: Sequence[Point]) -> list[str]:
 
 
 def _wave(records: Sequence[Record], name: str) -> Wave:
-    """Of the first run of a mode; L runs have other constants than TR, because no sphere turns in them."""
+    """Return the wave of the first run of a mode; L runs have other constants than TR, as no sphere turns in them."""
     return wave_of(next(record for record in records if record.scene.wave.mode == name))
 
 

@@ -1,1 +1,1 @@
-"""What is read off runs, and how far it lies from a theory."""
+"""Measurements on runs, and their distance from a theory."""

@@ -19,7 +19,7 @@ from analysis.theory.directions import modes
 
 Floats = NDArray[np.float64]
 PADDING = 4  # points of the transform to a resolution
-# Of the largest power at a wave vector: smaller maxima are no peaks. The side lobes of the Hann window are 7e-4.
+# Maxima below this share of the largest power at a wave vector are no peaks. Side lobes of the Hann window are 7e-4.
 FLOOR = 2e-3
 # Two waves nearer to each other, in resolutions, make one peak: half the width of the main lobe of the window.
 LOBE = 2.0
@@ -119,7 +119,7 @@ def peaks(frequencies: Floats, power: Floats) -> Floats:
 
 
 def misses(sheet: Sheet, wavevectors: Floats) -> tuple[Floats, Floats]:
-    """How far theory and peaks are apart, in resolutions: (K, 3) from each branch to its next peak, and for each peak.
+    """Distances between theory and peaks, in resolutions: (K, 3) from each branch to its next peak, and for each peak.
 
     nan for branches that make one peak with another, and for the two at Γ that are the sheet as a whole, at rest.
     """

@@ -1,4 +1,4 @@
-"""How far an estimate is from its reference, and how fast the distance falls: what every comparison here measures."""
+"""Distance of an estimate from its reference, and how fast it falls: what every comparison here measures."""
 
 import numpy as np
 from numpy.typing import ArrayLike

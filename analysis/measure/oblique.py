@@ -28,7 +28,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-SILENT = 1e-3  # of the largest component: less is zero by symmetry
+SILENT = 1e-3  # less than this share of the largest component is zero by symmetry
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def predicted(wave: Wave, tau: Floats) -> Complexes:
 
 
 def refusal(record: Record) -> str | None:
-    """Why a run is not one of these, or None."""
+    """Return the reason why a run is not one of these, or None."""
     left_out = missing("analysis.figures.oblique", traits_of(record))
     return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 

@@ -1,4 +1,4 @@
-"""How a script reads runs: what is wrong with one is a single line and the end of the script."""
+"""Runs as a script reads them: what is wrong with one is a single line and the end of the script."""
 
 from pathlib import Path
 

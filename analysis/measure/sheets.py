@@ -63,7 +63,7 @@ class Comparison:
 
     @property
     def beyond(self) -> Floats:
-        """What of the run is not linear, run − y1: its second order, and all higher ones."""
+        """The part of the run that is not linear, run − y1: its second order, and all higher ones."""
         return self.run - self.linear
 
     def around(self, field: Floats, *multiples: int) -> Floats:
@@ -91,7 +91,7 @@ def compare(record: Record) -> Comparison:
     sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
     if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
         raise ValueError("the spheres at rest are not where this theory has them, row by row")
-    # Of a run to a tolerance the snapshots are of the finest step, which their own scene says
+    # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
     linear, second = evolve(sheet, fields[0], rates[0], particles.tau, timestep=particles.scene.time.step)
     amplitude, wavevector = record.scene.wave.amplitude, carrier(sheet, fields[0], rates[0])
     return Comparison(sheet, amplitude, wavevector, particles.tau, fields, linear, amplitude * second)

@@ -18,7 +18,7 @@ from analysis.theory.network import Law, Material, Network, State, start
 Floats = NDArray[np.float64]
 
 _COLUMNS = ("id", "type", "x", "y", "radius", "Displacement.X", "Displacement.Y", "vx", "vy", "omegaz", "v_theta")
-HELD_TYPE = 2  # of the spheres that a scene holds
+HELD_TYPE = 2  # the type of the spheres that a scene holds
 
 
 def read_network(

@@ -60,7 +60,7 @@ class Point:
 
     @property
     def deviation(self) -> float:
-        """Of the measured from the predicted amplitude, relative."""
+        """Relative deviation of the measured from the predicted amplitude."""
         return self.value / self.predicted - 1
 
 
@@ -148,7 +148,7 @@ def point(record: Record) -> Point:
 
 
 def crossing(x: ArrayLike, y: ArrayLike, errors: ArrayLike) -> tuple[float, float]:
-    """Where y(x) changes sign, and the standard error: root of a polynomial fitted to the points around, weighted.
+    """Zero x of y(x), and its standard error: root of a polynomial fitted to the points around, weighted.
 
     Changes of sign away from which |y| falls are poles, and left out; of several others the one of smallest |y| is
     taken. Where the points scatter about the polynomial by more than their errors, these are taken to be as large.
@@ -230,7 +230,7 @@ def _one(name: tuple[str, float, int], runs: list[Record]) -> Record:
 
 
 def refusal(record: Record) -> str | None:
-    """Why a run is not one of the spectrum's, or None."""
+    """Return the reason why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
     left_out = missing("analysis.figures.spectrum", traits_of(record))

@@ -1,1 +1,1 @@
-"""What a wave, a sheet or a network of spheres does, by independent derivations; reads no run but its scene."""
+"""Independent derivations of what a wave, a sheet or a network of spheres does; reads no run but its scene."""

@@ -15,7 +15,7 @@ OBLIQUE = "another direction than y"
 ENVELOPE = "an envelope"
 COMPRESSED = "packing.contact_force"
 SLIDING = "effects.sliding"
-OPENING = "effects.contact_opening"  # of contacts that do part
+OPENING = "effects.contact_opening"  # a trait of runs whose contacts do part
 NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 

@@ -1,4 +1,4 @@
-"""Which theory for which wave: one table of what this folder can say about p(τ), q(τ), φ(τ), and a rule that picks.
+"""Choice of a theory for a wave: one table of what this folder can say about p(τ), q(τ), φ(τ), and a rule that picks.
 
 Every theory is a function of a `Wave` and of times; they differ in what they leave out:
 
@@ -41,10 +41,10 @@ Trajectory = tuple[Floats, Floats, Floats]
 
 
 class TheoryError(ValueError):
-    """A theory asked for that there is not, or that leaves out what the run has."""
+    """A theory whose name is unknown, or that leaves out what the run has."""
 
 
-# Effects of which `contact_of` or `others_of` say more than that they are on
+# `contact_of` or `others_of` say more of these effects than that they are on
 _SAID = frozenset({"shear", "rotation", "damping", "sliding", "contact_opening"})
 
 
@@ -201,7 +201,8 @@ def _computed(name: str, wave: Wave, times: tuple[float, ...]) -> Trajectory:
 
 
 SILENT = 1e-9  # D0 per D0: rounding of what a symmetry makes zero stays below, p of a shear wave above from a = 1e-7 on
-CONVERGED = 0.02  # of any component, in the two last orders of the hierarchy: the error is then smaller still
+# The two last orders of the hierarchy may have this share of any component: the error is then smaller still
+CONVERGED = 0.02
 LONGEST = 400.0  # τ; orders grow with time, and the hierarchy is not tried beyond
 
 
@@ -219,7 +220,7 @@ def best(wave: Wave, tau: Floats) -> str:
 
 
 def last_orders(wave: Wave, tau: Floats) -> float:
-    """How much the two last orders of the hierarchy add to p, q or φ, whichever is worst: relative, over all rows.
+    """Return the share of the two last orders of the hierarchy in p, q or φ, whichever is worst, over all rows.
 
     A component that is silent beside the largest, zero by symmetry, is left out: it is rounding, as are its orders.
     """
@@ -232,7 +233,7 @@ def last_orders(wave: Wave, tau: Floats) -> float:
 
 
 def drive_cancels(wave: Wave) -> bool:
-    """Whether the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
+    """Return True if the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
 
     The two terms of the drive, αs²Q and (β/√3) sin ξ f, cancel there. What is left of them is to be compared with the
     next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other directions

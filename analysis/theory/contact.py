@@ -81,17 +81,17 @@ class Contact:
 
     @property
     def turns(self) -> bool:
-        """Whether the spheres turn."""
+        """True if the spheres turn."""
         return self.shear and self.rotation
 
     @property
     def incremental(self) -> bool:
-        """Whether the shear force itself is the state, not the slip."""
+        """True if the shear force itself is the state, not the slip."""
         return self.law == "incremental"
 
     @property
     def has_history(self) -> bool:
-        """Whether the shear of a contact is a state of its own rather than a function of the displacements."""
+        """True if the shear of a contact is a state of its own rather than a function of the displacements."""
         return self.shear and (self.incremental or self.overlap_ratio > 0)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Where the energy of a plane wave goes: the paper's law has no potential, and the wave gains and loses by it.
+"""The energy of a plane wave: the paper's law has no potential, and the wave gains and loses by it.
 
 The spring of a sheared contact has the stiffness k_S = g1 (δ/Δ0)^{1/2}, which follows the overlap δ. Whoever changes δ
 at a shear δ_S changes the stored energy ½ k_S δ_S² by work that no force of the secant law accounts for. With

@@ -43,7 +43,7 @@ from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 
-# Of the circle: small enough that no contact opens and aliasing is small, large enough for order 2 to be well above the
+# The circle is small enough that no contact opens and aliasing is small, large enough for order 2 to be well above the
 # tolerance. Rounding enters the term aᵏ⁻¹ yk as 1e-16 (a/r)ᵏ⁻¹.
 RADIUS = 0.1
 FEWEST = 11  # points of the circle: aliasing is then r¹¹ = 1e-11 of the order k+11

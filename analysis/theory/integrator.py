@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853 as TABLEAU
 
-Array = NDArray[Any]  # of floats or of complex numbers
+Array = NDArray[Any]  # floats or complex numbers
 Derivative = Callable[[Array], Array]
 
 STAGES = TABLEAU.n_stages
-SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # of the change from one step to the next, as in SciPy
+SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
 
 
 def dop853(

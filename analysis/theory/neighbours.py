@@ -26,7 +26,7 @@ BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees fr
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Where the three contacts ahead of a sphere point, and which spheres are at their other ends.
+    """Directions of the three contacts ahead of a sphere, and the spheres at their other ends.
 
     Attributes
     ----------

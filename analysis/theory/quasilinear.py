@@ -33,11 +33,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE
+from analysis.theory.bloch import unit
 from analysis.theory.contact import Contact
 from analysis.theory.directions import Complexes, Floats, modes
 from analysis.theory.springs import BONDS, TANGENTS
 
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # Gauss's of [−1, 1]
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # Gauss's rule on [−1, 1]
 # ∫ from −1 to each point of the polynomial that is 1 there and 0 at the others: (to, of)
 _POWERS = np.arange(4)
 UP_TO = (
@@ -46,7 +47,7 @@ UP_TO = (
     @ np.linalg.inv(POINTS[:, None] ** _POWERS)
 )
 STEP = 0.5  # τ. It leaves 6e-9 of the y2 of noise on all modes, whose frequencies add to 6.
-NORMAL, TANGENT = np.concatenate([BONDS, -BONDS]), np.concatenate([TANGENTS, -TANGENTS])  # of the six contacts
+NORMAL, TANGENT = np.concatenate([BONDS, -BONDS]), np.concatenate([TANGENTS, -TANGENTS])  # the six contacts
 ROW = np.sqrt(0.75)  # spacing of rows in lattice constants
 Bonds = tuple[Floats, Floats, Floats]  # δN, δT, δS of the six contacts of every sphere, (6, N) each
 FieldOrWave = TypeVar("FieldOrWave", Floats, Complexes)
@@ -95,7 +96,7 @@ class Sheet:
     def neighbours(self) -> NDArray[np.intp]:
         """Indices (6, N) of the spheres at the ends of `NORMAL`, seen from each sphere."""
         row, column, odd = self._index
-        right = column + odd  # of the two above and of the two below
+        right = column + odd  # the right one of the two above, and of the two below
         ends = [(row, column + 1), (row + 1, right), (row + 1, right - 1)]
         ends += [(row, column - 1), (row - 1, right - 1), (row - 1, right)]
         return np.array([(r % self.rows * self.columns + c % self.columns).ravel() for r, c in ends])
@@ -116,7 +117,7 @@ class Sheet:
         return np.exp(-0.5j * self.wavevectors[0, :, 0] * self._index[2][:, :1])[..., None]
 
     def shares(self, field: Floats) -> Complexes:
-        """What each mode U has of a field (..., N, 3): U†My/(U†MU), (..., R, columns//2 + 1, mode)."""
+        """Share of each mode U in a field (..., N, 3): U†My/(U†MU), (..., R, columns//2 + 1, mode)."""
         rows = field.reshape(*field.shape[:-2], self.rows, self.columns, 3)
         waves = np.fft.fft(np.fft.rfft(rows, axis=-2) * self._turn, axis=-3)
         shapes, mass = self.modes[1], np.array([1.0, 1.0, self.inertia])
@@ -221,7 +222,6 @@ def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
 
 
 def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ."""
-    k = np.asarray(wavevector, dtype=float)
-    x, y = k / (np.linalg.norm(k) or 1.0)
+    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
+    x, y = unit(wavevector)
     return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])

@@ -76,7 +76,7 @@ class Springs:
 
     @property
     def coordinates(self) -> int:
-        """How many of (u, v, f) move."""
+        """Number of (u, v, f) that move."""
         return 3 if self.turns else 2
 
     @property

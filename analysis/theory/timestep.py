@@ -1,4 +1,4 @@
-"""What the time step does: the exact lattice stepped with velocity Verlet, as LAMMPS steps it, without LAMMPS.
+"""The effect of the time step: the exact lattice stepped with velocity Verlet, as LAMMPS steps it, without LAMMPS.
 
 LAMMPS (fix nve/sphere, pair_style granular) makes of x'' = F(x, t), where the slip t of a contact is a state too,
 

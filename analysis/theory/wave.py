@@ -11,8 +11,8 @@ from analysis.theory.bloch import frame, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.springs import elongations, springs, stiffness
 
-# Of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of another ν, inertia or geometry leaves
-# as much as it differs by.
+# Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
+# another ν, inertia or geometry leaves as much as it differs by.
 RESIDUAL = 1e-9
 
 
