@@ -9,13 +9,15 @@ from math import hypot
 from typing import Any
 
 import ase
+import numpy as np
 
-from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.lattices import hexagonal, unit_lattice
+from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
+from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
 from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 
@@ -30,8 +32,6 @@ class Problem:
         Scene as declared.
     scene : Scene
         Scene with every "auto" decided.
-    lattice : Contacts
-        Contacts of a sphere of the perfect lattice.
     mode : Mode
         Bloch mode of the wave in the lattice with these effects.
     effects : tuple of Chosen
@@ -40,14 +40,18 @@ class Problem:
 
     declared: Scene
     scene: Scene
-    lattice: Contacts
     mode: Mode
     effects: tuple[Chosen, ...]
 
     @cached_property
+    def at_rest(self) -> CrystalAtRest:
+        """Spheres at rest, their materials and contacts."""
+        return crystal_of(self.scene)
+
+    @property
     def crystal(self) -> ase.Atoms:
         """Spheres at rest."""
-        return hexagonal(self.scene.sphere, self.scene.shape)
+        return self.at_rest.atoms
 
     @property
     def physics(self) -> Physics:
@@ -99,8 +103,14 @@ def prepare(scene: Scene) -> Problem:
         values["wave.wavenumber"] = scene.wave.wavenumber
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
     resolved = scene.with_values(values)
-    problem = Problem(scene, resolved, unit_lattice(resolved.sphere), mode_of(resolved), tuple(chosen))
-    limit = problem.largest_step
+    problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
+    limit, echo = problem.largest_step, resolved.echo_time / problem.at_rest.swiftness
+    if scene.time.duration > echo and not scene.time.allow_echo:
+        raise SceneError(
+            f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal may "
+            f"bring the echo of the walls to the centre at tau = {echo:.4g}; must be at most that, or set "
+            "time.allow_echo = true"
+        )
     if scene.time.tolerance is None and scene.time.step >= limit:
         name = "2/Omega_max, less with dashpots," if resolved.effects.damping is True else "2/Omega_max"
         raise SceneError(
@@ -111,15 +121,21 @@ def prepare(scene: Scene) -> Problem:
 
 
 def largest_step(scene: Scene) -> float:
-    """Return the stability limit of velocity Verlet in the scene's lattice, τ: 2/Ω_max, less with dashpots.
+    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with dashpots.
 
     LAMMPS's dashpots use the velocity of half a step before, which changes the condition ΩΔτ < 2 to
-    (ΩΔτ)² + 2cλΔτ < 4, with c in m/t0 and λ at most 2(κ+3)Ω²/min(κ, 1).
+    (ΩΔτ)² + 2cλΔτ < 4, with c in m/t0 and λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice.
     """
-    physics = physics_of(scene)
-    top = highest_frequency(unit_lattice(scene.sphere), scene.sphere, physics)
-    kappa = scene.sphere.stiffness_ratio
-    drag = 0.0
-    if scene.effects.damping is not False:
-        drag = Case(scene).viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
+    physics, sphere = physics_of(scene), scene.sphere
+    viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
+    if scene.perfect:
+        top, kappa = highest_frequency(unit_lattice(sphere), sphere, physics), sphere.stiffness_ratio
+        drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
+    else:
+        contacts = crystal_of(scene).contacts
+        top = frequency_bound(contacts, sphere, physics)
+        dashpots = np.full(len(contacts), sphere.mass / sphere.time_scale**2)
+        unloaded = np.zeros(len(contacts))
+        alone = replace(contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded)
+        drag = viscosity * (frequency_bound(alone, sphere, physics) / top) ** 2 if viscosity else 0.0
     return 2 / top / (hypot(drag * top / 2, 1) + drag * top / 2)

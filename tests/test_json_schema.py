@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
+from granular_lmp.scene.scene import REPEATED
+from granular_lmp.scene.schema import ArrayRule
 
 SCHEMA = json_schema()
 SCENES = sorted((Path(__file__).parents[1] / "lammps_inputs").glob("*/scene.toml"))
@@ -19,7 +21,8 @@ KEYS = list(keys())
 
 def fits(key: Key, value: Any) -> bool:
     """Return whether the schema allows a value of a key."""
-    part = SCHEMA["properties"][key.section]["properties"][key.name]
+    table = SCHEMA["properties"][key.section]
+    part = table.get("items", table)["properties"][key.name]
     return bool(jsonschema.Draft202012Validator(part).is_valid(value))
 
 
@@ -55,6 +58,8 @@ def test_a_scene_of_a_frequency_fits() -> None:
         {"description": 3},
         {"packing": {"rows": 2}},
         {"vacancies": 0.1},
+        {"disorder": {"vacancies": 1.5}},
+        {"inclusion": [{"rows": [3], "density": 5000.0}]},
         {"time": {"duration": 120.0, "tau": 3.0}},
     ],
     ids=str,
@@ -70,6 +75,8 @@ VALUES = st.one_of(
     st.integers(-(10**9), 10**9),
     st.booleans(),
     st.sampled_from(["auto", "x", "y", "TR", "secant", "fixed", "other", ""]),
+    st.lists(st.integers(-3, 10**8), max_size=4),
+    st.lists(st.lists(st.integers(-3, 10**8), max_size=3), max_size=2),
 )
 
 
@@ -83,14 +90,18 @@ def test_the_schema_lets_pass_what_the_reader_takes(key: Key, value: Any) -> Non
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.section}.{key.name}")
 def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
-    interval = key.rule.interval
+    rule, interval = key.rule, key.rule.interval
     if interval is not None:
         for end in (interval.low, interval.high):
-            assert fits(key, end) == is_read(key, end)
-            assert fits(key, key.rule.kind(end)) == is_read(key, key.rule.kind(end))
+            for value in (end, rule.kind(end)):
+                if isinstance(rule, ArrayRule):
+                    value = [[value] * rule.length] if rule.several else [value] * rule.length
+                    assert is_read(key, value)
+                assert fits(key, value) == is_read(key, value)
 
 
 def test_the_reference_names_every_key() -> None:
     page = reference()
     for key in KEYS:
-        assert f"| `{key.name}` |" in page.partition(f"## `[{key.section}]`")[2]
+        section = f"[[{key.section}]]" if key.section in REPEATED else f"[{key.section}]"
+        assert f"| `{key.name}` |" in page.partition(f"## `{section}`")[2]

@@ -59,7 +59,7 @@ KEYS = frozenset(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force",
-        "packing": "rows columns ends contact_force",
+        "packing": "rows columns ends contact_force relax",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",

@@ -16,7 +16,7 @@ Everything in `Contacts` is in SI units; the crystal's own lengths are in radii 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import ase
@@ -197,6 +197,24 @@ def force_law(
     modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
     root = np.sqrt(effective_radius)
     return 4 / 3 * modulus * root, 8 * shear_modulus * root, 2 * np.pi * adhesion * effective_radius
+
+
+def equivalent(one: Sphere, other: Sphere) -> Sphere:
+    """Return the sphere whose contact with an equal one has E*, G* and w of the contact between two materials.
+
+    With r = G*/E* its Poisson's ratio is (1 − 4r)/(1 − 2r), between those of the two. Radius and density are of `one`.
+    """
+    if one == other:
+        return one
+    modulus, shear_modulus, adhesion = (float(each[0]) for each in _mixed((one, other), np.array([0]), np.array([1])))
+    ratio = shear_modulus / modulus
+    poisson_ratio = (1 - 4 * ratio) / (1 - 2 * ratio)
+    return replace(
+        one,
+        youngs_modulus=2 * (1 - poisson_ratio**2) * modulus,
+        poisson_ratio=poisson_ratio,
+        work_of_adhesion=adhesion,
+    )
 
 
 def _material(crystal: ase.Atoms) -> Integers:

@@ -67,19 +67,22 @@ class Inclusion:
 
     Attributes
     ----------
-    rows : sequence of int
-        All spheres of these rows.
+    rows : (first, last)
+        All spheres of these rows and of those between, counted from 0.
     spheres : sequence of (row, column)
+    disc : (row, column, radius)
+        All spheres whose places are within the radius, lattice constants, of that of a sphere.
     share : float
         Share of the free spheres, in [0, 1], drawn by the seed of the disorder.
     radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
         What differs; SI units.
     vacancy : bool
-        Whether the places are empty.
+        True if the places are empty.
     """
 
     rows: Sequence[int] = ()
     spheres: Sequence[tuple[int, int]] = ()
+    disc: Sequence[float] = ()
     share: float = 0.0
     radius: float | None = None
     density: float | None = None
@@ -90,12 +93,17 @@ class Inclusion:
 
     @property
     def of_material(self) -> dict[str, float]:
-        """What differs in the material."""
+        """Constants that differ in the material."""
         return {name: getattr(self, name) for name in _MATERIAL if getattr(self, name) is not None}
 
 
 def imperfect(
-    lattice: ase.Atoms, sphere: Sphere, disorder: Disorder | None = None, inclusions: Sequence[Inclusion] = ()
+    lattice: ase.Atoms,
+    sphere: Sphere,
+    disorder: Disorder | None = None,
+    inclusions: Sequence[Inclusion] = (),
+    *,
+    recorded: int | None = None,
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
     """Return a lattice with other spheres and empty places, every sphere at its place, and its materials.
 
@@ -108,6 +116,8 @@ def imperfect(
     disorder : Disorder, optional
     inclusions : sequence of Inclusion
         Later ones win. A radius or a density of an inclusion is the mean from which its spheres deviate.
+    recorded : int, optional
+        Index of a sphere that must be there: no vacancy is drawn at its place.
 
     Returns
     -------
@@ -121,20 +131,25 @@ def imperfect(
     Raises
     ------
     CrystalError
-        When an inclusion names a place that the lattice has not, or changes nothing; when a held sphere or every free
-        one is left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
+        When an inclusion names a place that the lattice has not, or changes nothing; when a held sphere, the recorded
+        one or every free one is left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)
     radius, density = np.ones(len(lattice)), np.full(len(lattice), float(sphere.density))
     material, missing = np.zeros(len(lattice), dtype=int), np.zeros(len(lattice), dtype=bool)
-    missing[_drawn(~held, disorder.vacancies, disorder.seed, _VACANCIES)] = True
+    free = ~held
+    if recorded is not None:
+        free[recorded] = False
+    missing[_drawn(free, disorder.vacancies, disorder.seed, _VACANCIES)] = True
     materials = [sphere]
     for number, inclusion in enumerate(inclusions):
         _check(inclusion, number)
         chosen = _chosen(lattice, inclusion, number, disorder.seed)
         if inclusion.vacancy and held[chosen].any():
             raise CrystalError(f"inclusion {number + 1}: leaves out a held sphere; only free ones can be vacancies")
+        if inclusion.vacancy and recorded in chosen:
+            raise CrystalError(f"inclusion {number + 1}: leaves out the centre sphere, which is recorded")
         missing[chosen] = inclusion.vacancy
         radius[chosen] = 1.0 if inclusion.radius is None else inclusion.radius / sphere.radius
         density[chosen] = sphere.density if inclusion.density is None else inclusion.density
@@ -165,8 +180,8 @@ def _check(inclusion: Inclusion, number: int) -> None:
     name = f"inclusion {number + 1}"
     if not 0 <= inclusion.share <= 1:
         raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
-    if sum((len(inclusion.rows) > 0, len(inclusion.spheres) > 0, inclusion.share > 0)) != 1:
-        raise CrystalError(f"{name}: give one of rows, spheres and share, to say which spheres differ")
+    if sum((len(inclusion.rows) > 0, len(inclusion.spheres) > 0, len(inclusion.disc) > 0, inclusion.share > 0)) != 1:
+        raise CrystalError(f"{name}: give one of rows, spheres, disc and share, to say which spheres differ")
     changes = inclusion.of_material | {
         key: getattr(inclusion, key) for key in ("radius", "density") if getattr(inclusion, key) is not None
     }
@@ -187,18 +202,25 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
         return _drawn(free, inclusion.share, seed, _INCLUSIONS + number)
     row, column = lattice.arrays["row"], lattice.arrays["column"]
     if len(inclusion.rows):
-        absent = sorted(set(inclusion.rows) - set(row.tolist()))
-        if absent:
-            raise CrystalError(f"inclusion {number + 1}: row {absent[0]}: must be from 0 to {row.max()}")
-        return np.flatnonzero(np.isin(row, inclusion.rows))
+        first, last = inclusion.rows
+        if not 0 <= first <= last <= row.max():
+            raise CrystalError(
+                f"inclusion {number + 1}: rows = [{first}, {last}]: must be [first, last], from 0 to {row.max()}"
+            )
+        return np.flatnonzero((first <= row) & (row <= last))
     index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
-    for at_row, at_column in inclusion.spheres:
+    named = inclusion.spheres or [(int(inclusion.disc[0]), int(inclusion.disc[1]))]
+    for at_row, at_column in named:
         if (at_row, at_column) not in index:
             raise CrystalError(
                 f"inclusion {number + 1}: sphere [{at_row}, {at_column}]: must be [row, column], from [0, 0] to "
                 f"[{row.max()}, {column.max()}]"
             )
-    return np.array([index[at_row, at_column] for at_row, at_column in inclusion.spheres])
+    spheres = np.array([index[at_row, at_column] for at_row, at_column in named])
+    if not inclusion.disc:
+        return spheres
+    apart = lattice.get_distances(spheres[0], np.arange(len(lattice)), mic=True)
+    return np.flatnonzero(apart <= inclusion.disc[2] * np.sort(apart)[1] * (1 + _SAME_PLACE))
 
 
 def _stream(seed: int, stream: int) -> np.random.RandomState:

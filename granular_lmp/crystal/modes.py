@@ -290,11 +290,15 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
 
 
-def contact_stretches(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
-    """Return the amplitudes of δN and δS of the contacts of a sphere, (3,) each, in units of D0, all in phase."""
-    normal, sideways, turn = _stretch_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
-    shape = np.array([mode.ux, mode.uy, mode.f])
-    return normal @ shape, (sideways + turn) @ shape
+def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+    """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
+
+    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is.
+    """
+    half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
+    moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
+    normal = moved * (contacts.normals[:, :2] @ shape)
+    return normal, moved * (contacts.tangents[:, 0, :2] @ shape) - 2 * np.cos(half_phase) * mode.f
 
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:

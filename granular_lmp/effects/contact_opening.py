@@ -2,12 +2,14 @@
 
 import numpy as np
 
-from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, CONTACT, Guard
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.effects.guard import BETWEEN, Guard
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
 MISSED = (
-    "variable     missed atom f_at_rest-c_touching  # contacts that a sphere had at rest and has not now",
+    "variable     missed atom abs(f_at_rest-c_touching)  # contacts that a sphere had at rest and has not now, or new",
     "compute      missing inside reduce sum v_missed",
 )
 
@@ -15,22 +17,42 @@ GUARD = Guard(
     title="open_contacts",
     name="open",
     lines=(
-        *CONTACT,
         *MISSED,
         f"variable     open_now equal ceil(c_missing/2)+({BETWEEN:.4f}>v_overlap_now)"
         "  # one that hardly touches may open between looks",
     ),
     limit=0.0,
-    meaning="contacts opened, so that no closed form holds and shear forces are lost",
+    meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
     cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
+    of_contacts=True,
 )
 
 
 def called_for(case: Case) -> Finding:
-    smallest = 1 - float(np.max(np.abs(case.stretches[0])))
-    if smallest > 0:
-        return Finding(False, smallest, "of the static overlap is left at the contact that is pulled most")
-    return Finding(True, -smallest, "of the static overlap is how far the contact that is pulled most opens")
+    pulled = np.abs(case.stretches[0])
+    left = float(np.min(case.overlaps - pulled))
+    if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
+        return Finding(True, float(meeting), "pairs of spheres that do not touch at rest are near enough to meet")
+    if left > 0:
+        return Finding(False, left, "of the static overlap is left at the contact that is pulled most" + _most(case))
+    return Finding(True, -left, "of the static overlap is how far the contact that is pulled most opens" + _most(case))
+
+
+def _most(case: Case) -> str:
+    """Return the amplitude that the weakest contact of a crystal that is not perfect bears, as words."""
+    if case.scene.perfect:
+        return ""
+    pulled = np.abs(case.stretches[0]) / case.scene.wave.amplitude
+    return f"; the weakest contact opens at wave.amplitude = {np.min(case.overlaps / np.maximum(pulled, NOTHING)):.3g}"
+
+
+def _meeting(case: Case) -> int:
+    """Return how many pairs that do not touch at rest may meet: their gap is below the largest stretch of a contact."""
+    near, sphere = crystal_of(case.scene).atoms.copy(), case.scene.sphere
+    near.arrays["radius"] = near.arrays["radius"] + np.abs(case.stretches[0]).max() * (
+        sphere.static_overlap / sphere.radius / 2
+    )
+    return len(overlapping(near)[0]) - len(case.contacts)
 
 
 def loss(case: Case) -> str:

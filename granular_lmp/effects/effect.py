@@ -14,9 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
 from granular_lmp.effects.guard import Guard
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -61,33 +63,44 @@ class Case:
         return mode_of(self.scene, physics)
 
     @cached_property
+    def contacts(self) -> Contacts:
+        """Contacts at rest: those of one sphere of a perfect lattice, or of all spheres of another crystal."""
+        return crystal_of(self.scene).contacts
+
+    @property
+    def overlaps(self) -> np.ndarray:
+        """Overlaps of the contacts at rest, (C,), in Δ0."""
+        return self.contacts.overlap / self.scene.sphere.static_overlap
+
+    @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
 
-        For a driven row they include the contacts to the next row as if that were at rest, which exceeds the amplitudes
-        in the emitted wave.
+        For a driven row they are at least those of its contacts to the next row as if that were at rest.
         """
-        lattice, sphere = unit_lattice(self.scene.sphere), self.scene.sphere
-        parts = [contact_stretches(lattice, sphere, self.mode)]
+        normal, shear = contact_stretches(self.contacts, self.scene.sphere, self.mode)
         if self.scene.wave.form == "driven":
             along = self.mode.name == "L"
-            parts.append(row_stretches(lattice, 0.0 if along else 1.0, 1.0 if along else 0.0))
-        normal, shear = (np.concatenate(each) * self.scene.wave.amplitude for each in zip(*parts, strict=True))
-        return normal, shear
+            driven = row_stretches(self.contacts, 0.0 if along else 1.0, 1.0 if along else 0.0)
+            normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), driven, strict=True))
+        return normal * self.scene.wave.amplitude, shear * self.scene.wave.amplitude
 
     @property
     def no_slip_friction(self) -> float:
-        """Friction coefficient per amplitude a at which no contact slides: 10/(1 + s), s the share of adhesion.
+        """Friction coefficient per amplitude a at which no contact slides: 10/h.
 
-        The sliding force at rest is μ(AΔ0^{3/2} + F) = μ(1 + s)AΔ0^{3/2}. Dashpots add to the force of the springs, so
-        the friction is larger by the ratio of `shear_stiffness` to κ.
+        The sliding force is μ times the holding force, which is h = 1 + s of the Hertz force at rest, with the share s
+        of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
+        `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
+        alone, which is left when it opens, or of its force at rest if nothing adheres.
         """
-        return (
-            FRICTION_PER_AMPLITUDE
-            / (1 + self.adhesive_share)
-            * self.shear_stiffness
-            / self.scene.sphere.stiffness_ratio
-        )
+        hold = 1 + self.adhesive_share
+        if not self.scene.perfect:
+            adhesive = self.contacts.adhesive_force.min()
+            weakest = adhesive or self.contacts.contact_force.min()
+            hold = float(weakest) / self.scene.sphere.holding_force
+        stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
+        return FRICTION_PER_AMPLITUDE * stiffer / hold if hold > 0 else inf
 
     @property
     def shear_stiffness(self) -> float:
@@ -121,23 +134,30 @@ class Case:
     def largest_slip(self) -> float:
         """Return the largest ratio of shear force to sliding force of the same contact at the same time.
 
-        With δ = Δ0(1−x), x = n cos ϑ, and a dashpot force t D sin ϑ beside that of the spring, in units of the force
-        that holds a contact at rest, (2/3) k1 Δ0, it is
+        With the overlap δ = δ0 − n cos ϑ and a dashpot force t D sin ϑ beside that of the spring it is
 
-            max over contacts and phases ϑ of 1.5 |t| |κ (1−x)^{1/2} cos ϑ − D sin ϑ| / (μ [(1−x)^{3/2} + s])
+            max over contacts and phases ϑ of |t| |B δ^{1/2} cos ϑ − D sin ϑ| / (μ [A δ^{3/2} + F])
 
         It is infinite if contacts without adhesion open, because they slide before they open.
         """
-        phase = np.linspace(0, 2 * np.pi, 721)[:, None]
+        phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
         normal, shear = self.stretches
-        overlap = np.maximum(1 - normal * np.cos(phase), 0.0)
-        kappa = self.scene.sphere.stiffness_ratio
-        push = kappa * np.sqrt(overlap) * np.cos(phase) - self.dashpot * np.sin(phase)
-        force = np.where(overlap > 0, 1.5 * np.abs(shear * push), 0.0)
-        limit = self.friction * (overlap**1.5 + self.adhesive_share)
+        repulsion, shear_stiffness, adhesive_force = self._laws
+        overlap = np.maximum(self.overlaps - normal * np.cos(phase), 0.0)
+        push = shear_stiffness * np.sqrt(overlap) * np.cos(phase) - self.dashpot * np.sin(phase)
+        force = np.where(overlap > 0, np.abs(shear * push), 0.0)
+        limit = self.friction * (repulsion * overlap**1.5 + adhesive_force)
         if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
             return inf
         return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
+
+    @property
+    def _laws(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and F of the contacts, (C,) each, in k1 and Δ0: 2/3, κ and 2/3 s in a perfect lattice."""
+        contacts, sphere = self.contacts, self.scene.sphere
+        root = sphere.normal_stiffness * np.sqrt(self.overlaps)
+        adhesive_force = contacts.adhesive_force / (sphere.normal_stiffness * sphere.static_overlap)
+        return contacts.normal_stiffness / (1.5 * root), contacts.shear_stiffness / root, adhesive_force
 
     @property
     def wave_words(self) -> str:
@@ -147,8 +167,8 @@ class Case:
     @property
     def decay_rate(self) -> float:
         """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
-        lattice, sphere = unit_lattice(self.scene.sphere), self.scene.sphere
-        return decay_rate(lattice, sphere, self.mode, self.viscosity, shear=self.on.get("shear", True))
+        sphere = self.scene.sphere
+        return decay_rate(unit_lattice(sphere), sphere, self.mode, self.viscosity, shear=self.on.get("shear", True))
 
     @property
     def amplitude_left(self) -> float:

@@ -20,12 +20,37 @@ NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty
 BROKEN_SYMMETRY = 1e-6
 ROUNDINGS = 100.0
 
-# Contacts at a look, for guards that judge contacts
-CONTACT = (
-    "compute      contact inside pair/local dist p4",
-    "compute      extreme inside reduce max c_contact[1] c_contact[2] inputs local",
-    "variable     overlap_now equal (2*v_R-c_extreme[1])/v_Delta0  # the smallest, in Delta0, of contacts that touch",
-)
+
+def contact_lines(group: str, of: str, *, equal: bool) -> list[str]:
+    """Return the lines that measure the contacts of a group at a look: shear forces, and the smallest overlap.
+
+    Parameters
+    ----------
+    group : str
+        Spheres that are looked at.
+    of : str
+        "now" for the spheres that are judged, "all" for all.
+    equal : bool
+        True if all spheres are equal: the overlap of a contact is then 2R less its length. Otherwise the smallest
+        normal force is measured, and `v_overlap` is the overlap of two spheres of the lattice with that force.
+    """
+    tag = "" if of == "now" else f"_{of}"
+    extreme = f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local"
+    if equal:
+        return [
+            f"compute      contact{tag} {group} pair/local dist p4",
+            extreme,
+            f"variable     overlap_{of} equal (2*v_R-c_extreme{tag}[1])/v_Delta0"
+            "  # the smallest, in Delta0, of contacts that touch",
+        ]
+    least = f"c_weakest{tag}+<adhesive_force>"
+    return [
+        f"compute      contact{tag} {group} pair/local dist p4 force cutoff radius",
+        extreme,
+        f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local",
+        f"variable     overlap_{of} equal (({least}>0)*({least})/<holding_force>)^(2/3)"
+        "  # of the smallest normal force, in Delta0",
+    ]
 
 
 @dataclass(frozen=True)
@@ -49,6 +74,8 @@ class Guard:
         Advice for the user, for the message.
     roundings : float
         Multiple of the rounding of positions (`farthest_rounding`) that is added to the limit.
+    of_contacts : bool
+        True if the lines read `contact_lines`.
     per_contact : bool
         True if NAME is only an upper bound, and contacts are dumped while it is above the limit.
     """
@@ -60,6 +87,7 @@ class Guard:
     meaning: str
     cure: str
     roundings: float = 0.0
+    of_contacts: bool = False
     per_contact: bool = False
 
     @property

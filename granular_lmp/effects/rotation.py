@@ -35,6 +35,8 @@ def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
+    if not case.scene.layered:
+        return Finding(True, share, reason + ", but where spheres differ or are missing every wave turns some")
     if case.scene.envelope.width > 0:
         return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
     if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation

@@ -3,10 +3,10 @@
 If the effect is off, the deck has a friction at which no contact slides.
 """
 
-from math import inf
+from math import inf, isfinite
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, CONTACT, Guard
+from granular_lmp.effects.guard import BETWEEN, Guard
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
@@ -23,7 +23,6 @@ GUARD = Guard(
     title="largest_slip",
     name="slip",
     lines=(
-        *CONTACT,
         "variable     mu equal <friction_limit>",
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
         "variable     slip_now equal c_extreme[2]/" + SLIDING_FORCE.replace("<of>", "now"),
@@ -32,6 +31,7 @@ GUARD = Guard(
     meaning="of the sliding force: contacts may have slid, which the model does not",
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude",
+    of_contacts=True,
     per_contact=True,
 )
 
@@ -55,6 +55,11 @@ def refuse(case: Case) -> str:
         return ""
     if case.on["sliding"]:
         return "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
+    if case.on["shear"] and not isfinite(case.no_slip_friction):
+        return (
+            'effects.friction = "auto": must be a number in (0, 1e4], as no force presses the weakest contact of this '
+            "crystal together"
+        )
     if case.on["shear"] and case.largest_slip() >= 1:
         return (
             'effects.friction = "auto": must be a number in (0, 1e4], as in so strong a wave contacts that open slide '

@@ -32,7 +32,7 @@ class DataFile:
     box : (3, 2) array
         Low and high face along x, y, z.
     kind : (N,) int array
-        LAMMPS type: 1 moves, 2 is held.
+        LAMMPS type: odd ones move, even ones are held; two to a material.
     position : (N, 3) array
         Centres at rest.
     diameter, density : (N,) arrays
@@ -63,7 +63,8 @@ class DataFile:
         columns = {"type": self.kind, "diameter": self.diameter, "density": self.density}
         columns |= dict(zip("xyz", self.position.T, strict=True))
         own = [columns[name] for name in ATOM_COLUMNS[style].split() if name in columns]
-        yield f"{title}\n\n{len(self.kind)} atoms\n2 atom types\n\n{faces}\n\n"
+        types = int(self.kind.max() + 1) // 2 * 2
+        yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
         yield f"Atoms # {style} ({ATOM_COLUMNS[style]})\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.directed else "\n")
         yield "\nwave\n\n"

@@ -8,14 +8,18 @@ for the numbers of the scene and for the lines of its effects; a line whose slot
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from math import ceil
 from pathlib import Path
 from typing import Any
 
 import ase
 import numpy as np
+from numpy.typing import NDArray
 
 import granular_lmp
+from granular_lmp.crystal.contacts import equivalent
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
@@ -160,7 +164,10 @@ def written_text(problem: Problem) -> str:
 
 def _title(scene: Scene) -> str:
     shape = scene.shape
-    return f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends"
+    differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
+    return (
+        f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends{differing}"
+    )
 
 
 def _data(problem: Problem, units: Units) -> DataFile:
@@ -170,17 +177,24 @@ def _data(problem: Problem, units: Units) -> DataFile:
     size = packing.cell.lengths() * to_deck
     fields = initial_fields(scene, packing, problem.mode)
     moving = problem.physics.coordinates
+    densities = packing.arrays.get("density", np.full(len(packing), scene.sphere.density))
     return DataFile(
         box=np.column_stack([low, low + size]),
-        kind=np.where(packing.arrays["fixed"], 2, 1),
+        kind=types(packing),
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
-        density=np.full(len(packing), units.number(scene.sphere.density, mass=1, length=-3)),
+        density=units.number(densities, mass=1, length=-3),
         # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal
         # depends on the processor's cosine
         wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
         directed=scene.effects.tracking is True,
     )
+
+
+def types(packing: ase.Atoms) -> NDArray[np.int64]:
+    """Return the LAMMPS types of spheres: 2m + 1 for the free ones of material m, 2m + 2 for those that are held."""
+    material = packing.arrays.get("material", np.zeros(len(packing), dtype=int))
+    return 2 * material + np.where(packing.arrays["fixed"], 2, 1)
 
 
 # --- the blocks of in.NAME -------------------------------------------------------------------------------------------
@@ -228,7 +242,7 @@ comm_modify  vel yes
 <field>
 read_data    ${data} fix wave NULL wave
 <mass>
-group        mobile type 1
+group        mobile type <mobile>
 neighbor     <skin> bin"""
 
 _CONTACTS = """\
@@ -308,7 +322,7 @@ _PARTICLES = {
     "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
     "variable snapshots index <snapshots>",
     "particles_dump": "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)\n"
-    "dump         particles all custom ${apart} ${snapshots} id type x y z radius c_u[1] c_u[2] vx vy vz"
+    "dump         particles all custom ${apart} ${snapshots} id type x y z radius<mass_column> c_u[1] c_u[2] vx vy vz"
     "<spin_column><angle_column>\n"
     "dump_modify  particles sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
     "particles_append": "dump_modify  particles append yes",
@@ -412,7 +426,9 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
         "checkpoints": " ".join(CHECKPOINTS),
         "columns": str(scene.shape.columns),
-        "centre": str(scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2 + 1),
+        "mass_column": "" if scene.perfect else " mass",
+        "centre": str(centre(problem.crystal) + 1),
+        "mobile": " ".join(str(2 * m + 1) for m in range(len(problem.at_rest.materials))),
     }
     measured = {
         "amplitude": scene.wave.amplitude,
@@ -436,16 +452,23 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
 def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
     """Return the contact law of all effects together, and the reference forces of the guards."""
     scene, sphere, case = problem.scene, problem.scene.sphere, Case(problem.scene, problem.on)
+    materials = problem.at_rest.materials
+    weakest = sphere.pull_off_force if scene.perfect else float(case.contacts.adhesive_force.min())
     law: dict[str, Any] = {"friction": "${friction}"}
     for effect in selection.EFFECTS:
         law |= effect.law(scene, problem.on[effect.name])
     friction, first = scene.effects.friction, scene.shape.centre_row * scene.shape.columns + 1
     return {
-        "contact": contact.pair(contact.model(sphere, units, **law)),
+        "contact": contact.pair(
+            {
+                (m, n): contact.model(equivalent(materials[m], materials[n]), units, **law)
+                for m, n in combinations_with_replacement(range(len(materials)), 2)
+            }
+        ),
         "friction_given": repr(friction),
         "no_slip_friction": repr(case.no_slip_friction),
         "friction_limit": "v_friction" if friction == AUTO else repr(friction),
-        "adhesive_force": repr(units.number(sphere.pull_off_force, mass=1, length=1, time=-2)),
+        "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
         "centre_row": f"{first}:{first + scene.shape.columns - 1}",

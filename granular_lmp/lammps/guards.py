@@ -16,12 +16,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.wavevector import ROW_SPACING
-from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard
+from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard, contact_lines
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import SLIDING_FORCE
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
@@ -59,11 +61,7 @@ class Measured:
 # neighbours strongly
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 _ELSEWHERE_LINES = (
-    "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
-    "compute      contact_all all pair/local dist p4",
-    "compute      extreme_all all reduce max c_contact_all[1] c_contact_all[2] inputs local",
     "compute      missing_all all reduce sum v_missed",
-    "variable     overlap_all equal (2*v_R-c_extreme_all[1])/v_Delta0",
     "variable     slip_all equal c_extreme_all[2]/" + SLIDING_FORCE.replace("<of>", "all"),
     "variable     open_all equal ceil(c_missing_all/2)",
 )
@@ -75,13 +73,14 @@ _ELSEWHERE_LINES = (
 def fastest(scene: Scene) -> float:
     """Return the highest frequency that the extremes of contacts depend on, rad/t0.
 
-        max(2Ω, 1)
+        max(2Ω, 1·s)
 
-    It is that of the second harmonic, or the top of the branches of displacement waves, which bounds free waves. Each
+    It is that of the second harmonic, or the top of the branches of displacement waves, which bounds free waves; s is 1
+    in a perfect lattice, and `CrystalAtRest.swiftness` otherwise. Each
     higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand of
     the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
-    return max(2 * mode_of(scene).frequency, TOP)
+    return max(2 * mode_of(scene).frequency, TOP * crystal_of(scene).swiftness)
 
 
 def look_interval(scene: Scene) -> int:
@@ -120,7 +119,7 @@ def _inside(scene: Scene) -> list[str]:
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
-    far = (quiet_rows(scene.time.duration) - 1) // 2
+    far = (quiet_rows(scene.time.duration * crystal_of(scene).swiftness) - 1) // 2
     row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * ROW_SPACING, length=1)
     return [
         "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
@@ -146,7 +145,10 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
         Keys of the guards that fail the run if they trigger.
     """
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
-    text = list(dict.fromkeys(line for guard in watched for line in guard.lines))
+    text: list[str] = []
+    for guard in watched:
+        of_contacts = contact_lines("inside", "now", equal=scene.perfect) if guard.of_contacts else []
+        text += [line for line in (*of_contacts, *guard.lines) if line not in text]
     now = [*(guard.name for guard in watched), "overlap"]
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
@@ -168,7 +170,11 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
     for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
         text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
-        text += [line for line in _ELSEWHERE_LINES if _is_there(line, names)]
+        text += [
+            "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
+            *contact_lines("all", "all", equal=scene.perfect),
+            *(line for line in _ELSEWHERE_LINES if _is_there(line, names)),
+        ]
     for column, name in enumerate(names, start=1):
         if GUARDS[name].per_contact and name in judged:
             text += _written_out(GUARDS[name], column, scene)
@@ -208,11 +214,16 @@ def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str
 
 def _written_out(guard: Guard, column: int, scene: Scene) -> list[str]:
     """Return the lines that dump each contact while the upper bound is above the limit, to judge it by itself."""
+    columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
+    if not scene.perfect:
+        columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
+        ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
     return [
         f"# each contact, distance and shear force, at the looks where the bound v_{guard.name} does not decide",
+        *ends,
         f"variable     {guard.name}_holds equal {guard.limit_in(scene)!r}>=f_now[{column}]",
-        "dump         contacts all local ${look} ${dump}.contacts c_contact[1] c_contact[2]",
-        f'dump_modify  contacts skip v_{guard.name}_holds format line "%.17g %.9g"<contacts_append>',
+        f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
+        f'dump_modify  contacts skip v_{guard.name}_holds format line "{numbers}"<contacts_append>',
     ]
 
 
@@ -270,12 +281,14 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
 
     The ratio is infinite if a contact without adhesion has just opened.
     """
-    sphere, units = scene.sphere, units_for(scene.sphere.radius)
-    diameter, rest = units.number(2 * sphere.radius, length=1), units.number(sphere.static_overlap, length=1)
-    adhesive = units.number(sphere.pull_off_force, mass=1, length=1, time=-2)
-    holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
+    sphere, units, at_rest = scene.sphere, units_for(scene.sphere.radius), crystal_of(scene)
     for step, _, contacts in read_snapshots(path):
-        distance, shear = contacts.T
-        sliding = friction * (adhesive + holding * np.maximum((diameter - distance) / rest, 0.0) ** 1.5)
+        *ends, distance, shear = contacts.T
+        # The contacts of equal spheres are all alike, and only those of others are written with their spheres
+        i, j = (end.astype(int) - 1 for end in ends) if ends else np.zeros((2, len(shear)), dtype=int)
+        radius = at_rest.atoms.arrays["radius"] * sphere.radius
+        repulsion, _, adhesive = force_law(at_rest.atoms, at_rest.materials, i, j)
+        overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), 0.0)
+        sliding = friction * units.number(adhesive + repulsion * overlap**1.5, mass=1, length=1, time=-2)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
         yield step, float(np.max(ratio, initial=0.0))

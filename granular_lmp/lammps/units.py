@@ -1,6 +1,12 @@
 """LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1."""
 
 from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Value = TypeVar("Value", float, NDArray[np.float64])
 
 
 @dataclass(frozen=True)
@@ -23,8 +29,8 @@ class Units:
     time: int
     names: str
 
-    def number(self, value: float, *, mass: int = 0, length: int = 0, time: int = 0) -> float:
-        """Return an SI quantity of dimension kg^mass m^length s^time in units of this style.
+    def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
+        """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in units of this style.
 
         Powers of ten up to 22 are exact in floating point, so 0.5e-6 m becomes 500.0 nm and not 499.99999999999994.
         """

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
 from granular_lmp.lammps.outputs import LOG, read_log
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.at_rest import CrystalAtRest
 from granular_lmp.scene.scene import Scene
 
 
@@ -33,6 +35,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "direction_used": scene.direction,
         "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
+        **crystal_at_rest(problem.at_rest),
         "epsilon": sphere.nonlinearity(scene.wave.amplitude),
         "Delta0_m": sphere.static_overlap,
         "t0_s": sphere.time_scale,
@@ -42,6 +45,27 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "remarks": problem.warnings(),
         **({"edited": edits} if (edits := deck.edits()) else {}),
     }
+
+
+def crystal_at_rest(crystal: CrystalAtRest) -> dict[str, Any]:
+    """Return the way of a crystal that is not perfect to rest, and what it led to; nothing for a perfect lattice."""
+    rest = crystal.equilibrium
+    if rest is None:
+        return {}
+    disorder, overlap = rest.lattice.info["disorder"], crystal.materials[0].static_overlap
+    found = {
+        "seed": disorder["seed"],
+        "protocol": rest.protocol,
+        "residual": rest.residual,
+        "newton_steps": rest.steps,
+        "contacts_per_sphere": rest.contacts_per_sphere,
+        "isolated": rest.lattice.info["isolated"],
+        "loose": rest.loose,
+        "strain": rest.strain[:2].tolist(),
+        "smallest_overlap": float(crystal.contacts.overlap.min() / overlap),
+        "largest_overlap": float(crystal.contacts.overlap.max() / overlap),
+    }
+    return {"crystal": found, "centre": centre(crystal.atoms) + 1}
 
 
 def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:

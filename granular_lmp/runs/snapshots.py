@@ -15,17 +15,17 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import hexagonal
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.at_rest import crystal_of, places
 from granular_lmp.scene.scene import Scene
 
 
 @dataclass(frozen=True)
 class Spheres:
-    """All spheres at one moment, row by row as in `granular_lmp.crystal.lattices`; lengths in D0, times in t0.
+    """All spheres at one moment, row by row as in the data file; lengths in D0, times in t0.
 
     Attributes
     ----------
@@ -85,13 +85,14 @@ class Snapshots:
                 "them, for instance output.particles = 1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        whole = (each for each in whole_snapshots(path) if each.entries == scene.shape.spheres)
+        count = len(places(scene))
+        whole = (each for each in whole_snapshots(path) if each.entries == count)
         return cls(path, scene, list(whole))
 
     @cached_property
     def crystal(self) -> ase.Atoms:
         """The spheres at rest; lengths in radii."""
-        return hexagonal(self.scene.sphere, self.scene.shape)
+        return crystal_of(self.scene).atoms
 
     @property
     def rest(self) -> NDArray[np.float64]:
@@ -144,4 +145,4 @@ class Snapshots:
         )
 
     def __repr__(self) -> str:
-        return f"<Snapshots {self.path}: {len(self)} snapshots of {self.scene.shape.spheres} spheres>"
+        return f"<Snapshots {self.path}: {len(self)} snapshots of {len(places(self.scene))} spheres>"

@@ -12,6 +12,7 @@ from granular_lmp.scene.schema import (
     Rules,
     checked_description,
     checked_name,
+    cut,
     default_name,
     file_text,
     head_lines,
@@ -19,6 +20,7 @@ from granular_lmp.scene.schema import (
     plain,
     record,
     refuse_unknown,
+    shown,
     toml_lines,
     unknown_key,
 )
@@ -39,6 +41,10 @@ class Document:
         TOML table → rules, for records that carry none.
     attributes : mapping
         TOML table → attribute that holds its record, where that has another name.
+    repeated : mapping of str to type
+        Array of tables → the type of each of its records. Only what differs from a default is written.
+    optional : tuple of str
+        Sections that are written only if they differ from their defaults.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
     named : str
@@ -50,6 +56,8 @@ class Document:
     sections: ClassVar[Mapping[str, type]]
     rules: ClassVar[Mapping[str, Rules]] = {}
     attributes: ClassVar[Mapping[str, str]] = {}
+    repeated: ClassVar[Mapping[str, type]] = {}
+    optional: ClassVar[tuple[str, ...]] = ()
     exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     named: ClassVar[str]
 
@@ -74,14 +82,23 @@ class Document:
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
         """Return the document of nested mappings, as `to_dict` gives them; every key and value is checked."""
-        refuse_unknown(tables, ("name", "description", *cls.sections), "")
+        refuse_unknown(tables, ("name", "description", *cls.sections, *cls.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), cls.named)
         tables = cls.completed(tables)
         records = {
             cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key))
             for key, kind in cls.sections.items()
         }
+        records |= {key: cls._records(key, tables.get(key, ())) for key in cls.repeated}
         return cls(name=name, description=checked_description(tables), **cls.solved(records))
+
+    @classmethod
+    def _records(cls, key: str, tables: Any) -> tuple[Any, ...]:
+        """Return the records of an array of tables; errors count them from 1."""
+        if not isinstance(tables, list | tuple):
+            raise SceneError(f"{key} = {shown(tables)}: must be tables, each under a line [[{key}]]")
+        kind, rules = cls.repeated[key], cls.rules.get(key)
+        return tuple(record(kind, table, f"{key}.{number}", rules) for number, table in enumerate(tables, start=1))
 
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -96,15 +113,30 @@ class Document:
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default."""
         held = {key: getattr(self, self.attributes.get(key, key)) for key in self.sections}
-        tables = {key: plain(value, self.rules.get(key)) for key, value in held.items()}
+        tables: dict[str, Any] = {
+            key: plain(value, self.rules.get(key))
+            for key, value in held.items()
+            if key not in self.optional or value != type(value)()
+        }
+        tables |= {key: self._written(key) for key in self.repeated if getattr(self, key)}
         return {"name": self.name, "description": self.description} | tables
+
+    def _written(self, key: str) -> list[dict[str, Any]]:
+        """Return the values of an array of tables that differ from their defaults."""
+        default = plain(self.repeated[key](), self.rules.get(key))
+        tables = (plain(each, self.rules.get(key)) for each in getattr(self, key))
+        return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
     def to_toml(self) -> str:
         """Return TOML text that `loads` reads back to an equal document, with a comment behind each value."""
         lines = head_lines(self.name, self.description)
         tables = self.to_dict()
         for key, kind in self.sections.items():
-            lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key))]
+            if key in tables:
+                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key))]
+        for key, kind in self.repeated.items():
+            for table in tables.get(key, ()):
+                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key))]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:
@@ -118,9 +150,7 @@ class Document:
         tables = self.to_dict()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
-            if table and table not in self.sections:
-                raise SceneError(unknown_key(key, table, self.sections))
-            inner = tables[table] if table else tables
+            inner = self._table(tables, key, table)
             if not isinstance(inner, dict):
                 break  # an earlier change replaced the table by a value, which is the error to report
             for other in self.exclusive.get(key, ()):
@@ -128,3 +158,15 @@ class Document:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return self.from_dict(tables)
+
+    def _table(self, tables: dict[str, Any], key: str, table: str) -> Any:
+        """Return the table of a dotted key: a section, or "inclusion.1" for the first of an array of tables."""
+        name, _, number = table.partition(".")
+        if name in self.repeated and number:
+            there = tables.get(name, [])
+            if not number.isdecimal() or not 1 <= int(number) <= len(there):
+                raise SceneError(f"{cut(key)}: there are {len(there)} tables [[{name}]], counted from 1")
+            return there[int(number) - 1]
+        if table and table not in self.sections:
+            raise SceneError(unknown_key(key, table, self.sections))
+        return tables.setdefault(table, {}) if table else tables

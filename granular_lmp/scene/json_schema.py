@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from granular_lmp.scene.scene import SECTION_RULES, SECTIONS, note
-from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, Rule, declared_fields, toml
+from granular_lmp.scene.scene import REPEATED, SECTION_RULES, SECTIONS, note
+from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, ArrayRule, Rule, declared_fields, toml
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
@@ -37,7 +37,7 @@ class Key:
 
 def keys() -> Iterator[Key]:
     """Yield every key of a scene file, section by section."""
-    for section, kind in SECTIONS.items():
+    for section, kind in (SECTIONS | REPEATED).items():
         for item, rule in declared_fields(kind, SECTION_RULES.get(section)):
             required = item.default is MISSING
             yield Key(section, item.name, rule, None if required else item.default, required)
@@ -49,8 +49,8 @@ def json_schema() -> dict[str, Any]:
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
-    sections: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
-    needed: dict[str, list[str]] = {section: [] for section in SECTIONS}
+    sections: dict[str, dict[str, Any]] = {section: {} for section in (*SECTIONS, *REPEATED)}
+    needed: dict[str, list[str]] = {section: [] for section in sections}
     for key in keys():
         sections[key.section][key.name] = _value(key)
         if key.required:
@@ -62,7 +62,8 @@ def json_schema() -> dict[str, Any]:
             inner["wavevector"] = pair | {"description": note("wave.wavevector")}
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
-        properties[section] = table | ({"required": needed[section]} if needed[section] else {})
+        table |= {"required": needed[section]} if needed[section] else {}
+        properties[section] = {"type": "array", "items": table} if section in REPEATED else table
     return {
         "$schema": DIALECT,
         "title": "A scene of granular-lmp",
@@ -81,6 +82,10 @@ def _value(key: Key) -> dict[str, Any]:
 
 def _values(rule: Rule) -> dict[str, Any]:
     """Return the JSON Schema of the values that a rule allows."""
+    if isinstance(rule, ArrayRule):
+        number = _values(Rule(rule.kind, rule.unit, "", rule.interval))
+        one = {"type": "array", "items": number, "minItems": rule.length, "maxItems": rule.length}
+        return {"type": "array", "items": one} if rule.several else one
     if rule.kind is str:
         return {"enum": list(rule.words)}
     numbers: dict[str, Any] = {"type": _KINDS[rule.kind]}
@@ -99,9 +104,10 @@ def reference() -> str:
     for key in keys():
         if key.section != section:
             section = key.section
-            lines += ["", f"## `[{section}]`", "", "| key | unit | default | allowed | meaning |"]
+            title = f"[[{section}]]" if section in REPEATED else f"[{section}]"
+            lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
-        default = "must be given" if key.required else "–" if key.default is None else f"`{toml(key.default)}`"
+        default = "must be given" if key.required else "–" if key.default in (None, ()) else f"`{toml(key.default)}`"
         row = (f"`{key.name}`", key.rule.unit, default, key.rule.allowed, key.rule.meaning)
         lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines).strip() + "\n"

@@ -44,12 +44,6 @@ NOT_THERE = (
         "substrate 3d dimension dimensions layers layer depth z bilayer",
     ),
     NotThere(
-        "defects and disorder: vacancies, inclusions, unequal spheres",
-        "all spheres of a scene are equal and all are there",
-        "a deck of your own; `granular_lmp.crystal` has the contacts and the modes of any crystal",
-        "vacancy vacancies defect defects disorder random polydispersity inclusion inclusions impurity",
-    ),
-    NotThere(
         "lattices other than the hexagonal one",
         "a scene is made of rows of a hexagonal lattice",
         "a deck of your own; `granular_lmp.crystal` has the contacts and the modes of any crystal",

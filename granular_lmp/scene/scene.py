@@ -1,9 +1,9 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
-A scene has the tables ``[sphere]``, ``[packing]``, ``[wave]``, ``[envelope]``, ``[time]``, ``[effects]`` and
-``[output]`` (`granular_lmp.scene.sections`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
-units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics in
-`granular_lmp.effects`.
+A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
+``[effects]`` and ``[output]``, and any number of ``[[inclusion]]`` (`granular_lmp.scene.sections`). Times are in units
+of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the packing is
+decided here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 """
 
 from collections.abc import Mapping
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import granular_lmp
+from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
@@ -23,7 +24,17 @@ from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.schema import AUTO, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.sections import SPHERE_RULES, Effects, Envelope, Output, Packing, Time, Wave
+from granular_lmp.scene.sections import (
+    DISORDER_RULES,
+    INCLUSION_RULES,
+    SPHERE_RULES,
+    Effects,
+    Envelope,
+    Output,
+    Packing,
+    Time,
+    Wave,
+)
 from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
@@ -31,13 +42,15 @@ from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERL
 SECTIONS: dict[str, type] = {
     "sphere": Sphere,
     "packing": Packing,
+    "disorder": Disorder,
     "wave": Wave,
     "envelope": Envelope,
     "time": Time,
     "effects": Effects,
     "output": Output,
 }
-SECTION_RULES = {"sphere": SPHERE_RULES}
+REPEATED: dict[str, type] = {"inclusion": Inclusion}
+SECTION_RULES = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
 # A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
 EXCLUSIVE = {
     "time.tolerance": ("time.timestep",),
@@ -63,7 +76,7 @@ def note(key: str) -> str:
 
 @dataclass(frozen=True, repr=False)
 class Scene(Document):
-    """One simulation: spheres, packing, wave and its envelope, time, effects and output.
+    """One simulation: spheres, packing and its imperfections, wave and its envelope, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is the sphere of the deck: pressed by
     ``packing.contact_force``, and without work of adhesion if ``effects.adhesion`` is off.
@@ -81,6 +94,8 @@ class Scene(Document):
     """
 
     sections = SECTIONS
+    repeated = REPEATED
+    optional = ("disorder",)
     rules = SECTION_RULES
     attributes = {"sphere": "material"}
     exclusive = EXCLUSIVE
@@ -93,6 +108,8 @@ class Scene(Document):
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
+    disorder: Disorder = Disorder()
+    inclusion: tuple[Inclusion, ...] = ()
 
     # --- reading and writing ---
 
@@ -232,15 +249,41 @@ class Scene(Document):
         return self.vector.direction
 
     @property
+    def perfect(self) -> bool:
+        """True if all spheres are equal and all are there."""
+        return not self.inclusion and not self._random
+
+    @property
+    def _random(self) -> bool:
+        return any((self.disorder.radius, self.disorder.density, self.disorder.vacancies))
+
+    @property
+    def imperfections(self) -> str:
+        """What is not perfect in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
+        disorder = self.disorder
+        spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
+        words = [f"{name} {value!r}" for name, value in spread.items() if value]
+        drawn = bool(words) or any(each.share for each in self.inclusion)
+        words += [f"seed {disorder.seed}"] if drawn else []
+        count = len(self.inclusion)
+        words += [f"{count} inclusion{'s' if count > 1 else ''}"] if count else []
+        return ", ".join(words)
+
+    @property
+    def layered(self) -> bool:
+        """True if the spheres of a row are equal, so that a plane wave along y moves them alike."""
+        return not self._random and all(each.rows for each in self.inclusion)
+
+    @property
     def plane_along_y(self) -> bool:
-        """True if the wave is the paper's, a running plane wave along y."""
-        running = self.wave.form == "running" and not self.envelope.finite
+        """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
+        running = self.perfect and self.wave.form == "running" and not self.envelope.finite
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that 3 columns stand for any number."""
-        return self.vector.axis == "y" and self.envelope.width == 0
+        return self.layered and self.vector.axis == "y" and self.envelope.width == 0
 
     @property
     def along(self) -> str:
@@ -315,6 +358,7 @@ class Scene(Document):
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         validation.check_wave(wave, self.envelope, self.packing, shape)
+        validation.check_imperfections(self.packing, self.layered, self.perfect)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_time(self.time, self.output, shape, self.echo_time)

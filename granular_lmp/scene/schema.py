@@ -7,7 +7,7 @@ writing and the error messages.
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from decimal import Decimal
 from difflib import get_close_matches
 from math import inf, isfinite
@@ -113,6 +113,45 @@ class Rule:
         return value
 
 
+@dataclass(frozen=True)
+class ArrayRule(Rule):
+    """Allowed values of a key that holds numbers in brackets: `length` of them, or any number of such arrays.
+
+    Attributes
+    ----------
+    length : int
+        Numbers in an array.
+    several : bool
+        True if the key holds a list of such arrays.
+    """
+
+    length: int = 2
+    several: bool = False
+
+    @property
+    def _allowed_values(self) -> str:
+        number = Rule(self.kind, self.unit, "", self.interval)._allowed_values
+        one = f"[{', '.join(['...'] * self.length)}], each {number}"
+        return f"a list of {one}" if self.several else one
+
+    def value(self, value: Any, key: str) -> Any:
+        """Return `value` as a tuple of numbers, or of such tuples.
+
+        Raises
+        ------
+        SceneError
+            If it is no such array, or a number is not allowed.
+        """
+        if not isinstance(value, list | tuple):
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
+        if self.several:
+            return tuple(replace(self, several=False).value(each, key) for each in value)
+        if len(value) != self.length:
+            raise SceneError(f"{key} = {shown(list(value))}: must be {self.allowed}")
+        number = Rule(self.kind, self.unit, "", self.interval)
+        return tuple(number.value(each, f"{key}[{place}]") for place, each in enumerate(value))
+
+
 Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules
 
 
@@ -203,8 +242,10 @@ def head_lines(name: str, description: str) -> list[str]:
     return [f"name = {toml(name)}", *([f"description = {toml(description)}"] if description else [])]
 
 
-def toml(value: str | bool | int | float) -> str:
-    """Return a scalar as TOML: floats in the shortest form that reads back, very large and small ones as 7.3e+10."""
+def toml(value: Any) -> str:
+    """Return a scalar or an array as TOML: floats in the shortest form that reads back, 7.3e+10 for very large ones."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(toml, value))}]"
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
         return f"{Decimal(repr(value)).normalize():e}"
     return json.dumps(value, ensure_ascii=False)

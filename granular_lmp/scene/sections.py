@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from math import ceil, floor, hypot, pi
 from typing import Any
 
+from granular_lmp.crystal.equilibrium import BOXES
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import AUTO, Interval, Rule, choice, count, flag, number, switch
+from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, switch
 from granular_lmp.scene.shape import FEWEST_COLUMNS, Auto
 
 ENDS = ("fixed", "periodic", AUTO)
@@ -37,6 +38,7 @@ class Packing:
     )
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
+    relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
 
 
 @dataclass(frozen=True)
@@ -210,4 +212,19 @@ SPHERE_RULES = {
     "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
     "work_of_adhesion": Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True)),
     "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
+}
+DISORDER_RULES = {
+    "radius": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.1)),
+    "density": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
+    "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
+    "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
+}
+_MOST = 10_000_000  # rows or columns
+INCLUSION_RULES = {
+    "rows": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST)),
+    "spheres": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True),
+    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, _MOST), length=3),
+    "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
+    **SPHERE_RULES,
+    "vacancy": Rule(bool, "", "the places are empty"),
 }

@@ -93,6 +93,16 @@ def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape)
             raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"')
 
 
+def check_imperfections(packing: Packing, layered: bool, perfect: bool) -> None:
+    """Check that a crystal that is not perfect has a declared size."""
+    for name, needed in (("rows", not perfect), ("columns", not layered), ("ends", not perfect)):
+        if needed and getattr(packing, name) == AUTO:
+            raise SceneError(
+                f'packing.{name} = "auto": must be declared where spheres differ or are missing, as the size of the '
+                "crystal is then part of the answer"
+            )
+
+
 def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, vector: WaveVector) -> None:
     """Check that the packing is a lattice, has room for the envelope, and carries the wave vector."""
     rows, columns, declared = shape.rows, shape.columns, wave.vector

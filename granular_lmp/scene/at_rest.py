@@ -1,0 +1,103 @@
+"""The crystal of a scene: its spheres at their places in the lattice, and at rest.
+
+In a perfect lattice the two are the same. Otherwise `granular_lmp.crystal.disorder` makes the spheres, and
+`granular_lmp.crystal.equilibrium` brings them to rest.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import ase
+import numpy as np
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
+from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
+from granular_lmp.crystal.lattices import Shape, centre, hexagonal, unit_lattice
+from granular_lmp.crystal.potential import box_load
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class CrystalAtRest:
+    """Spheres of a scene at rest.
+
+    Attributes
+    ----------
+    atoms : ase.Atoms
+        Positions and radii in radii R of the declared sphere, with the arrays of `granular_lmp.crystal.lattices` and
+        of `granular_lmp.crystal.disorder`.
+    materials : tuple of Sphere
+        By index of the array ``material``; the sphere of the lattice first.
+    contacts : Contacts
+        Contacts of all spheres; of a perfect lattice those of one sphere.
+    equilibrium : Equilibrium, optional
+        The way to rest; None for a perfect lattice.
+    """
+
+    atoms: ase.Atoms
+    materials: tuple[Sphere, ...]
+    contacts: Contacts
+    equilibrium: Equilibrium | None = None
+
+    @property
+    def swiftness(self) -> float:
+        """Bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
+
+        No wave is faster than in a lattice whose contacts are all as stiff as the stiffest and whose spheres are all as
+        light as the lightest. Frequencies of the rotational branch are left out.
+        """
+        sphere, contacts = self.materials[0], self.contacts
+        stiffest = contacts.normal_stiffness.max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
+        return float(np.sqrt(stiffest * sphere.mass / contacts.mass.min(initial=sphere.mass)))
+
+
+_MOST_KEPT = 2
+_KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
+
+
+def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
+    """Return the crystal of a scene at rest.
+
+    The last two are kept, so that a scene whose time or wave changes is not brought to rest again.
+
+    Raises
+    ------
+    CrystalError
+        If imperfections do not fit into the lattice, or the spheres do not come to rest.
+    """
+    if scene.perfect:
+        return CrystalAtRest(hexagonal(scene.sphere, scene.shape), (scene.sphere,), unit_lattice(scene.sphere))
+    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.packing.relax
+    if key not in _KEPT:
+        _KEPT[key] = _relaxed(*key, progress)
+        while len(_KEPT) > _MOST_KEPT:
+            del _KEPT[next(iter(_KEPT))]
+    return _KEPT[key]
+
+
+def places(scene: Scene) -> ase.Atoms:
+    """Return the spheres of a scene at their places in the lattice, before they come to rest."""
+    return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)[0]
+
+
+def _imperfect(
+    sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...]
+) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
+    lattice = hexagonal(sphere, shape)
+    return imperfect(lattice, sphere, disorder, inclusions, recorded=centre(lattice))
+
+
+def _relaxed(
+    sphere: Sphere,
+    shape: Shape,
+    disorder: Disorder,
+    inclusions: tuple[Inclusion, ...],
+    box: str,
+    progress: Progress | None,
+) -> CrystalAtRest:
+    crystal, materials = _imperfect(sphere, shape, disorder, inclusions)
+    load = box_load(hexagonal(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
+    rest = relax(crystal, materials, box=box, load=load, progress=progress)
+    return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)
