@@ -1,0 +1,236 @@
+"""Scenes whose spheres differ or are missing: what is declared, refused, written into the deck and said of a run."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.cli import main
+from granular_lmp.crystal.lattices import centre
+from granular_lmp.errors import CrystalError, RunFolderError, SceneError
+from granular_lmp.problem import prepare
+from granular_lmp.scene import at_rest
+from granular_lmp.scene.at_rest import crystal_of
+from tests.conftest import PAPER
+from tests.hard import guard_study
+
+STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7850.0}
+SHEET = PAPER.with_values(
+    {
+        "name": "sheet",
+        "packing.rows": 12,
+        "packing.columns": 8,
+        "packing.ends": "periodic",
+        "wave.wavenumber": np.pi / 3,
+        "wave.amplitude": 0.02,
+        "time.duration": 4.0,
+        "output.particles": 1.0,
+    }
+)
+SPREAD = {"disorder.radius": 5e-5, "disorder.density": 0.1, "disorder.vacancies": 0.02, "disorder.seed": 3}
+
+
+# --- what is declared ------------------------------------------------------------------------------------------------
+
+
+def test_no_spread_is_the_deck_of_the_perfect_lattice() -> None:
+    plain, seeded = build(SHEET), build(SHEET.with_values({"disorder.seed": 7, "disorder.radius": 0.0}))
+    assert seeded.input_text == plain.input_text
+    assert seeded.data.text("") == plain.data.text("")
+
+
+def test_a_scene_is_read_back_from_its_text() -> None:
+    heavy = {"spheres": [[3, 4], [5, 5]], "density": 9000.0}
+    scene = SHEET.with_values(SPREAD | {"inclusion": [heavy, {"disc": [6, 2, 1.5], "vacancy": True}]})
+    assert Scene.loads(scene.to_toml()) == scene
+    assert "[disorder]" not in SHEET.to_toml()
+    assert scene.with_values({"inclusion.1.density": 100.0}).inclusion[0].density == 100.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"disorder.radius": -0.1}, r"disorder\.radius = -0\.1: must be a number in \[0, 0\.1\]"),
+        ({"disorder.sigma": 0.1}, r"disorder\.sigma: unknown key"),
+        ({"inclusion": 3}, r"inclusion = 3: must be tables, each under a line \[\[inclusion\]\]"),
+        (
+            {"inclusion": [{"rows": [1]}]},
+            r"inclusion\.1\.rows = \[1\]: must be \[\.\.\., \.\.\.\], each a whole",
+        ),
+        ({"inclusion": [{"rows": [1, 2], "mass": 2.0}]}, r"inclusion\.1\.mass: unknown key"),
+        ({"inclusion.2.density": 1000.0}, r"inclusion\.2\.density: there are 0 tables \[\[inclusion\]\]"),
+        (SPREAD | {"packing.rows": "auto"}, r'packing\.rows = "auto": must be declared where spheres differ'),
+        (SPREAD | {"packing.columns": "auto"}, r'packing\.columns = "auto": must be declared'),
+    ],
+)
+def test_what_does_not_fit_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        SHEET.with_values(changes)
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "message"),
+    [
+        ({"rows": [3, 12], "density": 100.0}, r"inclusion 1: rows = \[3, 12\]: must be \[first, last\], from 0 to 11"),
+        ({"spheres": [[5, 4]], "vacancy": True}, "leaves out the centre sphere, which is recorded"),
+        ({"rows": [0, 11], "vacancy": True}, "leaves out the centre sphere"),
+        ({"spheres": [[3, 3]], "radius": 0.8e-6}, "overlap by"),
+        ({"spheres": [[3, 3]]}, "give either vacancy or what differs"),
+    ],
+)
+def test_what_does_not_fit_into_the_lattice_is_refused(inclusion: dict[str, Any], message: str) -> None:
+    with pytest.raises(CrystalError, match=message):
+        prepare(SHEET.with_values({"inclusion": [inclusion]}))
+
+
+def test_a_disc_holds_the_spheres_around_its_centre() -> None:
+    crystal = crystal_of(SHEET.with_values({"inclusion": [{"disc": [6, 4, 1.0], "density": 9000.0}]})).atoms
+    assert np.count_nonzero(crystal.arrays["density"] == 9000.0) == 7
+
+
+def test_no_random_vacancy_takes_the_recorded_sphere() -> None:
+    for seed in range(1, 9):
+        crystal = at_rest.places(SHEET.with_values({"disorder.vacancies": 0.6, "disorder.seed": seed}))
+        assert centre(crystal) >= 0
+
+
+def test_layers_leave_the_rows_alike_and_need_no_columns() -> None:
+    layers = SHEET.with_values({"packing.columns": "auto", "inclusion": [{"rows": [0, 5], **STEEL}]})
+    assert layers.shape.columns == 3
+    assert layers.uniform_rows
+    assert not layers.plane_along_y
+
+
+# --- the crystal and its deck ----------------------------------------------------------------------------------------
+
+
+def test_a_seed_gives_the_same_crystal_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = SHEET.with_values(SPREAD)
+    first = build(scene).data.text("")
+    monkeypatch.setattr(at_rest, "_KEPT", {})
+    assert build(scene).data.text("") == first
+    assert build(scene.with_values({"disorder.seed": 4})).data.text("") != first
+
+
+def test_two_materials_are_written_out_pair_by_pair() -> None:
+    deck = build(SHEET.with_values({"inclusion": [{"rows": [0, 5], **STEEL}]}))
+    assert re.findall(r"^pair_coeff +(\S+ \S+) ", deck.input_text, re.M) == ["1*2 1*2", "1*2 3*4", "3*4 3*4"]
+    assert re.search(r"^group +mobile type 1 3$", deck.input_text, re.M)
+    kind, density = deck.data.kind.reshape(12, 8), deck.data.density.reshape(12, 8)
+    assert (kind == [[3]] * 6 + [[1]] * 6).all()
+    assert density[0, 0] / density[-1, 0] == pytest.approx(7850 / 2200, rel=1e-15)  # the units of the deck
+
+
+def test_the_deck_says_what_is_not_perfect() -> None:
+    head = build(SHEET.with_values(SPREAD)).input_text.partition("\n")[0]
+    assert head.endswith("; not perfect: radius 5e-05, density 0.1, vacancies 0.02, seed 3")
+
+
+def test_light_spheres_bring_the_echo_earlier() -> None:
+    walled = SHEET.with_values({"packing.rows": 31, "packing.ends": "fixed", "time.duration": 10.0})
+    prepare(walled)
+    with pytest.raises(SceneError, match="may bring the echo of the walls to the centre at tau = "):
+        prepare(walled.with_values({"inclusion": [{"rows": [5, 6], "density": 500.0}]}))
+
+
+def test_stiff_contacts_lower_the_largest_step() -> None:
+    rigid = SHEET.with_values({"inclusion": [{"rows": [0, 5], **STEEL, "density": 2200.0}]})
+    assert prepare(rigid).largest_step < 0.9 * prepare(SHEET).largest_step
+
+
+# --- effects and guards ----------------------------------------------------------------------------------------------
+
+
+def finding(scene: Scene, name: str) -> Any:
+    return next(effect for effect in prepare(scene).effects if effect.name == name)
+
+
+def test_the_weakest_contact_limits_the_amplitude() -> None:
+    scene = SHEET.with_values({"disorder.radius": 8e-5})
+    weak = finding(scene, "contact_opening")
+    assert not weak.called_for
+    limit = float(weak.reason.rpartition("= ")[2])
+    # The limit has three digits
+    assert not finding(scene.with_values({"wave.amplitude": 0.99 * limit}), "contact_opening").number < 0
+    assert finding(scene.with_values({"wave.amplitude": 1.01 * limit}), "contact_opening").called_for
+
+
+def test_spheres_that_nearly_touch_call_for_opening() -> None:
+    # With s = 1 a hundredth of the pairs has parted, some of them by less than the wave stretches
+    scene = SHEET.with_values({"disorder.radius": 2.5e-4, "wave.amplitude": 0.03})
+    found = [finding(scene.with_values({"disorder.seed": seed}), "contact_opening") for seed in range(1, 6)]
+    assert any(each.called_for and each.reason.endswith("are near enough to meet") for each in found)
+
+
+def test_where_spheres_differ_every_wave_turns_some() -> None:
+    longitudinal = SHEET.with_values({"wave.mode": "L"})
+    assert not finding(longitudinal, "rotation").on
+    assert finding(longitudinal.with_values(SPREAD), "rotation").on
+
+
+def test_dashpots_need_sliding_and_opening_where_spheres_differ() -> None:
+    damped = SHEET.with_values(SPREAD | {"effects.viscosity": 1e-7})
+    with pytest.raises(SceneError, match=r"effects\.damping = true: needs effects\.sliding = true where"):
+        prepare(damped)
+    free = {"effects.sliding": True, "effects.friction": 0.3, "effects.contact_opening": True}
+    assert prepare(damped.with_values(free)).on["damping"]
+    assert prepare(damped.with_values(free)).largest_step < prepare(SHEET.with_values(SPREAD)).largest_step
+
+
+@pytest.mark.parametrize("seed", [100, 105, 130])
+def test_the_guards_judge_every_contact_by_its_own_law(seed: int, tmp_path: Path) -> None:
+    scene = guard_study.random_scene("imperfect", seed)
+    for comparison in guard_study.compared(scene, tmp_path / "run"):
+        assert not comparison.missed
+        assert not comparison.stopped
+
+
+# --- runs ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def imperfect_run(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    scene = SHEET.with_values(SPREAD | {"inclusion": [{"spheres": [[2, 2]], **STEEL}]})
+    return run(scene, tmp_path_factory.mktemp("imperfect") / "run")
+
+
+def test_a_run_says_how_its_crystal_came_to_rest(imperfect_run: Record) -> None:
+    assert imperfect_run.folder is not None
+    info = json.loads((imperfect_run.folder / "run.json").read_text())
+    crystal = info["crystal"]
+    assert crystal["seed"] == 3
+    assert crystal["residual"] <= 1e-10
+    assert crystal["protocol"].startswith("let go")
+    assert 5 < crystal["contacts_per_sphere"] < 6
+    assert info["particles"] == 12 * 8 - 2
+    assert info["centre"] == centre(crystal_of(imperfect_run.scene).atoms) + 1
+
+
+def test_snapshots_of_an_imperfect_run_hold_the_spheres_that_are_there(imperfect_run: Record) -> None:
+    snapshots = imperfect_run.snapshots()
+    assert snapshots.stack("displacement").shape == (5, 94, 2)
+    moved = snapshots[4].displacement[imperfect_run.info["centre"] - 1]
+    assert moved == pytest.approx([-imperfect_run.q[-1], imperfect_run.p[-1]], rel=1e-12)  # the same digits
+
+
+def test_a_folder_of_another_crystal_is_refused(imperfect_run: Record, tmp_path: Path) -> None:
+    assert imperfect_run.folder is not None
+    scene = imperfect_run.scene.with_values({"disorder.seed": 4})
+    shutil.copytree(imperfect_run.folder, tmp_path / "run")
+    (tmp_path / "run" / "scene.toml").write_text(scene.to_toml())
+    with pytest.raises(RunFolderError, match=r"scene\.toml was changed"):
+        Record.load(tmp_path / "run")
+
+
+def test_the_command_line_runs_a_scene_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(SHEET.with_values({"name": "mine", **SPREAD}).to_toml())
+    assert main(["effects", str(path)]) == 0
+    assert "the weakest contact opens at wave.amplitude" in capsys.readouterr().out
+    assert main(["run", str(path), "-o", str(tmp_path / "run"), "--set", "disorder.seed=5"]) == 0
+    assert main(["run", str(path), "-o", str(tmp_path / "bad"), "--set", "disorder.radius=1"]) == 2
