@@ -8,7 +8,7 @@
 # pulses, a minute: docs/waves.md), make figures (those of README and of the docs, into figures/),
 # make processors (the tests that depend on last digits, as on other processors; make test does it too),
 # make stability (hard cases, a few minutes: docs/stability.md),
-# make guards (how often a guard is wrong, of 203 random scenes, ten minutes: docs/effects.md),
+# make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
