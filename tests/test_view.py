@@ -15,9 +15,11 @@ from granular_lmp.cli import main
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, view
+from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import assignment, note
 from granular_lmp.studies.sweep import Sweep, sweep
 
@@ -281,3 +283,45 @@ def test_a_run_that_is_not_finished_is_drawn_with_a_note_and_an_empty_one_refuse
     (tmp_path / "run" / "trajectory.csv").write_text("tau,p,q,phi\n")
     with pytest.raises(ViewError, match="holds no record yet; there is nothing to draw"):
         view.view(tmp_path / "run", tmp_path / "v.png")
+
+
+# --- the crystal at rest ---------------------------------------------------------------------------------------------
+
+SPREAD = {
+    "packing.rows": 12,
+    "packing.columns": 10,
+    "packing.ends": "periodic",
+    "wave.wavenumber": np.pi / 3,
+    "disorder.radius": 3e-4,
+    "disorder.vacancies": 0.02,
+}
+
+
+def test_a_crystal_at_rest_is_drawn_with_its_contacts_gaps_and_empty_places() -> None:
+    scene = Scene.load("tr_periodic").with_values(SPREAD)
+    rest = crystal_of(scene)
+    axes = at_rest_figure(scene).axes[0]
+    discs, contacts, gaps = axes.collections
+    assert len(discs.get_offsets()) == len(rest.atoms) == 118
+    assert len(contacts.get_segments()) == len(rest.contacts)  # type: ignore[attr-defined]
+    # Of the 360 contacts of the lattice those of the two empty places are gone, six each
+    assert len(gaps.get_segments()) == 348 - len(rest.contacts) > 0  # type: ignore[attr-defined]
+    assert axes.lines[0].get_xydata().shape == (2, 2)
+    empty = axes.lines[0].get_xydata()
+    assert np.linalg.norm(empty[:, None] - rest.atoms.positions[None, :, :2], axis=-1).min() > 1.9  # radii
+
+
+def test_densities_are_drawn_where_all_radii_are_equal() -> None:
+    scene = Scene.load("tr_impurity")
+    assert max(at_rest_figure(scene).axes[0].collections[0].get_array()) == pytest.approx(9)  # ten times as heavy
+
+
+def test_a_crystal_at_rest_needs_imperfections_and_a_picture(tmp_path: Path) -> None:
+    with pytest.raises(ViewError, match="its spheres and contacts are all equal"):
+        view.view("tr_periodic", tmp_path / "rest.png", at_rest=True)
+    with pytest.raises(ViewError, match="not in a movie"):
+        view.view("tr_impurity", tmp_path / "rest.gif", at_rest=True)
+    with pytest.raises(ViewError, match="--tau: is not for a crystal at rest"):
+        view.view("tr_impurity", tmp_path / "rest.png", at_rest=True, tau=1.0)
+    assert main(["view", "tr_impurity", "--at-rest", "-o", str(tmp_path / "rest.png")]) == 0
+    assert (tmp_path / "rest.png").is_file()

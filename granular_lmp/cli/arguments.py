@@ -1,10 +1,11 @@
 """Arguments that several commands share, and the scene that they name."""
 
 import argparse
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from granular_lmp.cli.output import remark
+from granular_lmp.cli.output import progress_of_rest, remark
 
 if TYPE_CHECKING:
     from granular_lmp.scene.scene import Scene
@@ -73,6 +74,7 @@ def changes_of(options: Options) -> dict[str, Any]:
 def scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for; what was changed to make it fit is said."""
     from granular_lmp.effects.selection import select, warnings, with_all
+    from granular_lmp.scene.at_rest import crystal_of
     from granular_lmp.scene.scene import Scene
 
     scene = Scene.load(options.scene)
@@ -80,6 +82,10 @@ def scene_of(options: Options) -> "Scene":
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(changes_of(options))
+    if not scene.perfect:
+        crystal_of(scene, progress_of_rest)
+        if sys.stderr.isatty():
+            remark("\r\033[K", end="")  # wipe the line
     for note in scene.remarks():
         remark(f"note: {note}")
     for warning in warnings(select(scene)):

@@ -51,6 +51,12 @@ def progress_of_steps(done: int, total: int) -> None:
     _draw(done, total, f"step {done} of {total}")
 
 
+def progress_of_rest(stage: str, steps: int, force: float, energy: float) -> None:
+    """Say how far a crystal is from rest, where there is a terminal."""
+    if sys.stderr.isatty():
+        remark(f"\r\033[Kthe crystal comes to rest: {stage}, step {steps}, largest force {force:.1e} k1 Delta0", end="")
+
+
 def progress_of_runs(done: int, total: int, left: float) -> None:
     """Draw the bar of a study, `left` seconds before its end."""
     _draw(done, total, f"run {done} of {total}, {left:.0f} s left")

@@ -9,7 +9,7 @@ from granular_lmp.cli.output import remark, say
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
     view = add(commands, "view", _view, "draw a run, with its spheres if it holds snapshots of them, or a sweep")
-    view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder")
+    view.add_argument("folder", metavar="DIR", help="a run folder or a sweep folder; with --at-rest also a scene")
     view.add_argument(
         "-o", "--output", metavar="FILE", required=True, help="PNG, PDF or SVG; of a run also a movie, GIF or MP4"
     )
@@ -18,6 +18,11 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
     view.add_argument(
         "--rows", type=positive, metavar="N", help="of a run: rows to draw around the centre (default: 25)"
+    )
+    view.add_argument(
+        "--at-rest",
+        action="store_true",
+        help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
     )
     view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
 
@@ -35,7 +40,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column")}
+    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column", "at_rest")}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")
     say(options.output)

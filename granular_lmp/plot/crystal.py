@@ -262,7 +262,8 @@ class _Crystal:
             raise ViewError(f"magnify = {factor!r}: must be a number above 0")
         count = min(rows or ROWS, shape.rows)
         first = max(0, min(shape.centre_row - count // 2, shape.rows - count))
-        self.drawn = slice(first * shape.columns, (first + count) * shape.columns)
+        row, radius = snapshots.crystal.arrays["row"], snapshots.crystal.arrays["radius"]
+        self.drawn = np.flatnonzero((first <= row) & (row < first + count))
         self.stretch = amplitude * factor
         self.colouring, self.vector = colouring, scene.vector
         self.copies = -(-FEWEST_DRAWN // shape.columns)
@@ -273,7 +274,7 @@ class _Crystal:
         self.turns = scene.effects.tracking is True and not crowded
 
         held = np.tile(snapshots.held[self.drawn], self.copies)
-        diameters = np.full(len(self.rest), 2.0)
+        diameters = np.tile(2 * radius[self.drawn], self.copies)
         self.discs = EllipseCollection(
             diameters, diameters, 0 * diameters, units="xy", offsets=self.rest, offset_transform=axes.transData,
             cmap=colouring.colours, edgecolors=np.where(held, "black", "none" if crowded else "0.3"),

@@ -7,11 +7,12 @@ import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import MOVIES, run_figure, run_movie
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.scene import note
+from granular_lmp.scene.scene import Scene, note
 from granular_lmp.studies.sweep import COLUMNS, Sweep
 
 _LABELS = {
@@ -35,19 +36,22 @@ def view(
     magnify: float | None = None,
     rows: int | None = None,
     column: str | None = None,
+    at_rest: bool = False,
 ) -> list[str]:
-    """Draw a run folder or a sweep folder into a picture, or a run folder into a movie.
+    """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
 
     Parameters
     ----------
     folder : path
-        Run folder or sweep folder.
+        Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
         File whose suffix sets the format.
     tau, colour, magnify, rows
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
+    at_rest : bool
+        True for the crystal at rest, as in `at_rest_figure`.
 
     Returns
     -------
@@ -63,7 +67,13 @@ def view(
     """
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
-    of_a_run = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
+    of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
+    if at_rest:
+        _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
+        if movie:
+            raise ViewError(f"{path}: a crystal at rest is drawn in a picture; not in a movie")
+        save(at_rest_figure(Scene.load(folder)), path)
+        return []
     if (folder / SWEEP).is_file():
         _refuse(folder, "a sweep", of_a_run)
         if movie:

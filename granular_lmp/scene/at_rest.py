@@ -58,7 +58,7 @@ _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
 
 
 def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
-    """Return the crystal of a scene at rest.
+    """Return the crystal of a scene at rest; `progress` is that of `granular_lmp.crystal.equilibrium.relax`.
 
     The last two are kept, so that a scene whose time or wave changes is not brought to rest again.
 

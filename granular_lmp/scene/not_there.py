@@ -95,6 +95,18 @@ NOT_THERE = (
 )
 
 
+# Keys that somebody would try in another place than where they are
+ELSEWHERE = {
+    "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects random "
+    "polydispersity dispersity spread seed impurity impurities interface alloy",
+}
+
+
+def elsewhere(key: str) -> str | None:
+    """Return where a scene says what a key was meant to say; None for any other word."""
+    return next((where for where, words in ELSEWHERE.items() if key.lower() in words.split()), None)
+
+
 def not_supported(key: str) -> str | None:
     """Return why there is no such key and where to go, in one sentence; None for a word that nobody asks for."""
     row = next((each for each in NOT_THERE if key.lower() in each.words.split()), None)

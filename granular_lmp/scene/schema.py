@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.not_there import not_supported
+from granular_lmp.scene.not_there import elsewhere, not_supported
 
 AUTO = "auto"
 # tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
@@ -293,7 +293,8 @@ def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) 
 
 def unknown_key(whole: str, part: str, names: Iterable[str]) -> str:
     """Return what is wrong with a key, a part of which is none of `names`: not supported, misspelt, or not allowed."""
-    return f"{cut(whole)}: {not_supported(part) or f'unknown key; {allowed_names(part, names)}'}"
+    unknown = f"unknown key; {elsewhere(part) or allowed_names(part, names)}"
+    return f"{cut(whole)}: {not_supported(part) or unknown}"
 
 
 def checked_description(tables: Mapping[str, Any]) -> str:

@@ -1,0 +1,115 @@
+"""The crystal of a scene at rest: its spheres, the forces of its contacts, missing contacts and empty places."""
+
+import ase
+import numpy as np
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import CenteredNorm
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import hexagonal
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.signals import Picture
+from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.scene.scene import Scene
+
+MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
+
+
+def at_rest_figure(scene: Scene) -> Picture:
+    """Return a picture of the crystal of a scene at rest.
+
+    Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
+    all radii are equal. Lines are contacts, coloured by their force f_N over k1 Δ0: positive where they press. Dotted
+    are neighbours in the lattice that do not touch, and crosses are empty places.
+
+    Raises
+    ------
+    ViewError
+        If the scene is a perfect lattice, in which all spheres and contacts are equal, or has more than `MOST_DRAWN`
+        spheres.
+    """
+    if scene.perfect:
+        raise ViewError(f"{scene.name}: its spheres and contacts are all equal; there is nothing to draw at rest")
+    crystal = crystal_of(scene)
+    if len(crystal.atoms) > MOST_DRAWN:
+        raise ViewError(f"{scene.name}: has {len(crystal.atoms)} spheres; at most {MOST_DRAWN} are drawn")
+    figure = Picture(figsize=(8.0, 6.0), layout="constrained")
+    axes = figure.subplots()
+    position, radius = crystal.atoms.positions[:, :2], crystal.atoms.arrays["radius"]
+    values, label = _values(scene, crystal)
+    discs = EllipseCollection(
+        2 * radius, 2 * radius, 0 * radius, units="xy", offsets=position, offset_transform=axes.transData,
+        cmap="RdBu_r", norm=CenteredNorm(halfrange=float(np.abs(values).max()) or 1.0), linewidths=0,
+    )  # fmt: skip
+    discs.set_array(values)
+    axes.add_collection(discs, autolim=False)
+    contacts, sphere = crystal.contacts, scene.sphere
+    force = contacts.contact_force / (sphere.normal_stiffness * sphere.static_overlap)
+    lines = LineCollection(
+        _segments(position, contacts.i, contacts.vector[:, :2] / sphere.radius),
+        cmap="PiYG",
+        norm=CenteredNorm(halfrange=float(np.abs(force).max()) or 1.0),
+        linewidths=1.5,
+    )
+    lines.set_array(force)
+    axes.add_collection(lines, autolim=False)
+    i, _, vector = _missing(scene, crystal)
+    axes.add_collection(
+        LineCollection(_segments(position, i, vector), colors="black", linestyles="dotted", linewidths=1), autolim=False
+    )
+    empty = _empty_places(scene, crystal)
+    axes.plot(*empty.T, "x", color="black", markersize=5)
+    low, high = position.min(axis=0) - 1.5, position.max(axis=0) + 1.5
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
+    figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
+    figure.colorbar(lines, ax=axes, label=r"force of a contact $f_N/(k_1\Delta_0)$", fraction=0.05)
+    rest = crystal.equilibrium
+    assert rest is not None
+    lost = f", {len(i)} missing (dotted)" if len(i) else ""
+    axes.set_title(
+        f"{scene.name}: {scene.imperfections}\n"
+        f"{len(position)} spheres, {rest.contacts_per_sphere:.3f} contacts a sphere{lost}",
+        fontsize="medium",
+    )
+    return figure
+
+
+def _values(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.float64], str]:
+    """Return what the colour of the spheres shows, (N,), and its label."""
+    radius, density = crystal.atoms.arrays["radius"], crystal.atoms.arrays["density"]
+    if np.ptp(radius) or not np.ptp(density):
+        return (radius - 1) / scene.sphere.overlap_ratio, r"deviation of the diameter ($\Delta_0$)"
+    return density / scene.sphere.density - 1, "relative deviation of the density"
+
+
+def _segments(
+    position: NDArray[np.float64], i: NDArray[np.int64], vector: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return a line from the centre of each first sphere to that of its neighbour; across a face it leaves the cell."""
+    return list(np.stack([position[i], position[i] + vector], axis=1))
+
+
+def _missing(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the pairs of neighbours in the lattice that do not touch, and the vectors between them, in radii."""
+    equal = crystal.atoms.copy()
+    # Neighbours in the lattice are nearer than 2.5 radii, second neighbours farther than 3
+    equal.arrays["radius"] = np.full(len(equal), 1.25)
+    i, j, vector = overlapping(equal)
+    touching = _names(equal, crystal.contacts.i, crystal.contacts.j)
+    apart = ~np.isin(_names(equal, i, j), touching)
+    return i[apart], j[apart], vector[apart, :2]
+
+
+def _names(crystal: ase.Atoms, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a number for each pair, whichever of the two is first."""
+    return np.minimum(i, j) * len(crystal) + np.maximum(i, j)
+
+
+def _empty_places(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.float64]:
+    """Return the places of the lattice without a sphere, (M, 2), in radii, in the cell as it has breathed."""
+    lattice, atoms = hexagonal(scene.sphere, scene.shape), crystal.atoms
+    there = np.zeros((scene.shape.rows, scene.shape.columns), dtype=bool)
+    there[atoms.arrays["row"], atoms.arrays["column"]] = True
+    scale = atoms.cell.lengths()[:2] / lattice.cell.lengths()[:2]
+    return lattice.positions[~there.ravel(), :2] * scale
