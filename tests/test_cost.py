@@ -15,11 +15,11 @@ import pytest
 from analysis.measure.norms import relative_error
 from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
 from granular_lmp.studies.cost import measure, plan
-from granular_lmp.studies.cost_settings import KNOBS, Run, points, reference
+from granular_lmp.studies.cost_settings import KNOBS, Run, base, points, reference
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
 from granular_lmp.studies.tally import errors, text, to_csv
 from tests.conftest import PAPER
@@ -433,3 +433,14 @@ def test_a_study_that_is_stopped_from_outside_goes_on(small_toml: Path, tmp_path
     assert "interrupted" in err
     assert "the same command again does the rest" in err
     assert json.loads((tmp_path / "study" / "cost.json").read_text())["points"]
+
+
+def test_a_crystal_keeps_its_size_in_every_setting() -> None:
+    changes = {"packing.rows": 8, "packing.columns": 6, "packing.ends": "periodic", "disorder.radius": 5e-5}
+    scene = base(PAPER.with_values(changes | {"wave.wavenumber": np.pi / 4, "time.duration": 2.0}))
+    made, refused = points(scene)
+    assert {"columns", "ends", "strip or sheet"} <= set(refused)
+    assert {run.scene.shape for point in made for run in point.runs} == {scene.shape}
+    assert "tolerance, strip" in {point.knob for point in made}
+    with pytest.raises(SceneError, match="must be a running plane wave along y"):
+        base(scene.with_values({"wave.form": "standing"}))

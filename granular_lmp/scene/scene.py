@@ -277,7 +277,12 @@ class Scene(Document):
     @property
     def plane_along_y(self) -> bool:
         """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        running = self.perfect and self.wave.form == "running" and not self.envelope.finite
+        return self.perfect and self.starts_along_y
+
+    @property
+    def starts_along_y(self) -> bool:
+        """True if the wave starts as a running plane wave along y."""
+        running = self.wave.form == "running" and not self.envelope.finite
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property

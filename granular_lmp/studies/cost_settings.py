@@ -72,7 +72,7 @@ def base(scene: Scene) -> Scene:
         If the wave is not a running plane wave along y.
     """
     prepare(scene)
-    if not scene.plane_along_y:
+    if not scene.starts_along_y:
         raise SceneError(
             f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
         )
@@ -100,6 +100,9 @@ def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
     """
     made, refused = [], {}
     for knob, settings in KNOBS.items():
+        if knob in OTHER_CRYSTALS and not scene.perfect:
+            refused[knob] = "is another crystal where spheres differ or are missing"
+            continue
         for setting, changed in settings(scene).items():
             try:
                 runs = changed()
@@ -134,7 +137,12 @@ def _changed(scene: Scene, values: Mapping[str, Any], **how: Any) -> Make:
 
 
 def _strip(scene: Scene) -> dict[str, Any]:
-    """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number."""
+    """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number.
+
+    A crystal that is not perfect keeps its size.
+    """
+    if not scene.perfect:
+        return {}
     fewer_rows = {"packing.rows": "auto"} if scene.shape.ends == "fixed" else {}
     return {"packing.columns": "auto", **fewer_rows}
 
@@ -232,5 +240,7 @@ KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "ranks": _ranks,
     "strip or sheet": _sheet,
 }
+# Groups that change the size of the packing, which draws other spheres
+OTHER_CRYSTALS = frozenset({"columns", "ends", "strip or sheet"})
 # Groups whose settings are ordered by work, so that the slope of the error has a meaning
 ORDERED = frozenset({"time step", "Richardson pair", "tolerance, strip", "columns"})
