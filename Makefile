@@ -13,6 +13,7 @@
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
+# make notebook (the tutorial, executed, into docs/tutorial.ipynb; twenty seconds),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
@@ -28,7 +29,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: paper figures spectrum dispersion waves gallery test processors stability guards cost bench scale decks \
-    docs rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
+    docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
 paper: .venv/ready
@@ -135,6 +136,9 @@ decks: .venv/ready
 # the theme's vendor about another program
 docs: .venv/docs-ready
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+notebook: .venv/docs-ready
+	$(BIN)/python docs/tutorial_notebook.py
 
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py
