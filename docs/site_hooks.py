@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 # Pages of the repository → their place among the sources of the site
 PAGES = {
     "CONTRIBUTING.md": "contributing.md",
+    "RELEASING.md": "releasing.md",
     "CHANGELOG.md": "changelog.md",
     "benchmarks/RESULTS.md": "benchmarks.md",
     "README.md": "index.md",
