@@ -13,6 +13,8 @@
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
 # make docs (the documentation site, into site/), make rooms (the drawing of docs/architecture.md),
+# make notebook (the tutorial, executed, into docs/tutorial.ipynb; twenty seconds),
+# make versioned-docs (the site of this version beside those of others, onto the branch gh-pages: RELEASING.md),
 # make decks (rewrites the committed decks of lammps_inputs), make clean.
 
 PYTHON ?= python3
@@ -28,7 +30,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: paper figures spectrum dispersion waves gallery test processors stability guards cost bench scale decks \
-    docs rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
+    docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
 paper: .venv/ready
@@ -135,6 +137,19 @@ decks: .venv/ready
 # the theme's vendor about another program
 docs: .venv/docs-ready
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+# Each version keeps its folder; SITE=dev is that of the default branch; PUSH=--push sends gh-pages to its origin. The front
+# door leads to the latest release
+VERSION := $(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' granular_lmp/__init__.py)
+SITE ?= $(VERSION) latest
+PUSH ?=
+
+versioned-docs: .venv/docs-ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mike deploy $(PUSH) --update-aliases $(SITE)
+	$(if $(filter latest,$(SITE)),$(BIN)/mike set-default $(PUSH) --allow-empty latest)
+
+notebook: .venv/docs-ready
+	$(BIN)/python docs/tutorial_notebook.py
 
 rooms: .venv/ready
 	$(BIN)/python docs/rooms.py

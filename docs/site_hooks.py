@@ -6,6 +6,7 @@ repository lose their target (they are shown as code), and equations become Math
 or a connection.
 """
 
+import json
 import posixpath
 import re
 from html import unescape
@@ -20,10 +21,12 @@ ROOT = Path(__file__).parents[1]
 # Pages of the repository → their place among the sources of the site
 PAGES = {
     "CONTRIBUTING.md": "contributing.md",
+    "RELEASING.md": "releasing.md",
     "CHANGELOG.md": "changelog.md",
     "benchmarks/RESULTS.md": "benchmarks.md",
     "README.md": "index.md",
 }
+EXECUTED = "tutorial-executed.md"  # the notebook as a page
 _INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 _DISPLAY = re.compile(r'<div class="arithmatex">\\\[(.*?)\\\]</div>', re.DOTALL)
 _STYLED = re.compile(r'<mi mathvariant="(script|bold)">([A-Za-z])</mi>')
@@ -48,6 +51,9 @@ def on_files(files: Files, config: Any) -> Files:
     for source, place in PAGES.items():
         if files.get_file_from_path(place) is None:
             files.append(File.generated(config, place, abs_src_path=str(ROOT / source)))
+    if files.get_file_from_path(EXECUTED) is None:
+        notebook = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text("utf-8"))
+        files.append(File.generated(config, EXECUTED, content=notebook_page(notebook)))
     return files
 
 
@@ -63,6 +69,30 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         text = text.replace("<!-- commands -->", _commands())
     source = {place: source for source, place in PAGES.items() if place != "index.md"}
     return moved_links(text, source.get(page.file.src_uri, f"docs/{page.file.src_uri}"), page.file.src_uri)
+
+
+def notebook_page(notebook: dict[str, Any]) -> str:
+    """Return an executed notebook as a page that a search of the site leaves out, with its pictures inside."""
+    parts = ["---\ntitle: The tutorial, executed\nsearch: {exclude: true}\n---"]
+    for cell in notebook["cells"]:
+        source = cell["source"]
+        if cell["cell_type"] == "markdown":
+            parts.append(source)
+            continue
+        magic, _, rest = source.partition("\n")
+        parts.append(f"```bash\n{rest}\n```" if magic.startswith("%%bash") else f"```python\n{source}\n```")
+        parts += map(_output, cell["outputs"])
+    return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def _output(output: dict[str, Any]) -> str:
+    """Return an output of a cell: its picture, else its text."""
+    data = output.get("data", {})
+    for kind in ("image/gif", "image/png"):
+        if kind in data:
+            return f'<img alt="Output of the cell above" src="data:{kind};base64,{"".join(data[kind].split())}">'
+    text = output.get("text") or data.get("text/plain", "")
+    return f"```text\n{text.rstrip()}\n```" if text.strip() else ""
 
 
 def moved_links(text: str, source: str, place: str) -> str:

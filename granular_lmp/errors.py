@@ -1,5 +1,8 @@
 """The errors of the package: one base class, and the exit status of the command line for each."""
 
+# Arguments as messages name them → the options of the command line
+_OPTIONS = {"force=True": "--force", "scene=SCENE": "--scene SCENE", "changes={KEY: VALUE}": "--set KEY=VALUE"}
+
 
 class GranularError(Exception):
     """Base class of the errors of this package; the text is one line that a user can act on."""
@@ -12,7 +15,10 @@ class GranularError(Exception):
 
     def in_options(self) -> str:
         """Return the text for the command line, whose options have other names than the arguments in Python."""
-        return str(self).replace("force=True", "--force")
+        text = str(self)
+        for argument, option in _OPTIONS.items():
+            text = text.replace(argument, option)
+        return text
 
 
 class SceneError(GranularError):

@@ -102,10 +102,14 @@ def test_a_log_that_does_not_say_the_variables_asks_for_them(left: Left, tmp_pat
     assert adopt(folder, tmp_path / "adopted", changes={"wave.amplitude": 0.1}).scene.wave.amplitude == 0.1
 
 
-def test_a_folder_without_a_scene_asks_for_it(left: Left, small: Scene, tmp_path: Path) -> None:
+def test_a_folder_without_a_scene_asks_for_it(
+    left: Left, small: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = left()
     (folder / "scene.toml").unlink()
-    with pytest.raises(RunFolderError, match="holds no scene.toml; give the scene of its deck"):
+    assert main(["adopt", str(folder), "-o", str(tmp_path / "adopted")]) == 2
+    assert "give the scene of its deck, --scene SCENE" in capsys.readouterr().err
+    with pytest.raises(RunFolderError, match="holds no scene.toml; give the scene of its deck, scene=SCENE"):
         adopt(folder, tmp_path / "adopted")
     assert adopt(folder, tmp_path / "adopted", scene=small).scene.name == "small"
 

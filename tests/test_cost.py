@@ -15,13 +15,13 @@ import pytest
 from analysis.measure.norms import relative_error
 from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
 from granular_lmp.studies.cost import measure, plan
 from granular_lmp.studies.cost_settings import KNOBS, Run, base, points, reference
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
-from granular_lmp.studies.tally import errors, text, to_csv
+from granular_lmp.studies.tally import NOT_RUN, errors, failed, text, to_csv
 from tests.conftest import PAPER
 from tests.test_cli import cli
 
@@ -282,6 +282,29 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
     monkeypatch.setattr(module.tolerance, "run", real)
     again = measure(plan(small, tmp_path / "study", repeats=1))
     assert [row["message"] for row in again["points"] if row["message"]] == []
+
+
+def test_a_tolerance_that_is_not_met_is_an_answer_and_no_failure(
+    few: None,
+    small: Scene,
+    small_toml: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    real = module.tolerance.run
+
+    def unmet(scene: Scene, folder: Path, **options: Any) -> Record:
+        if scene.time.step == 0.25:
+            raise ToleranceError("time.tolerance = 1e-09: not met")
+        return real(scene, folder, **options)
+
+    monkeypatch.setattr(module.tolerance, "run", unmet)
+    status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
+    assert (status, out.count("no step meets it: time.tolerance = 1e-09: not met")) == (0, 3)
+    assert failed({"message": "LAMMPS failed"})
+    assert not failed({"message": ""})
+    assert not failed({"message": NOT_RUN})
 
 
 # --- budget ---

@@ -3,6 +3,7 @@
 import importlib
 import os
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -13,13 +14,19 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
+from analysis.cli import SCRIPTS
 from analysis.measure.norms import relative_error
 from analysis.theory import frequency_shift, hierarchy, lattice, resonance
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
+from granular_lmp import Scene
+from granular_lmp.cli.parser import parsers
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.scene import assignment
+from granular_lmp.scene.shipped import SHIPPED
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 THEORY = ROOT / "docs" / "theory.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
 PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
@@ -224,6 +231,84 @@ def test_python_that_fails_is_found(tmp_path: Path) -> None:
     wrong = run_blocks(page.format(2), tmp_path)
     assert wrong.returncode == 1
     assert 'File "block 2", line 1' in wrong.stderr
+
+
+# ---------------------------------------------------------------- commands
+
+TARGETS = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+SHARED = (ROOT / "analysis" / "figures" / "plotting.py").read_text("utf-8")
+
+
+def commands(page: str) -> list[list[str]]:
+    """Return the commands of a page that are ours, in words: after a dollar, up to a redirection or a second one."""
+    lines = re.findall(rf"^ *\$ ((?:{'|'.join(JUDGES)}) [^>|(&\n]+)", page, re.MULTILINE)
+    return [shlex.split(line, comments=True) for line in lines]
+
+
+def judge_package(words: list[str]) -> None:
+    """Refuse a command that the parser refuses, and a shipped scene with a key or value that is not allowed."""
+    options = parsers()[0].parse_args(words)
+    if (SHIPPED / str(getattr(options, "scene", "")) / "scene.toml").is_file():
+        Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
+
+
+def judge_analysis(words: list[str]) -> None:
+    """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
+    script, *rest = words
+    assert script in SCRIPTS, script
+    folder = ROOT / "analysis" / ("" if script == "compare" else "figures")
+    text = (folder / f"{script}.py").read_text("utf-8") + SHARED
+    assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
+
+
+def judge_python(words: list[str]) -> None:
+    """Refuse a module of `analysis` that is no script."""
+    if words[0] == "-m" and words[1].startswith("analysis."):
+        judge_analysis([words[1].split(".")[-1], *words[2:]])
+
+
+def judge_make(words: list[str]) -> None:
+    """Refuse a target that is not in the Makefile."""
+    assert {word for word in words if "=" not in word} <= {
+        *TARGETS,
+        ".venv/ready",
+        "&&",
+        "source",
+        ".venv/bin/activate",
+    }
+
+
+JUDGES = {
+    "granular-lmp": judge_package,
+    "granular-analysis": judge_analysis,
+    "python": judge_python,
+    "make": judge_make,
+}
+
+
+@each_page
+def test_every_command_of_a_page_is_one_that_the_programs_take(page: Path) -> None:
+    for program, *words in commands(page.read_text("utf-8")):
+        JUDGES[program](words)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "granular-lmp rum tr_periodic",
+        "granular-lmp run tr_periodic --folder here",
+        "granular-lmp run tr_periodic --set wave.amplitude=-1",
+        "granular-lmp check tr_periodic --set wave.colour=1 > file",
+        "granular-analysis specturm sweeps",
+        "granular-analysis spectrum sweeps --svc points.csv",
+        "python -m analysis.figures.mapp",
+        "make paperr  # a target",
+    ],
+)
+def test_a_command_that_is_wrong_is_found(command: str) -> None:
+    ((program, *words),) = commands(f"```console\n$ {command}\n$ ls\n```\n")
+    with pytest.raises((SystemExit, SceneError, AssertionError)):
+        JUDGES[program](words)
 
 
 # ---------------------------------------------------------------- numbers of docs/theory.md

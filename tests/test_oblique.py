@@ -132,6 +132,15 @@ def test_nothing_in_the_figure_is_clipped(modes: tuple[str, ...], runs: list[Rec
         assert all(low < each.error < high for each in made)
 
 
+def test_theory_is_a_line_beside_runs_of_one_direction_too(made: list[oblique.Point], runs: list[Record]) -> None:
+    one = [each for each in made if each.mode == "TR"]
+    figure = oblique_figure.draw(one, [record for record in runs if record.scene.wave.mode == "TR"])
+    lines = [line for line in figure.axes[0].lines if str(line.get_label()).endswith("theory")]
+    assert len(lines) == 3
+    for line in lines:
+        assert list(np.asarray(line.get_xdata())[[0, -1]]) == [0.0, 90.0]
+
+
 def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
     runs: list[Record], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,5 +1,6 @@
 """The measured spectrum of the second harmonic: what is put in is found, a wrong amplitude and a shift are seen."""
 
+import csv
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from analysis import second_harmonic as closed
 from analysis.figures import spectrum as spectrum_figure
 from analysis.measure import spectrum
+from analysis.measure.runs import by_wave
 from analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
@@ -201,10 +203,77 @@ def test_the_script_prints_medians_and_locations(
     assert spectrum_figure.main([str(folder(records)), "-o", str(drawn)]) == 0
     assert drawn.stat().st_size > 0
     lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line.strip()}
-    assert lines["TR"][1] == "18"
-    assert float(lines["TR"][2]) < 1e-8
-    assert float(lines["resonance"][1]) == pytest.approx(1.47627, abs=3e-4)
-    assert float(lines["antiresonance"][1]) == pytest.approx(2.12923, abs=3e-4)
+    assert lines["TR"][1:3] == ["0.02", "18"]
+    assert float(lines["TR"][3]) < 1e-8  # as in `test_the_amplitude_put_in_is_found`
+    assert float(lines["resonance"][2]) == pytest.approx(1.47627, abs=3e-4)  # a quartic over 0.4 rad of wave number
+    assert float(lines["antiresonance"][2]) == pytest.approx(2.12923, abs=3e-4)
+
+
+def at(record: Record, amplitude: float, scale: float = 1.0) -> Record:
+    """Return the record for another amplitude of the wave, to second order, with its p times a scale."""
+    ratio = amplitude / record.scene.wave.amplitude
+    return replace(record, p=scale * ratio * record.p, scene=record.scene.with_values({"wave.amplitude": amplitude}))
+
+
+def test_a_sweep_over_the_amplitude_is_a_family_for_each(
+    folder: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    small = [of_theory("TR", k) for k in (*ROWS["resonance"], *ROWS["antiresonance"])]
+    large = [at(record, 0.1, 1.03) for record in small]  # 3 % more than theory, and the locations are the same
+    drawn, table = tmp_path / "figure.png", tmp_path / "points.csv"
+    assert spectrum_figure.main([str(folder([*large, *small])), "-o", str(drawn), "--csv", str(table)]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.strip()]
+    deviations = {line[1]: float(line[3]) for line in lines if line[0] == "TR"}
+    assert deviations["0.02"] < 1e-8  # as in `test_the_amplitude_put_in_is_found`
+    assert deviations["0.1"] == pytest.approx(0.03, rel=1e-2)  # two digits are printed
+    for name, place in (("resonance", 1.47627), ("antiresonance", 2.12923)):
+        found = [(line[1], float(line[2])) for line in lines if line[0] == name]
+        assert found == [(each, pytest.approx(place, abs=3e-4)) for each in ("0.02", "0.1")]  # as above
+    with table.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["wave.mode"], row["wave.amplitude"]) for row in rows] == [("TR", "0.02")] * 18 + [("TR", "0.1")] * 18
+    assert [float(row["wave.wavenumber"]) for row in rows[:18]] == sorted(record.scene.wavenumber for record in small)
+    assert float(rows[18]["generated"]) == pytest.approx(1.03 * float(rows[0]["generated"]), rel=1e-8)  # rounding
+
+
+def test_every_family_has_its_marker_and_theory_one_line() -> None:
+    records = [at(of_theory("TR", k), amplitude) for k in (17, 43) for amplitude in (0.02, 0.1, 0.2)]
+    figure = spectrum_figure.draw([spectrum.point(record) for record in records], records)
+    above, below = figure.axes
+    assert [line.get_label() for line in above.lines].count("theory") == 1
+    assert {line.get_marker() for line in above.lines if line.get_marker() != "None"} == {"o", "s", "^"}
+    legend = below.get_legend()
+    assert legend is not None
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["0.02 $\\Delta_0$", "0.1 $\\Delta_0$", "0.2 $\\Delta_0$", "0.5%"]
+
+
+@pytest.mark.parametrize("modes", [("TR",), ("TR", "RT", "L")])
+def test_the_title_of_the_figure_is_not_clipped(modes: tuple[str, ...]) -> None:
+    records = [at(of_theory(mode, 17), amplitude) for mode in modes for amplitude in (0.02, 0.05, 0.1)]
+    figure = spectrum_figure.draw([spectrum.point(record) for record in records], records)
+    figure.draw_without_rendering()
+    box = figure._suptitle.get_window_extent()  # type: ignore[attr-defined]
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+
+
+def test_runs_of_two_crystals_are_refused(folder: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    first, other_one = of_theory("TR", 17), of_theory("TR", 18)
+    changed = replace(other_one, scene=other_one.scene.with_values({"sphere.poisson_ratio": 0.2}))
+    with pytest.raises(SystemExit):
+        spectrum_figure.main([str(folder([first, changed]))])
+    said = capsys.readouterr().err
+    assert "poisson_ratio = 0.2, but 0.17 in" in said
+    assert "a figure takes the runs of one crystal" in said
+
+
+def test_runs_that_differ_in_more_than_the_step_are_no_pair() -> None:
+    coarse, fine = (stepped(of_theory("TR", 17), step) for step in (0.05, 0.025))
+    for changes in ({"wave.amplitude": 0.1}, {"sphere.poisson_ratio": 0.2}, {"wave.phase": 0.4}):
+        other_wave = replace(fine, scene=fine.scene.with_values(changes))
+        assert len(by_wave([coarse, other_wave])) == 2
+    assert [len(runs) for runs in by_wave([coarse, fine])] == [2]
 
 
 @pytest.mark.parametrize(

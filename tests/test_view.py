@@ -1,7 +1,6 @@
 """Pictures: spheres are where their snapshot says, what is missing is said, a notebook shows its objects."""
 
 import re
-import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from PIL import Image
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, view
 from granular_lmp.plot.at_rest import at_rest_figure
@@ -20,7 +18,7 @@ from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.scene import assignment, note
+from granular_lmp.scene.scene import note
 from granular_lmp.studies.sweep import Sweep, sweep
 
 
@@ -207,17 +205,6 @@ def test_every_picture_of_the_gallery_is_below_the_command_that_makes_it_and_sma
         (picture,) = re.findall(r"!\[[^\]]+\]\(\.\./([^)]+)\)", section)
         assert f" -o {picture}" in section.partition("![")[0]
         assert (ROOT / picture).stat().st_size < 400e3  # a page of eight is then 3 MB at most
-
-
-def test_every_command_of_the_gallery_is_one_of_ours() -> None:
-    commands = re.findall(r"^\$ (.*)", GALLERY, re.MULTILINE)
-    assert len(commands) >= 8
-    for command in commands:
-        name, *arguments = shlex.split(command)
-        assert name == "granular-lmp"
-        options = parsers()[0].parse_args(arguments)  # exits where one is wrong
-        if hasattr(options, "scene"):
-            Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
 
 
 # --- in a notebook ---------------------------------------------------------------------------------------------------

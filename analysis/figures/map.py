@@ -1,6 +1,6 @@
 """Map the second harmonic over the Brillouin zone: which wave, sent in which direction, doubles its frequency best.
 
-    python -m analysis.figures.map [-o FILE] [--poisson-ratio NU]
+    python -m analysis.figures.map [-o FILE] [--poisson-ratio NU] [--overlap-ratio ETA [--prestress SHARE]]
 
 One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
 of `directions.second_harmonic_amplitude`, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a
@@ -12,6 +12,11 @@ branches, which have no dispersion there. Where a resonance line crosses Γ–M 
 parity, and nothing resonates. A weakly coupled resonance shows as its line alone (middle branch with upper, ν = 0.17:
 its share of the amplitude passes 1 only within 0.01/a of the line). At K the middle and the upper branch touch: next
 to it their colours depend on the side.
+
+The lattice is the paper's unless options say otherwise: contacts of true length and direction by their overlap
+η = Δ0/2R, and compression by its share of the force that holds a contact (`analysis.theory.contact.Contact`). In a
+scene the share is packing.contact_force over the sum of that and the adhesive force. Left out are dashpots, and the
+shear law is the secant one.
 
 The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhere a branch moves in u, v and φ, and only
 its frequency names it.
@@ -46,15 +51,24 @@ def wave_vectors(points: int) -> Floats:
     return np.stack(np.meshgrid(CORNER * centres, EDGE * centres), axis=-1)
 
 
-def names_along_y(branch: int, poisson_ratio: float) -> str:
+def names_along_y(branch: int, contact: Contact) -> str:
     """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
     line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
-    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, Contact(poisson_ratio)))
+    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, contact))
 
 
-def draw(poisson_ratio: float) -> Figure:
-    """Return the figure of the three maps for one Poisson's ratio (−1 to 0.5)."""
-    k, contact = wave_vectors(POINTS), Contact(poisson_ratio)
+def lattice_in_words(contact: Contact) -> str:
+    """Return what the maps depend on, for the title of the legend."""
+    words = [rf"$\nu$ = {contact.poisson_ratio:g}, solid spheres"]
+    if contact.overlap_ratio:
+        words.append(rf"overlap $\Delta_0/2R$ = {contact.overlap_ratio:g}")
+        words.append(f"compression bears {contact.prestress:.0%} of the contact force")
+    return ", ".join(words)
+
+
+def draw(contact: Contact) -> Figure:
+    """Return the figure of the three maps for contacts of the secant law."""
+    k = wave_vectors(POINTS)
     fundamental, _ = modes(k, contact)
     doubled, _ = modes(2.0 * k, contact)
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
@@ -85,7 +99,7 @@ def draw(poisson_ratio: float) -> Figure:
             panel.plot(*place, "o", color="black", markersize=4, markeredgecolor="white", clip_on=False, zorder=4)
             panel.annotate(name, place, offset, textcoords="offset points", fontsize=11, path_effects=HALO, zorder=4)
         panel.set(
-            title=f"fundamental: {BRANCHES[branch]} branch\n({names_along_y(branch, poisson_ratio)} on Γ–M)",
+            title=f"fundamental: {BRANCHES[branch]} branch\n({names_along_y(branch, contact)} on Γ–M)",
             xlim=(-1.2 * CORNER, 1.2 * CORNER),
             ylim=(-1.2 * EDGE, 1.2 * EDGE),
             xlabel="$k_x a$ (rad)",
@@ -103,7 +117,7 @@ def draw(poisson_ratio: float) -> Figure:
     figure.legend(
         [Line2D([], [], color="black", linestyle=STYLES[target]) for target in sorted(targets)],
         [rf"resonance: $2\Omega(k)$ meets the {BRANCHES[target]} branch at $2k$" for target in sorted(targets)],
-        title=rf"$\nu$ = {poisson_ratio:g}, solid spheres",
+        title=lattice_in_words(contact),
         loc="outside lower center",
         ncols=3,
         frameon=False,
@@ -113,8 +127,8 @@ def draw(poisson_ratio: float) -> Figure:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the maps into a file."""
-    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments)
-    save(draw(contact.poisson_ratio), output)
+    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments, geometry=True)
+    save(draw(contact), output)
 
 
 if __name__ == "__main__":

@@ -83,7 +83,8 @@ def _wave(records: Sequence[Record], name: str) -> Wave:
 
 
 def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave) -> None:
-    angles = np.linspace(min(each.direction for each in these), max(each.direction for each in these), 181)
+    directions = [each.direction for each in these]
+    angles = np.linspace(min(0.0, *directions), max(90.0, *directions), 181)  # one direction has its line too
     turned = (replace(wave, mode=linear_mode(wave.mode.name, wavenumber, angle, wave.contact)) for angle in angles)
     theory = [strength(predicted(each, these[0].tau)) for each in turned]
     largest = np.max(theory)

@@ -62,14 +62,43 @@ def start(main: Callable[[], int | None]) -> NoReturn:
     sys.exit(status)
 
 
-def spheres(command: argparse.ArgumentParser, arguments: Sequence[str] | None) -> tuple[Contact, str]:
-    """Return the contact of the spheres that ``--poisson-ratio`` names, silica's unless given, and the output file."""
+def spheres(
+    command: argparse.ArgumentParser, arguments: Sequence[str] | None, *, geometry: bool = False
+) -> tuple[Contact, str]:
+    """Return the contact of the spheres that the options describe, and the output file.
+
+    ``--poisson-ratio`` is silica's unless given. With geometry, ``--overlap-ratio`` and ``--prestress`` are options,
+    by the names and in the ranges of `analysis.theory.contact.Contact`; without them the lattice is the paper's.
+    """
     command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
-    options = command.parse_args(arguments)
+    if geometry:
+        command.add_argument(
+            "--overlap-ratio",
+            type=float,
+            default=0.0,
+            metavar="ETA",
+            help="static overlap over the diameter of a sphere, 0 to 0.1 (default: 0, the paper's points of contact)",
+        )
+        command.add_argument(
+            "--prestress",
+            type=float,
+            default=0.0,
+            metavar="SHARE",
+            help="share of compression in the force that holds a contact, 0 to 1; the rest is adhesion "
+            "(default: 0); needs --overlap-ratio",
+        )
+    options = vars(command.parse_args(arguments))
+    output = options.pop("output")
     try:
-        return Contact(options.poisson_ratio), options.output
+        contact = Contact(**options)
     except ValueError as error:
         command.error(str(error))
+    if contact.prestress and not contact.overlap_ratio:
+        command.error(
+            f"--prestress {contact.prestress:g} needs --overlap-ratio above 0: between points of contact the force at "
+            "rest turns nothing, and compression changes no wave"
+        )
+    return contact, output
 
 
 def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str) -> int:

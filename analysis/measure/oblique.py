@@ -11,12 +11,12 @@ the component along k is driven; in between a wave of any mode drives all three,
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import isclose
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.norms import relative_error
+from analysis.measure.runs import by_wave
 from analysis.measure.sheets import fields_of, rest_of
 from analysis.theory import directions
 from analysis.theory.bloch import wavevector_of
@@ -96,25 +96,19 @@ def points(records: Iterable[Record]) -> list[Point]:
 
     Raises ValueError for a run that is none of these (`refusal`), and for other runs of one wave.
     """
-    waves: dict[tuple[str, float, float, float, float], list[Record]] = {}
-    for record in records:
+    runs = list(records)
+    for record in runs:
         if reason := refusal(record):
             raise ValueError(f"{record.folder}: {reason}")
-        scene = record.scene
-        wave = scene.wave
-        key = (wave.mode, scene.wavenumber, scene.direction, wave.amplitude, wave.phase)
-        waves.setdefault(key, []).append(record)
-    return sorted((_point(runs) for runs in waves.values()), key=lambda each: (each.mode, each.direction))
+    return sorted(map(_point, by_wave(runs)), key=lambda each: (each.mode, each.direction))
 
 
 def _point(runs: list[Record]) -> Point:
     scene = runs[0].scene
     mode, wavenumber, direction = scene.wave.mode, scene.wavenumber, scene.direction
-    runs = sorted(runs, key=lambda record: record.scene.time.step)
     (tau, wave), *coarse = (second_harmonic(record) for record in runs)
-    steps = [record.scene.time.step for record in runs]
-    if len(runs) > 2 or (coarse and not (isclose(steps[1], 2 * steps[0]) and len(coarse[0][0]) == len(tau))):
-        raise ValueError(f"{mode} at {direction:.5g} degrees: {len(runs)} runs that are no pair of steps h and h/2")
-    for _, rougher in coarse:
+    for times, rougher in coarse:
+        if len(times) != len(tau):
+            raise ValueError(f"{mode} at {direction:.5g} degrees: {len(times)} and {len(tau)} snapshots are no pair")
         wave = (4 * wave - rougher) / 3
     return Point(mode, wavenumber, direction, tau, wave, predicted(wave_of(runs[0]), tau))

@@ -1,5 +1,7 @@
 """Runs as a script reads them: what is wrong with one is a single line and the end of the script."""
 
+from collections.abc import Iterable
+from math import isclose
 from pathlib import Path
 
 import numpy as np
@@ -25,3 +27,29 @@ def sweep(folder: str) -> list[Record]:
     """The finished runs of a sweep, by wave number."""
     runs = (load(path.parent) for path in Path(folder).glob(f"runs/*/{STATUS}"))
     return sorted(runs, key=lambda record: record.scene.wavenumber)
+
+
+def by_wave(records: Iterable[Record]) -> list[list[Record]]:
+    """Return the runs of each wave, the finest step first: one run, or two of steps h/2 and h to be extrapolated.
+
+    Two runs are of one wave if their scenes differ in name, description and time step only.
+
+    Raises
+    ------
+    ValueError
+        For other runs of one wave: more than two, steps that are no pair, records of different length.
+    """
+    waves: dict[str, list[Record]] = {}
+    for record in records:
+        tables = record.scene.to_dict()
+        others = {key: value for key, value in tables.items() if key not in ("name", "description")}
+        others["time"] = {key: value for key, value in tables["time"].items() if key not in ("timestep", "tolerance")}
+        waves.setdefault(repr(others), []).append(record)
+    groups = [sorted(runs, key=lambda record: record.scene.time.step) for runs in waves.values()]
+    for fine, *rest in groups:
+        scene = fine.scene
+        pair = len(rest) == 1 and isclose(rest[0].scene.time.step, 2 * scene.time.step)
+        if rest and not (pair and len(rest[0].tau) == len(fine.tau)):
+            wave = f"{scene.wave.mode}, xi = {scene.wavenumber:.5g} at {scene.direction:.5g} degrees"
+            raise ValueError(f"{wave}: {1 + len(rest)} runs that are no pair of steps h and h/2")
+    return groups

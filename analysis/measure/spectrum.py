@@ -10,13 +10,13 @@ that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; free w
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import isclose
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from analysis import second_harmonic as closed
+from analysis.measure.runs import by_wave
 from analysis.theory.catalogue import OBLIQUE, missing
 from analysis.theory.choice import traits_of, wave_of
 from analysis.theory.wave import Wave
@@ -50,9 +50,13 @@ class Frequencies:
 
 @dataclass(frozen=True)
 class Point:
-    """A run: its wave number, the generated amplitude in εD0 with its standard error, and that of theory, P̃1/2i."""
+    """A run: its wave, the generated amplitude in εD0 with its standard error, and that of theory, P̃1/2i.
+
+    amplitude is a = D0/Δ0 of the fundamental, which theory does not depend on in these units.
+    """
 
     mode: str
+    amplitude: float
     wavenumber: float
     value: float
     error: float
@@ -140,6 +144,7 @@ def point(record: Record) -> Point:
     scale = epsilon * frequencies.detuning
     return Point(
         wave.mode.name,
+        wave.amplitude,
         wave.mode.wavenumber,
         float(factors[0] / scale),
         float(abs(errors[0] / scale)),
@@ -209,22 +214,14 @@ def _inverse(record: Record) -> tuple[float, float, float]:
 def extrapolated(records: Iterable[Record]) -> list[Record]:
     """One record a wave: of two runs with steps h and h/2, (4·fine − coarse)/3; of one run, that run.
 
-    Raises ValueError for other runs of one wave.
+    Raises ValueError for other runs of one wave (`analysis.measure.runs.by_wave`).
     """
-    waves: dict[tuple[str, float, int], list[Record]] = {}
-    for record in records:
-        scene = record.scene
-        waves.setdefault((scene.wave.mode, scene.wavenumber, scene.shape.rows), []).append(record)
-    return [_one(name, runs) for name, runs in waves.items()]
+    return [_one(*runs) for runs in by_wave(records)]
 
 
-def _one(name: tuple[str, float, int], runs: list[Record]) -> Record:
-    if len(runs) == 1:
-        return runs[0]
-    fine, coarse = sorted(runs, key=lambda record: record.scene.time.step)[:2]
-    halved = isclose(coarse.scene.time.step, 2 * fine.scene.time.step)
-    if len(runs) > 2 or not halved or len(coarse.tau) != len(fine.tau):
-        raise ValueError(f"{name[0]}, xi = {name[1]:.5g}: {len(runs)} runs that are no pair of steps h and h/2")
+def _one(fine: Record, coarse: Record | None = None) -> Record:
+    if coarse is None:
+        return fine
     better = {part: (4 * getattr(fine, part) - getattr(coarse, part)) / 3 for part in ("p", "q", "phi")}
     return replace(fine, **better)
 

@@ -104,7 +104,7 @@ def _sweep(options: Options) -> int:
 
 def _cost(options: Options) -> int:
     from granular_lmp.studies.cost import measure, plan
-    from granular_lmp.studies.tally import NOT_RUN, text
+    from granular_lmp.studies.tally import failed, text
 
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
@@ -117,7 +117,7 @@ def _cost(options: Options) -> int:
         result = measure(planned, progress=bar and progress_of_runs)
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
-    return int(any(row["message"] not in ("", NOT_RUN) for row in result["points"]))
+    return int(any(map(failed, result["points"])))
 
 
 def _kick(options: Options) -> int:

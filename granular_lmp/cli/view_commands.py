@@ -26,14 +26,15 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     )
     view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
 
-    export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE")
+    export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
     export.add_argument("folder", metavar="DIR", help="a run folder")
     export.add_argument(
         "-o",
         "--output",
         metavar="FILE",
         required=True,
-        help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; .xyz: extended XYZ of the snapshots",
+        help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; .xyz: extended XYZ of the snapshots; "
+        ".h5md: the snapshots as HDF5",
     )
 
 

@@ -82,7 +82,7 @@ def adopt(
     if said is None and not changes:
         raise RunFolderError(
             f"{source / LOG}: does not say its variables, as decks of this version do; give what differs from the "
-            f"scene, or one value as it is, wave.amplitude = {declared.wave.amplitude!r}"
+            f"scene by changes={{KEY: VALUE}}, or one value as it is, wave.amplitude = {declared.wave.amplitude!r}"
         )
     if declared.time.tolerance is not None:
         raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
@@ -116,7 +116,7 @@ def adopt(
 
 def _scene(source: Path) -> Scene:
     if not (source / SCENE).is_file():
-        raise RunFolderError(f"{source}: holds no {SCENE}; give the scene of its deck")
+        raise RunFolderError(f"{source}: holds no {SCENE}; give the scene of its deck, scene=SCENE")
     return Scene.load(source)
 
 

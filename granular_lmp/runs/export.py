@@ -1,7 +1,4 @@
-"""A run for other programs: SI units as CSV, netCDF for xarray, extended XYZ of its snapshots for OVITO and ASE.
-
-netCDF-4 files, which xarray writes where netCDF4 or h5netcdf is installed, are HDF5 files: h5py reads them too.
-"""
+"""A run for other programs: SI units as CSV, netCDF for xarray, its snapshots as extended XYZ or as HDF5."""
 
 import csv
 from collections.abc import Callable
@@ -13,6 +10,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.runs.h5md import write_h5md
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 
@@ -81,6 +79,8 @@ FORMATS: dict[str, Callable[[Record, Path], None]] = {
     ".nc": _write_netcdf,
     ".xyz": _write_snapshots,
     ".extxyz": _write_snapshots,
+    ".h5md": write_h5md,
+    ".h5": write_h5md,
 }
 
 
@@ -92,7 +92,7 @@ def export(record: Record, path: str | Path) -> None:
     RunFolderError
         For another ending, a run without snapshots, or a file that cannot be written.
     PackageMissingError
-        For netCDF without xarray.
+        For netCDF without xarray, HDF5 without h5py.
     """
     path = Path(path)
     write = FORMATS.get(path.suffix.lower())

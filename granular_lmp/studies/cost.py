@@ -21,7 +21,7 @@ from typing import Any
 
 from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.ladder import build
-from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.launch import core_count
@@ -268,4 +268,6 @@ def _run(run: Run, folder: Path) -> None:
         with writable(folder):
             folder.mkdir(parents=True, exist_ok=True)
         there = read_status(folder) if (folder / STATUS).is_file() else {}
-        write_status(folder, there | {"status": "failed", "message": str(error)})
+        # A tolerance that no step meets is an answer of the study, not a failure of it
+        met = {"tolerance_met": False} if isinstance(error, ToleranceError) else {}
+        write_status(folder, there | met | {"status": "failed", "message": str(error)})

@@ -23,6 +23,7 @@ from granular_lmp.studies.output_variants import OUTPUTS
 
 RUNS = "runs"
 NOT_RUN = "not run yet"
+NOT_MET = "no step meets it: "
 COMPONENTS = ("p", "q", "phi")
 COST_COLUMNS = (
     *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
@@ -141,9 +142,15 @@ def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> 
 def _why_not(folder: Path, point: Point) -> str:
     for run in point.runs:
         there = place(folder, run, 1)
-        if (there / STATUS).is_file() and read_status(there).get("status") == "failed":
-            return str(read_status(there)["message"])
+        status = read_status(there) if (there / STATUS).is_file() else {}
+        if status.get("status") == "failed":
+            return f"{NOT_MET}{status['message']}" if status.get("tolerance_met") is False else str(status["message"])
     return NOT_RUN
+
+
+def failed(row: Row) -> bool:
+    """Return whether a setting failed: it has no numbers, and neither the budget nor its tolerance is the reason."""
+    return bool(row["message"]) and row["message"] != NOT_RUN and not row["message"].startswith(NOT_MET)
 
 
 def errors(record: Record, best: Record) -> dict[str, float | None]:

@@ -1,0 +1,106 @@
+"""Snapshots of all spheres in one HDF5 file, in the layout of H5MD 1.1, which h5py and MDAnalysis read in parts.
+
+H5MD (P. de Buyl, P. H. Colberg & F. Höfling, Comput. Phys. Commun. 185, 1546 (2014), https://nongnu.org/h5md) says
+where positions, velocities, box and units stand. The file holds binary doubles, 80 bytes for a sphere and snapshot, and
+the text dump some 180. It is written one snapshot at a time, so that no more than two are ever in memory.
+
+    particles/trajectory    box/edges, position, velocity              elements of H5MD: (T, N, 3), nm and nm/ns
+                            displacement (T, N, 2), rotation, spin     ours: nm, rad, rad/ns; spin about z
+                            id, species (1 moves, 2 is held), radius   the same at all times
+    parameters              attributes: scene (TOML), status, D0_m, Delta0_m, t0_s, R_m, origin_m
+
+Each element holds ``value``, ``step`` and ``time`` (ns). A rotation that was not tracked is nan. H5MD puts a corner of
+the box at the origin: a position is that of the deck less ``origin_m``. MDAnalysis keeps positions in single precision,
+which loses a displacement of 1e-7 of the crystal; the displacements in the file have every digit.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp import __version__
+from granular_lmp.runs.record import Record, optional_package
+from granular_lmp.scene.scene import Scene
+
+NANO = 1e-9  # m in a nm, s in a ns: MDAnalysis knows no larger unit
+TYPES = {"moving": 1, "held": 2}  # as in the data file of the deck
+
+
+def write_h5md(record: Record, path: Path) -> None:
+    """Write the snapshots of a run as H5MD; a file that is there is replaced.
+
+    Parameters
+    ----------
+    record : Record
+    path : Path
+        Of the file; its ending does not matter here.
+
+    Raises
+    ------
+    RunFolderError
+        For a run without snapshots.
+    PackageMissingError
+        Without h5py.
+    """
+    snapshots, h5py = record.snapshots(), optional_package("h5py")
+    scene, crystal = snapshots.scene, snapshots.crystal
+    radius, time = scene.sphere.radius / NANO, scene.sphere.time_scale / NANO
+    unit = scene.displacement_amplitude / NANO
+    corner = crystal.get_celldisp().ravel()
+    place = (crystal.positions - corner) * radius
+    frames, count = len(snapshots), len(place)
+    with h5py.File(path, "w") as file:
+        _describe(file, scene, str(record.info.get("status", "")), corner * scene.sphere.radius)
+        group = file.create_group("particles/trajectory")
+        group["id"] = np.arange(1, count + 1)
+        group["species"] = np.where(snapshots.held, TYPES["held"], TYPES["moving"])
+        group["species"].attrs.update(TYPES)
+        group["radius"] = crystal.arrays["radius"] * radius
+        group["radius"].attrs["unit"] = "nm"
+        group["step"] = [each.step for each in snapshots.index]
+        group["time"] = snapshots.tau * time
+        group["time"].attrs["unit"] = "ns"
+        box = group.create_group("box")
+        ends = "none" if scene.shape.ends == "fixed" else "periodic"  # walls: nothing is periodic across them
+        box.attrs.update({"dimension": 3, "boundary": ["periodic", ends, "none"]})
+
+        def element(name: str, said: str, *shape: int) -> Any:
+            """Return the values of a new time-dependent element, a chunk for each snapshot; all share step and time."""
+            made = group.create_group(name)
+            made["step"], made["time"] = group["step"], group["time"]
+            values = made.create_dataset("value", (frames, *shape), dtype=np.float64, chunks=(1, *shape))
+            values.attrs["unit"] = said
+            return values
+
+        element("box/edges", "nm", 3)[:] = np.diag(crystal.cell.array) * radius
+        position, velocity = element("position", "nm", count, 3), element("velocity", "nm ns-1", count, 3)
+        displacement = element("displacement", "nm", count, 2)
+        rotation, spin = element("rotation", "rad", count), element("spin", "rad ns-1", count)
+        for number in range(frames):
+            spheres = snapshots[number]
+            displacement[number] = spheres.displacement * unit
+            position[number] = place + np.pad(spheres.displacement * unit, ((0, 0), (0, 1)))
+            velocity[number] = np.pad(spheres.velocity * unit / time, ((0, 0), (0, 1)))
+            rotation[number] = spheres.rotation * unit / radius
+            spin[number] = spheres.spin * unit / radius / time
+
+
+def _describe(file: Any, scene: Scene, status: str, origin: np.ndarray) -> None:
+    """Write what the file is, and of which run."""
+    file.create_group("h5md").attrs["version"] = [1, 1]
+    file.create_group("h5md/author").attrs["name"] = "granular-lmp"
+    file.create_group("h5md/creator").attrs.update({"name": "granular-lmp", "version": __version__})
+    file.create_group("h5md/modules/units").attrs["version"] = [1, 0]
+    sphere = scene.sphere
+    file.create_group("parameters").attrs.update(
+        {
+            "scene": scene.to_toml(),
+            "status": status,
+            "D0_m": scene.displacement_amplitude,
+            "Delta0_m": sphere.static_overlap,
+            "t0_s": sphere.time_scale,
+            "R_m": sphere.radius,
+            "origin_m": origin,
+        }
+    )
