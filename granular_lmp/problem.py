@@ -17,6 +17,7 @@ from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
 from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
@@ -102,6 +103,8 @@ def prepare(scene: Scene) -> Problem:
     if scene.wave.frequency is not None:
         values["wave.wavenumber"] = scene.wave.wavenumber
     values |= {effect.switch: effect.on for effect in chosen if effect.switch.startswith("effects.")}
+    if quiet := quiet_end_of(scene):
+        values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
     limit, echo = problem.largest_step, resolved.echo_time / problem.at_rest.swiftness

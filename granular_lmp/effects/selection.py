@@ -7,6 +7,7 @@ from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
 from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.quiet_ends import QUIET_ENDS
 from granular_lmp.effects.rolling import ROLLING
 from granular_lmp.effects.rotation import ROTATION
 from granular_lmp.effects.shear import SHEAR
@@ -22,7 +23,7 @@ from granular_lmp.scene.schema import AUTO
 # In the order in which they build on one another
 EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
-    *(ROLLING, TWISTING, WALLS, WIDTH),
+    *(ROLLING, TWISTING, WALLS, QUIET_ENDS, WIDTH),
 )
 
 

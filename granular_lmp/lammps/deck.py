@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
+from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
@@ -28,6 +29,7 @@ from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
+from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -300,7 +302,9 @@ fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_spe
 
 _MOTION = """\
 # --- motion of the spheres that are not held
-fix          move mobile <motion>"""
+fix          move mobile <motion>
+<quiet>
+<quiet_turn>"""
 
 _GUARDS = """\
 # --- guards: proof that the effects this deck leaves out do not occur
@@ -314,6 +318,10 @@ group        centre id <centre>
 dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
 dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
 <particles_dump>"""
+
+_QUIET_TURN = """\
+variable     turn_drag atom v_rate*0.4*mass*radius^2
+fix          turn_drag quiet viscous/sphere 1.0 scale v_turn_drag"""
 
 _RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
 
@@ -335,7 +343,7 @@ _SAID = "granular-lmp variables: "
 # Contents of the slots that no effect of a scene fills
 UNCALLED = dict.fromkeys(
     ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
-    + ("read_angle", "angle_column", "angle_name"),
+    + ("read_angle", "angle_column", "angle_name", "quiet", "quiet_turn"),
     "",
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
@@ -446,7 +454,27 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
     }
     optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
+    numbers |= _quiet_values(problem, units)
     return UNCALLED | selection.lines(problem.on) | plain | optional | numbers | _contact_values(problem, units)
+
+
+def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
+    """Return the numbers of the rows that absorb."""
+    scene, end = problem.scene, quiet_end_of(problem.scene)
+    if end is None:
+        return {}
+    row = scene.sphere.lattice_constant * ROW_SPACING
+    inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # of the last row without damping
+    return {
+        "quiet_rows": str(end.rows),
+        "quiet_reflection": f"{end.reflection:.1e}",
+        "quiet_side": "y" if scene.wave.form == "driven" else "abs(y)",
+        "quiet_from": repr(units.number(inside, length=1)),
+        "quiet_thickness": repr(units.number(end.rows * row, length=1)),
+        "quiet_strength": repr(end.strength),
+        "quiet_power": repr(end.power),
+        "quiet_turn": _QUIET_TURN if problem.on["rotation"] else "",
+    }
 
 
 def _contact_values(problem: Problem, units: Units) -> dict[str, str]:

@@ -1,9 +1,9 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
-``[effects]`` and ``[output]``, and any number of ``[[inclusion]]`` (`granular_lmp.scene.sections`). Times are in units
-of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the packing is
-decided here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
+``[effects]``, ``[output]`` and ``[absorb]``, and any number of ``[[inclusion]]`` (`granular_lmp.scene.sections`). Times
+are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the
+packing is decided here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 """
 
 from collections.abc import Mapping
@@ -28,6 +28,7 @@ from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
     SPHERE_RULES,
+    Absorb,
     Effects,
     Envelope,
     Output,
@@ -48,6 +49,7 @@ SECTIONS: dict[str, type] = {
     "time": Time,
     "effects": Effects,
     "output": Output,
+    "absorb": Absorb,
 }
 REPEATED: dict[str, type] = {"inclusion": Inclusion}
 SECTION_RULES = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
@@ -95,7 +97,7 @@ class Scene(Document):
 
     sections = SECTIONS
     repeated = REPEATED
-    optional = ("disorder",)
+    optional = ("disorder", "absorb")
     rules = SECTION_RULES
     attributes = {"sphere": "material"}
     exclusive = EXCLUSIVE
@@ -108,6 +110,7 @@ class Scene(Document):
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
+    absorb: Absorb = Absorb()
     disorder: Disorder = Disorder()
     inclusion: tuple[Inclusion, ...] = ()
 
@@ -356,8 +359,9 @@ class Scene(Document):
 
     @property
     def echo_time(self) -> float:
-        """Time τ at which the echo of the walls reaches the centre sphere; infinite in a periodic cell."""
-        return inf if self.shape.ends == "periodic" else echo_time(self.shape.rows, driven=self.wave.form == "driven")
+        """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
+        silent = self.shape.ends == "periodic" or self.absorb.rows != 0
+        return inf if silent else echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
@@ -366,6 +370,7 @@ class Scene(Document):
         validation.check_imperfections(self.packing, self.layered, self.perfect)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
+        validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)
         validation.check_time(self.time, self.output, shape, self.echo_time)
 
 

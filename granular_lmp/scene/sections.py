@@ -198,6 +198,14 @@ class Effects:
 
 
 @dataclass(frozen=True)
+class Absorb:
+    """Quiet ends: rows in front of the held ones that absorb what reaches them."""
+
+    rows: int | Auto = count("damped at each end; 0: none", 0, 10_000, words=(AUTO,), default=0)
+    reflection: float = number("", "share of the amplitude that may come back", 1e-5, 0.5, default=1e-3)
+
+
+@dataclass(frozen=True)
 class Output:
     """Output of a run in addition to the record of the centre sphere."""
 

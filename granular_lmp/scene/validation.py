@@ -11,7 +11,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, shown
-from granular_lmp.scene.sections import Effects, Envelope, Output, Packing, Time, Wave
+from granular_lmp.scene.sections import Absorb, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
 
 # LAMMPS's DEM contact laws hold for rigid spheres with a small overlap.
@@ -101,6 +101,24 @@ def check_imperfections(packing: Packing, layered: bool, perfect: bool) -> None:
                 f'packing.{name} = "auto": must be declared where spheres differ or are missing, as the size of the '
                 "crystal is then part of the answer"
             )
+
+
+def check_absorb(absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelope, shape: Shape) -> None:
+    """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
+    if absorb.rows == 0:
+        return
+    if shape.ends != "fixed":
+        raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
+    if packing.rows == AUTO:
+        raise SceneError(
+            'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
+            "ends, and those that the wave is to cross"
+        )
+    if wave.form != "driven" and not envelope.length:
+        raise SceneError(
+            f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
+            'or wave.form = "driven"'
+        )
 
 
 def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, vector: WaveVector) -> None:

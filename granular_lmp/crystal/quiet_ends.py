@@ -1,0 +1,219 @@
+"""Quiet ends: rows that absorb a wave, with the reflection of a layer from the linear lattice.
+
+Rows n = 1 … L in front of a held row are damped, F = −γ_n v and T = −γ_n Ĩ R² ω, by
+
+    γ_n t0/m = c_n = c (n/L)^p
+
+which grows from nothing, so that the wave enters without an echo. All modes decay with the rate c_n/2 in row n, because
+a torque is damped like a force. Matched, Bloch modes or not: a perfectly matched layer would amplify waves whose crests
+run against their energy, as those of RT do, and a viscous one does not.
+
+**Reflection.** In a wave along y all spheres of a row move alike. With X_n = (u, v, φ) of row n and time e^{−iΩτ},
+
+    K₋ X_{n−1} + (K₀ − ΩM(Ω + i c_n)) X_n + K₊ X_{n+1} = 0,    X_{L+1} = 0
+
+where K₀ + K₊e^{iξ} + K₋e^{−iξ} is the Bloch matrix. From the held row backward X_{n+1} = T_n X_n; in front of the layer
+the incident mode and those that leave it solve the quadratic eigenproblem of the perfect lattice. The reflection is the
+root of the energy flux that comes back, in all modes, over the incident one: exact for small amplitudes.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.modes import FULL, Mode, Physics, bloch_modes, effective_inertia
+from granular_lmp.crystal.sphere import Sphere
+
+Complexes = NDArray[np.complexfloating]
+POWERS = (2.0, 3.0, 4.0)
+MOST_ROWS = 2000
+# Imaginary part of the frequency, relative: it tells waves that leave from those that come, and costs that much of r
+_LEAVING = 1e-7
+
+
+@dataclass(frozen=True)
+class QuietEnd:
+    """A layer of damped rows in front of a held row.
+
+    Attributes
+    ----------
+    rows : int
+        Thickness L.
+    strength : float
+        Largest damping rate c, in 1/t0.
+    power : float
+        Exponent p of the profile.
+    reflection : float
+        Largest |r| over the waves that it was made for.
+    """
+
+    rows: int
+    strength: float
+    power: float
+    reflection: float
+
+    def rates(self) -> NDArray[np.float64]:
+        """Damping rates c_n of rows 1 … L, from the inside to the held row, in 1/t0."""
+        return self.strength * (np.arange(1, self.rows + 1) / self.rows) ** self.power
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """Rows of the lattice as a chain: K₀, K₊, K₋ in units of M t0⁻² of a translation, and M."""
+
+    on_site: Complexes
+    ahead: Complexes
+    behind: Complexes
+    mass: NDArray[np.float64]
+
+
+def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, physics: Physics = FULL) -> float:
+    """Return |r| of a layer for a mode along y, the root of the reflected over the incident energy flux.
+
+    Parameters
+    ----------
+    lattice, sphere : Contacts, Sphere
+        Contacts of a lattice of one sphere a cell, and its sphere.
+    mode : Mode
+        Incident wave, along y; its crests may run away from the layer, as those of RT do.
+    end : QuietEnd
+    physics : Physics
+        Degrees of freedom.
+
+    Raises
+    ------
+    ValueError
+        If the mode does not run along y.
+    """
+    return _reflection(_line(lattice, sphere, physics), mode, end.rates(), physics)
+
+
+def _reflection(line: _Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> float:
+    if mode.vector.axis != "y":
+        raise ValueError(f"mode along {mode.vector.direction:g} degrees: quiet ends are for waves along y")
+    frequency = mode.frequency * (1 + 1j * _LEAVING)
+    inertia = frequency * np.diag(line.mass)
+    beyond: Complexes = np.zeros_like(line.on_site)  # T of the row before the held one
+    for rate in rates[::-1]:
+        beyond = -np.linalg.solve(line.on_site - (frequency + 1j * rate) * inertia + line.ahead @ beyond, line.behind)
+    still = line.on_site - frequency * inertia
+    # Waves s λⁿ of the perfect lattice that leave to the rows behind: they grow with n
+    factor, shape = _waves(line, still)
+    leave = np.argsort(-np.abs(factor))[: len(still)]
+    shape, step = shape[:, leave], factor[leave]
+    # Row 0 is the last perfect one; X₋₁ and X₀ are those of the incident and of the leaving waves
+    incident = mode.shape()[physics.coordinates]
+    incident = incident / np.sqrt(np.sum(line.mass * np.abs(incident) ** 2))
+    before = incident * np.exp(-1j * mode.vector.per_row)
+    if _flux(line, before, incident) > 0:  # its energy runs the other way: take the wave of −ξ, the time reversal
+        incident, before = incident.conj(), before.conj()
+    onward = still + line.ahead @ beyond
+    away = line.behind @ (shape / step) + onward @ shape
+    amplitude = np.linalg.solve(away, -(line.behind @ before + onward @ incident))
+    back = shape @ amplitude
+    flux = abs(_flux(line, (shape / step) @ amplitude, back))
+    return float(np.sqrt(flux / abs(_flux(line, before, incident))))
+
+
+def _flux(line: _Line, before: Complexes, here: Complexes) -> float:
+    """Return the energy flux from a row to the one before, up to a factor: Im(X₋₁† K₊ X₀)."""
+    return float(np.imag(before.conj() @ line.ahead @ here))
+
+
+def _line(lattice: Contacts, sphere: Sphere, physics: Physics) -> _Line:
+    """Return the rows of a lattice as a chain, from its Bloch modes at three wave numbers along y."""
+    inertia = float(effective_inertia(lattice)[0]) / sphere.mass
+    mass = np.array([1.0, 1.0, inertia])[physics.coordinates]
+    turn = np.diag(np.array([1.0, 1.0, 1.0j])[physics.coordinates])  # φ = i f
+    row = float(lattice.vector[:, 1].max()) / sphere.radius
+    phases = 2 * np.pi * np.arange(3) / 3
+    frequencies, shapes = bloch_modes(lattice, sphere, np.column_stack([0 * phases, phases / row]), physics)
+    matrices = []
+    for frequency, shape in zip(frequencies, shapes[..., physics.coordinates], strict=True):
+        modal = frequency**2 / np.sum(shape**2 * mass, axis=-1)
+        matrices.append(turn @ (mass[:, None] * ((shape.T * modal) @ shape) * mass) @ turn.conj())
+    behind, on_site, ahead = (
+        sum(np.exp(-1j * step * phase) * matrix for phase, matrix in zip(phases, matrices, strict=True)) / 3
+        for step in (-1, 0, 1)
+    )
+    return _Line(on_site, ahead, behind, mass)
+
+
+def _waves(line: _Line, still: Complexes) -> tuple[Complexes, Complexes]:
+    """Return λ and s (one column each) of the solutions s λⁿ of the perfect lattice at a frequency."""
+    count = len(still)
+    step = np.linalg.solve(line.ahead, np.hstack([-line.behind, -still]))
+    companion = np.vstack([np.hstack([np.zeros((count, count)), np.eye(count)]), step])
+    factor, vector = np.linalg.eig(companion)
+    shape = vector[:count]
+    return factor, shape / np.linalg.norm(shape, axis=0)
+
+
+# --- the choice of a layer -------------------------------------------------------------------------------------------
+
+
+def quiet_end(
+    lattice: Contacts,
+    sphere: Sphere,
+    modes: Sequence[Mode],
+    wanted: float,
+    rows: int | None = None,
+    physics: Physics = FULL,
+) -> QuietEnd:
+    """Return the layer with the fewest rows that reflects at most a share of the amplitude of each mode.
+
+    Parameters
+    ----------
+    lattice, sphere, physics
+        As for `reflection`.
+    modes : sequence of Mode
+        Waves along y that reach the layer.
+    wanted : float
+        Largest |r|. Good values: 1e-2 to 1e-4; half as much takes a few rows more.
+    rows : int, optional
+        Thickness, if it is given; strength and power are then the best for it.
+
+    Returns
+    -------
+    QuietEnd
+        Its `reflection` may exceed `wanted` if the rows are given.
+
+    Raises
+    ------
+    ValueError
+        If `MOST_ROWS` are not enough, as for waves near the edge of a band, which hardly move.
+    """
+    line = _line(lattice, sphere, physics)
+    if rows is not None:
+        return _best(line, modes, rows, physics)
+    most = 4
+    while (end := _best(line, modes, most, physics)).reflection > wanted:
+        most *= 2
+        if most > MOST_ROWS:
+            raise ValueError(f"reflection = {wanted!r}: needs more than {MOST_ROWS} rows for these waves; ask for more")
+    fewest = most // 2
+    while most - fewest > max(1, most // 20):  # to a row in twenty
+        middle = (most + fewest) // 2
+        tried = _best(line, modes, middle, physics)
+        most, fewest, end = (middle, fewest, tried) if tried.reflection <= wanted else (most, middle, end)
+    return end
+
+
+def _best(line: _Line, modes: Sequence[Mode], rows: int, physics: Physics) -> QuietEnd:
+    """Return the layer of a thickness whose largest reflection is least."""
+    tried = []
+    for power in POWERS:
+        for strength in _strengths():
+            end = QuietEnd(rows, strength, power, 0.0)
+            worst = max(_reflection(line, mode, end.rates(), physics) for mode in modes)
+            tried.append(QuietEnd(rows, strength, power, worst))
+    return min(tried, key=lambda end: end.reflection)
+
+
+def _strengths() -> Iterator[float]:
+    """Yield strengths over the range in which a layer of some rows absorbs, by steps of a fifth."""
+    for step in range(24):
+        yield 0.05 * 1.2**step
