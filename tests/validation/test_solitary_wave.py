@@ -1,0 +1,50 @@
+"""The solitary wave in LAMMPS: its speed and largest velocity against the travelling-wave equation."""
+
+import numpy as np
+import pytest
+
+from analysis.figures.impact import lammps
+from analysis.theory.chain import uniform
+from analysis.theory.chain_motion import march, peak
+from analysis.theory.solitary import solitary_wave
+
+COUNT, END = 60, 66.0  # the wave has passed sphere 51, and not come to the end
+WATCHED = (40, 51)
+
+
+def measured(step: float) -> np.ndarray:
+    """Return the speed and the largest velocity of the wave in a row that is struck at the velocity 1."""
+    times, velocities, _ = lammps(COUNT, step, round(END / step), 1, WATCHED)
+    (height, first), (_, second) = peak(times, velocities[:, 0]), peak(times, velocities[:, -1])
+    return np.array([(WATCHED[1] - WATCHED[0] - 1) / (second - first), height])
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple[np.ndarray, np.ndarray]:
+    return measured(0.05), measured(0.025)
+
+
+def test_lammps_carries_the_solitary_wave(pair: tuple[np.ndarray, np.ndarray]) -> None:
+    coarse, fine = pair
+    speed, velocity = (4 * fine - coarse) / 3
+    # Higher orders of the step are left: a sixteenth of 1e-4 of the pair's difference
+    assert speed == pytest.approx(0.84050877, abs=1e-5)
+    assert velocity == pytest.approx(0.68163155, abs=1e-5)
+    wave = solitary_wave(1.0)
+    assert speed / velocity**0.2 == pytest.approx(wave.speed / wave.largest_velocity**0.2, abs=1e-5)
+    assert coarse[0] != pytest.approx(0.84050877, abs=5e-5)  # what one run of this step has
+
+
+def test_each_run_has_the_error_of_its_step(pair: tuple[np.ndarray, np.ndarray]) -> None:
+    found = [speed / velocity**0.2 for speed, velocity in pair]
+    # As velocity Verlet on the same row; peaks between samples are good to 1e-9
+    assert found == pytest.approx([0.9075651, 0.9074938], abs=2e-7)
+
+
+def test_lammps_is_velocity_verlet_to_rounding() -> None:
+    _, velocities, _ = lammps(20, 0.1, 100, 20, (0, 20))
+    v = np.eye(20)[0]
+    _, expected = march(uniform(20), 0 * v, v, 0.1, 100, every=20)
+    # Positions of 1e4 overlaps carry 1e-12, over 100 steps
+    assert velocities[1:] == pytest.approx(expected, abs=1e-9)
+    assert velocities[1:] != pytest.approx(np.roll(expected, 1, axis=0), abs=1e-3)
