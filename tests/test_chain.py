@@ -21,7 +21,7 @@ from analysis.theory.chain import (
 from analysis.theory.chain_motion import SIXTH, march
 from analysis.theory.network import Material, Network
 
-STEEL, ALUMINIUM = (193e9, 0.30, 8000.0), (73.5e9, 0.33, 2700.0)
+STEEL, ALUMINIUM = (193e9, 0.30, 8000.0), (70e9, 0.33, 2700.0)
 RADIUS, FORCE = 9.525e-3, 20.0
 
 

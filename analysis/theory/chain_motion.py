@@ -12,7 +12,7 @@ h^{5/2} with any scheme of fixed step. DOP853 shortens its steps there. A solita
 has no such event: its overlap comes and goes faster than any power.
 
 Good values: a step of `collision_time` / 80 for VERLET (1.4e-4 of the velocities after 12 collision times), / 20 for
-SIXTH (3e-6), rtol = 1e-10 for DOP853 (6e-8). An evaluation of all forces takes 5 to 10 µs of processor time for up to a
+SIXTH (3e-6), rtol = 1e-10 for DOP853 (2e-8). An evaluation of all forces takes 5 to 10 µs of processor time for up to a
 hundred spheres. `analysis.figures.impact` draws error over cost.
 """
 
@@ -173,7 +173,7 @@ def _parted(part: Chain, u: Floats, v: Floats) -> int:
 def peak(times: ArrayLike, values: ArrayLike, around: int = 4) -> tuple[float, float]:
     """Return the height and the time of the highest value, by the polynomial through 2·around + 1 samples there.
 
-    For a solitary wave in samples of 0.1 of its `collision_time` both are good to 1e-6, of 0.03 to 1e-10.
+    For a solitary wave in samples of 0.1 of its `collision_time` both are good to 3e-6, of 0.03 to 1e-10.
 
     Raises ValueError where the highest sample is too near to an end.
     """
