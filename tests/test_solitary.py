@@ -159,6 +159,12 @@ def test_what_has_no_solitary_wave_is_refused(values: dict[str, float], message:
         solitary_wave(**values)
 
 
+def test_an_iteration_that_does_not_end_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.theory.solitary.MOST", 5)
+    with pytest.raises(RuntimeError, match="no solitary wave after 5 iterations"):
+        solitary_wave(1.0)
+
+
 def test_a_crest_below_the_rest_is_refused() -> None:
     with pytest.raises(ValueError, match="x > 1, not 1.0"):
         long_wave_speed(1.0)
