@@ -96,8 +96,22 @@ def test_the_energy_of_a_sphere_is_never_negative() -> None:
     chain, rng = mixed(), np.random.default_rng(2)
     u = rng.normal(0, 2 * chain.overlap[1], (200, len(chain)))
     u[:, -1] = 0.0
-    # Rounding of the contact energies that are subtracted
-    assert energies(chain, u, np.zeros_like(u)).min() > -1e-12 * energies(chain, u, np.zeros_like(u)).max()
+    assert energies(chain, u, np.zeros_like(u)).min() >= 0
+
+
+def test_the_energy_is_that_of_hertz_less_the_work_of_the_force() -> None:
+    chain = compressed([1.0, 2.0, 1.0], [0.0, 1.5, 0.5, 0.0], 0.8)
+    u = np.array([[0.4, -0.1, 0.0], [-3.0, 0.2, 3.0]])  # closed and open
+    now, rest = (overlaps(chain, one)[..., 1:3] for one in (u, np.zeros(3)))
+    expected = chain.stiffness[1:3] * 0.4 * (np.maximum(now, 0) ** 2.5 - rest**2.5) - 0.8 * (now - rest)
+    assert energies(chain, u, 0 * u).sum(axis=1) == pytest.approx(expected.sum(axis=1), rel=1e-12)
+    assert energies(chain, u, 0 * u)[:, 0] == pytest.approx(expected[:, 0] / 2, rel=1e-12)
+
+
+def test_the_energy_of_the_smallest_motions_keeps_its_digits() -> None:
+    chain, small = uniform(2, 1.0), 1e-12
+    # K x²/2 with K = 3/2; the next term is 1e-13 of it
+    assert energies(chain, np.array([small, 0.0]), np.zeros(2)).sum() == pytest.approx(0.75 * small**2, rel=1e-10)
 
 
 def test_energy_and_momentum_are_conserved() -> None:

@@ -213,12 +213,20 @@ def test_what_cannot_be_done_is_refused_by_name() -> None:
         (lambda: march(uniform(5), v, v, 0.1, 10, every=3), "steps must be a positive multiple of every = 3, not 10"),
         (lambda: march(uniform(5), v, v, 0.1, 0), "steps must be a positive multiple"),
         (lambda: integrate(uniform(5), 0 * v, 0 * v, [1.0]), "the chain is at rest"),
+        (lambda: integrate(uniform(1), np.zeros(1), np.ones(1), [1.0]), "the chain has no contact"),
         (lambda: follow(uniform(5, 1.0), 0 * v, v, 0.1, 10), "spheres that just touch"),
         (lambda: follow(uniform(5), 0 * v, v, -0.1, 10), "step must be positive, not -0.1"),
         (lambda: collision_time(1.0, 1.0, 0.0), "must be positive, not 1.0, 1.0, 0.0"),
     ):
         with pytest.raises(ValueError, match=re.escape(message)):
             wrong()
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_a_step_that_is_far_too_long_is_an_error() -> None:
+    wall = compressed(np.ones(3), np.array([8.0, 1.0, 1.0, 8.0]) ** 0.5, 1.0)
+    with pytest.raises(RuntimeError, match=re.escape("the step 50.0 is too long")):
+        march(wall, np.zeros(3), struck(3), 50.0, 2000)
 
 
 def test_energies_of_a_trajectory_are_those_of_its_states() -> None:

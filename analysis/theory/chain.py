@@ -7,12 +7,14 @@ end without a wall has A = 0. A held sphere has infinite mass. The overlap at re
 the constant load that keeps the chain at rest at u = 0: the force F0 on free ends, none on spheres that just touch.
 There is no adhesion, friction, rotation or damping. States have the shape (…, n): many chains move side by side.
 
+Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
+
 Units are any consistent ones; with A = m = 1 a velocity v gives overlaps of v^{4/5} and times of v^{−1/5}.
 `analysis.theory.chain_motion` integrates, `analysis.theory.solitary` has the exact travelling wave.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -166,13 +168,20 @@ def acceleration(chain: Chain, u: Array) -> Array:
 def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
     """Return the energy of each sphere (…, n) above rest: m v²/2 and half of each of its contacts.
 
-        V_j = (2/5) A (δ₊^{5/2} − d₊^{5/2}) − A d₊^{3/2} (δ − d) ≥ 0
+        V_j = (2/5) A (δ₊^{5/2} − d₊^{5/2}) − A d₊^{3/2} (δ − d)
+            = A (y − z)² (2y³ + 4y²z + 6yz² + 3z³)/5 + A z³ (−δ)₊,   y = √δ₊, z = √d₊
 
-    The last term is the share of the loads, so that the sum over all spheres is the conserved energy of the chain. A
-    contact with a wall or a held sphere counts in full for the one sphere that moves.
+    The term in δ − d is the share of the loads, so that the sum over all spheres is the conserved energy of the chain.
+    The second line keeps all digits of small motions. A contact with a wall or a held sphere counts in full for the one
+    sphere that moves.
     """
     now, rest = overlaps(chain, u), np.maximum(chain.overlap, 0.0)
-    stored = 0.4 * (np.maximum(now, 0.0) ** 2.5 - rest**2.5) - rest**1.5 * (now - chain.overlap)
+    pressed = np.maximum(now, 0.0)
+    y, z = np.sqrt(pressed), np.sqrt(rest)
+    both = (pressed > 0) & (rest > 0)
+    stretch = overlaps(replace(chain, overlap=np.zeros_like(rest)), u)
+    change = np.divide(stretch, y + z, out=y - z, where=both)
+    stored = change**2 * (2 * y**3 + 4 * y**2 * z + 6 * y * z**2 + 3 * z**3) / 5 + z**3 * (pressed - now)
     stored *= chain.stiffness
     moves = np.isfinite(chain.mass).astype(float)
     left, right = np.append(moves, 0.0), np.append(0.0, moves)  # the sphere to the right of a contact, to its left

@@ -58,6 +58,8 @@ def march(
     u, v : (…, n) at the start, not changed; complex ones carry derivatives.
     step : in units of time; negative runs backward.
     steps : how many; `every` must divide it.
+
+    Raises ValueError if it does not, RuntimeError for velocities that overflow.
     """
     every = every or steps
     if steps < 1 or steps % every:
@@ -74,6 +76,8 @@ def march(
             v += half * pull
         if number % every == 0:
             us[number // every - 1], vs[number // every - 1] = u, v
+    if not np.isfinite(v).all():
+        raise RuntimeError(f"velocities have overflowed: the step {step} is too long, or the start is not finite")
     return us, vs
 
 
@@ -86,8 +90,10 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
     rtol : error of a step relative to the largest overlap and velocity that the energy can make, root mean square over
         the spheres.
 
-    Raises ValueError if nothing moves.
+    Raises ValueError if nothing moves, or no spheres touch each other or a wall.
     """
+    if not chain.stiffness.any():
+        raise ValueError("the chain has no contact: its spheres fly freely")
     total = float(np.sum(energies(chain, u, v)))
     if not total > 0:
         raise ValueError("the chain is at rest: give it a displacement or a velocity")
