@@ -55,10 +55,12 @@ class Run(NamedTuple):
     seconds: float
 
 
-def lammps(count: int, step: float, steps: int, every: int, watched: tuple[int, int]) -> tuple[Floats, Floats, float]:
+def lammps(
+    count: int, step: float, steps: int, every: int, watched: tuple[int, int], velocity: float = 1.0
+) -> tuple[Floats, Floats, float]:
     """Return times (T,), velocities (T, k) of the spheres from watched[0] to watched[1], and the seconds of the loop.
 
-    Plain `lmp` runs a row of touching spheres, A = m = 1, of which the first has the velocity 1.
+    Plain `lmp` runs a row of touching spheres, A = m = 1, of which the first is thrown at the others.
     """
     modulus = 1.5 / (RADIUS / 2) ** 0.5  # A = (4/3) E* √(R/2) = 1 with E* = E/2, ν = 0
     atoms = "\n".join(f"create_atoms 1 single {2 * RADIUS * place!r} 0 0" for place in range(count))
@@ -77,7 +79,7 @@ def lammps(count: int, step: float, steps: int, every: int, watched: tuple[int, 
         pair_coeff * * hertz/material {modulus!r} 0.0 0.0 tangential linear_nohistory 0.0 0.0 damping velocity
         comm_modify vel yes
         group struck id 1
-        velocity struck set 1.0 0 0
+        velocity struck set {velocity!r} 0 0
         fix move all nve/sphere
         timestep {step!r}
         group watched id {watched[0] + 1}:{watched[1]}

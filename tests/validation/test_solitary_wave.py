@@ -68,3 +68,14 @@ def test_lammps_is_velocity_verlet_to_rounding() -> None:
     # Positions of 1e4 overlaps carry 1e-12, over 100 steps
     assert velocities[1:] == pytest.approx(expected, abs=1e-9)
     assert velocities[1:] != pytest.approx(np.roll(expected, 1, axis=0), abs=1e-3)
+
+
+@pytest.mark.parametrize("velocity", [1e-6, 1e-3, 1e2])
+def test_strikers_of_any_velocity_make_the_same_wave_in_lammps(velocity: float) -> None:
+    scale = velocity**-0.2
+    _, plain, _ = lammps(20, 0.1, 100, 100, (0, 20))
+    _, found, _ = lammps(20, 0.1 * scale, 100, 100, (0, 20), velocity)
+    # Positions of 2e4 carry 4e-12, overlaps are v^{4/5}: 2e-7 of them at 1e-6, summed over 100 steps
+    allowed = 1e-9 + 3e-11 * velocity**-0.8
+    assert found[-1] / velocity == pytest.approx(plain[-1], abs=allowed)
+    assert np.max(np.abs(found[-1] / velocity - 1.001 * plain[-1])) > 2 * allowed
