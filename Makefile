@@ -9,6 +9,7 @@
 # make processors (the tests that depend on last digits, as on other processors; make test does it too),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
+# make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -29,8 +30,8 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves gallery test processors stability guards cost bench scale decks \
-    docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
+.PHONY: paper figures spectrum dispersion waves gallery test processors stability guards impact cost bench scale \
+    decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
 paper: .venv/ready
@@ -119,6 +120,10 @@ stability: .venv/ready
 
 guards: .venv/ready
 	$(BIN)/python -m tests.hard.guard_study --write docs/effects.md
+
+impact: .venv/ready
+	$(BIN)/python -m analysis.figures.solitary -o figures/solitary.png
+	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
 
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost

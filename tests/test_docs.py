@@ -210,6 +210,7 @@ PAGES_OF_PYTHON = [
     "docs/gallery.md",
     "docs/network.md",
     "docs/imperfect.md",
+    "docs/strongly-nonlinear.md",
 ]
 
 
