@@ -1,0 +1,179 @@
+"""Where two waves are phase-matched: the command that designs a resonance, and the map of partners."""
+
+import re
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis import design as design_module
+from analysis import second_harmonic
+from analysis.cli import main as analysis_main
+from analysis.design import SILICA, Resonance, compressed, contact_of, design, main, table
+from analysis.figures import mixing as mixing_map
+from analysis.figures.mixing import partners, width
+from analysis.theory.contact import Contact
+from analysis.theory.directions import modes
+from analysis.theory.mixing import Pair, Tone, detunings
+
+HERTZ = 1.6e8  # some per cent above the paper's resonance in its own crystal
+STEEL = replace(SILICA, radius=1e-2, youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, work_of_adhesion=0.0)
+
+
+@cache
+def found(frequency: float, second: float | None = None, direction: float = 90.0) -> list[Resonance]:
+    return design(SILICA, frequency, second, [direction], [0.0, 60.0])
+
+
+def wavenumbers(each: Resonance) -> list[float]:
+    return [float(np.linalg.norm(k) * np.sqrt(0.75)) for k in (each.pair.first.wavevector, each.pair.second.wavevector)]
+
+
+# ---- the design
+
+
+def test_the_paper_s_resonance_needs_no_compression_at_its_own_frequency() -> None:
+    ratios = second_harmonic.ratios(SILICA.poisson_ratio, overlap_ratio=SILICA.overlap_ratio)
+    xi = second_harmonic.resonance(ratios)
+    frequency = second_harmonic.mode("TR", xi, ratios).frequency / (2 * np.pi * SILICA.time_scale)
+    # A millionth more, so that rounding asks for no pull; the force then is 6e-6 of the adhesion, as Ω ~ F^(1/6)
+    (each,) = design(SILICA, 1.000001 * frequency, directions=[90.0], openings=[0.0])
+    assert each.names == "TR + TR -> L"
+    assert wavenumbers(each) == pytest.approx([xi, xi], rel=1e-8)  # η changes by 4e-6 of 2.5e-4
+    assert each.sphere.contact_force == pytest.approx(6e-6 * SILICA.pull_off_force, rel=1e-3)
+
+
+@pytest.mark.parametrize("second", [None, 2.4e8])
+def test_a_design_is_phase_matched_in_the_crystal_that_it_asks_for(second: float | None) -> None:
+    resonances = found(HERTZ, second)
+    assert len(resonances) > 2
+    for each in resonances:
+        contact = contact_of(replace(SILICA, contact_force=each.sphere.contact_force))
+        for tone, hertz in ((each.pair.first, HERTZ), (each.pair.second, second or HERTZ)):
+            omega = modes(tone.wavevector, contact)[0][int(tone.branch)]  # type: ignore[call-overload]
+            assert omega == pytest.approx(2 * np.pi * hertz * each.sphere.time_scale, rel=1e-8)  # `CLOSE` and rounding
+        third = modes(each.pair.wavevector, contact)[0][each.target]
+        assert third == pytest.approx(2 * np.pi * each.generated_frequency * each.sphere.time_scale, rel=1e-8)
+        assert each.rate > 1e-4
+
+
+def test_the_fastest_comes_first_and_none_comes_twice() -> None:
+    resonances = found(HERTZ)
+    periods = [each.periods(0.1) for each in resonances]
+    assert periods == sorted(periods)
+    assert periods[0] == pytest.approx(2 * resonances[0].periods(0.2))
+    assert not any(one.mirrors(other) for i, one in enumerate(resonances) for other in resonances[:i])
+
+
+def test_directions_that_the_lattice_cannot_tell_apart_have_the_same_resonances() -> None:
+    upright, turned = found(HERTZ), found(HERTZ, None, 30.0)
+    assert len(upright) == len(turned) > 1
+    assert all(one.mirrors(other) for one, other in zip(upright, turned, strict=True))
+    assert not upright[0].mirrors(upright[1])
+
+
+def test_without_adhesion_the_force_is_as_the_sixth_power_of_the_frequency() -> None:
+    low, high = (design(STEEL, hertz, directions=[90.0], openings=[0.0])[0] for hertz in (500.0, 1000.0))
+    # Ω ~ 1/t0 ~ F^(1/6), beside corrections of the order of η, 1e-6 here
+    assert high.sphere.contact_force / low.sphere.contact_force == pytest.approx(64.0, rel=1e-3)
+
+
+def test_the_force_for_a_unit_of_time_gives_that_unit() -> None:
+    for factor in (0.5, 0.9, 1.0):
+        sphere = compressed(SILICA, factor * SILICA.time_scale)
+        assert sphere.time_scale == pytest.approx(factor * SILICA.time_scale, rel=1e-12)  # rounding
+        assert sphere.contact_force > -1e-12 * SILICA.pull_off_force
+
+
+def test_equal_frequencies_make_no_difference_and_unequal_ones_do() -> None:
+    assert {each.pair.sign for each in found(HERTZ)} == {1}
+    assert {each.pair.sign for each in design(SILICA, 2e8, 3e8, [17.0], [0.0])} == {1, -1}
+
+
+def test_the_table_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> None:
+    assert analysis_main(["design", str(HERTZ), "--direction", "90", "--opening", "0", "60"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.rstrip("\n") == table(found(HERTZ), 0.1)
+    line = next(line for line in printed.splitlines() if line.startswith("TR + TR -> L      90.0   90.0   90.0"))
+    assert float(line.split()[8]) == pytest.approx(1.47628, abs=1e-5)
+    assert float(line.split()[11]) == pytest.approx(3.2e8)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-3"], r"frequency is -3\.0; allowed: above 0"),
+        (["1e6", "--opening", "90"], r"frequency is 1e\+06; allowed: 4\.743e\+07 Hz and above"),
+        (["5e7", "--second", "0"], r"second is 0\.0; allowed: above 0"),
+        (["5e7", "--radius", "nan"], "radius is nan; allowed: above 0"),
+        (["5e7", "--work-of-adhesion", "-1"], r"work_of_adhesion is -1\.0; allowed: 0 or above"),
+        (["5e7", "--work-of-adhesion", "1e6"], r"work_of_adhesion is 1000000\.0; .* below 0\.099 of a diameter"),
+        (["5e7", "--poisson-ratio", "0.6"], r"poisson_ratio is 0\.6; allowed: above -1, up to 0\.5"),
+        (["5e7", "--poisson-ratio", "-1"], r"poisson_ratio is -1\.0; allowed: above -1"),
+        (["5e7", "--opening", "inf"], r"directions and openings are \[.*inf\]; allowed: degrees"),
+        (["5e7", "--amplitude", "1"], r"amplitude is 1\.0; allowed: above 0, below 1"),
+    ],
+)
+def test_bad_input_is_named(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert re.search(said, " ".join(capsys.readouterr().err.split()))
+
+
+def test_a_frequency_that_no_sphere_bears_has_no_resonance(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["1e12", "--direction", "90", "--opening", "0"]) == 1
+    assert "no pair is phase-matched with eta up to 0.099" in capsys.readouterr().out
+
+
+# ---- the map
+
+
+def test_the_paper_s_resonance_is_on_the_map() -> None:
+    k = np.array([0.0, 2 * 1.476255486117 / np.sqrt(3)])  # ξ_res of silica
+    lines = [line for target, line, _ in partners(Tone(k, 0), 0, 1, Contact(0.17), points=120) if target == 1]
+    # The spacing of the grid is 0.07; a line is good to its square
+    assert min(np.linalg.norm(line - k, axis=-1).min() for line in lines) < 0.07
+    assert not [line for _, line, _ in partners(Tone(k, 0), 0, -1, Contact(0.17), points=120)]
+
+
+@pytest.mark.parametrize(("branch", "sign"), [(0, 1), (1, 1), (1, -1), (2, -1)])
+def test_the_lines_of_the_map_are_phase_matched(branch: int, sign: int) -> None:
+    first, contact = Tone(np.array([0.55, 0.9]), 0), Contact(0.17)
+    found = list(partners(first, branch, sign, contact, points=120))  # type: ignore[arg-type]  # a parametrised sign
+    assert found
+    for target, line, rates in found:
+        gaps = detunings(Pair(first, Tone(line, branch), sign, contact))[:, target]  # type: ignore[arg-type]
+        assert np.quantile(np.abs(gaps), 0.9) < 2e-3  # the square of the spacing, times a curvature of 1/4
+        assert np.isfinite(rates).all()
+
+
+def test_a_line_is_as_wide_as_its_rate_says() -> None:
+    hair, wide, wider = (float(width(rate)) for rate in (0.0, 0.01, 0.02))
+    assert 0 < hair < wide
+    assert wider - hair == pytest.approx(2 * (wide - hair))
+
+
+def test_the_map_is_drawn_for_any_wave(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mixing_map, "POINTS", 40)
+    target = tmp_path / "new folder" / "mixing.png"
+    mixing_map.main(["-o", str(target), "--mode", "L", "--direction", "17", "--poisson-ratio", "-0.5"])
+    assert target.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--poisson-ratio", "0.7"], "poisson_ratio = 0.7 is outside [-1, 0.5]"),
+        (["--wavenumber", "0"], "wavenumber is 0.0; allowed: above 0"),
+        (["--mode", "T"], "invalid choice: 'T'"),
+    ],
+)
+def test_the_map_refuses_what_is_no_wave(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        mixing_map.main(arguments)
+    assert said in capsys.readouterr().err
+
+
+def test_the_units_of_the_options_are_those_of_a_sphere() -> None:
+    assert set(design_module.UNITS) <= set(vars(SILICA))
