@@ -49,9 +49,9 @@ from analysis.theory.springs import (
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-# Frequencies that differ by less, relative to their sum, count as equal: the constant of ∫x dy, rounding over Ω1 − Ω2,
-# is then right to 1e-8.
-EQUAL = 1e-8
+# A difference of equal frequencies counts as EQUAL·Ω1, where 0 would be 0/0: what changes by it is EQUAL·Ω1·τ of the
+# field, and the constant of ∫x dy loses 1e-16/EQUAL to rounding.
+EQUAL = 1e-7
 
 
 class Tone(NamedTuple):
@@ -74,9 +74,8 @@ class Pair:
     Raises
     ------
     ValueError
-        For another sign, the potential law and dashpots; and for a difference of different waves of equal frequency
-        where slip has a history (η > 0, or the incremental law): their contacts gather slip in proportion to time, and
-        there is no steady drive. A branch that the lattice does not have is refused where the pair is first used.
+        For another sign, the potential law and dashpots. A branch that the lattice does not have is refused where the
+        pair is first used.
     """
 
     first: Tone
@@ -89,12 +88,7 @@ class Pair:
             raise ValueError(f"sign is {self.sign!r}; allowed: 1 (sum), -1 (difference)")
         if self.contact.dashpot:
             raise ValueError(f"dashpot of the contact is {self.contact.dashpot:g}; allowed: 0, waves here do not decay")
-        history = self.springs.memory > 0 or self.springs.h > 0
-        if history and self.sign == -1 and np.any(self._gathers):
-            raise ValueError(
-                "the waves of a difference have equal frequencies, and slip with a history grows with time; allowed: "
-                "different frequencies, or overlap_ratio = 0 with law = 'secant'"
-            )
+        _ = self.springs.memory  # which refuses the potential law
 
     @cached_property
     def springs(self) -> Springs:
@@ -117,9 +111,21 @@ class Pair:
 
     @property
     def frequency(self) -> Floats:
-        """Return Ω1 ± Ω2, (...); a negative one is that of a wave along −k."""
+        """Return Ω1 ± Ω2, (...); a negative one is that of a wave along −k, and `EQUAL` Ω1 stands for 0 that winds."""
         (first, _), (second, _) = self.tones
-        return first + second
+        return np.where(self.winds, EQUAL * first, first + second)
+
+    @cached_property
+    def winds(self) -> NDArray[np.bool_]:
+        """Whether contacts gather slip in proportion to time, (...).
+
+        They do in the difference of two waves of equal frequency, other than one wave with itself, where slip has a
+        history: η > 0, or the incremental law. There is no steady drive then.
+        """
+        (first, _), (second, _) = self.tones
+        equal = np.abs(first + second) < EQUAL * first
+        branches = np.asarray(self.first.branch) != np.asarray(self.second.branch)
+        return self.springs.has_history & equal & (branches | (np.linalg.norm(self.wavevector, axis=-1) > 0.0))
 
     @cached_property
     def targets(self) -> tuple[Floats, Floats]:
@@ -144,14 +150,13 @@ class Pair:
         running, left = self.forces
         return drive(rows, running) / stiff, drive(rows, left) / stiff
 
-    @property
-    def _gathers(self) -> NDArray[np.bool_]:
-        """Whether the frequencies of a difference are equal and those of different waves."""
-        (first, _), _ = self.tones
-        apart = np.linalg.norm(self.wavevector, axis=-1) > 0
-        return (np.abs(self.frequency) <= EQUAL * first) & (
-            apart | (np.asarray(self.first.branch) != np.asarray(self.second.branch))
-        )
+    def refuse_winding(self) -> None:
+        """Raise ValueError where contacts wind up, so that nothing is steady."""
+        if np.any(self.winds):
+            raise ValueError(
+                "the waves of a difference have equal frequencies, and slip with a history grows with time; allowed: "
+                "different frequencies, overlap_ratio = 0 with law = 'secant', or the field in time, mixed_wave"
+            )
 
 
 def forced_amplitude(pair: Pair) -> Complexes:
@@ -165,10 +170,13 @@ def forced_amplitude(pair: Pair) -> Complexes:
 
     Raises
     ------
+    ValueError
+        Where contacts wind up (`Pair.winds`).
     numpy.linalg.LinAlgError
         On a resonance met to the last bit, as of acoustic waves at k = 0. Nearby the amplitude is large and true, but
         see `mixed_wave`.
     """
+    pair.refuse_winding()
     return -1j * GAUGE * response(pair.wavevector, pair.frequency, pair.drives[0], pair.springs)
 
 
@@ -179,9 +187,9 @@ def mixed_wave(pair: Pair, tau: ArrayLike) -> Complexes:
         Z_j(ω) = ∫₀^τ sin(w_j(τ−s))/w_j e^{−iωs} ds,    w_j the frequencies at k
 
     Each mode at k answers with a forced and a free part; Z_j is regular on resonance, where it grows as τ. F₀ is what
-    the start leaves in the contacts, 0 in the paper's geometry and law. Waves of phases ϑ1 and ϑ2 at r = 0 take the
-    factor exp i(ϑ1 ± ϑ2). In a simulated sheet of N spheres a1 a2 X is (2/N) Σ u(r) exp(−ik·r), unless k and −k are one
-    wave vector.
+    the start leaves in the contacts, 0 in the paper's geometry and law; where contacts wind up (`Pair.winds`), X grows
+    as τ too. Waves of phases ϑ1 and ϑ2 at r = 0 take the factor exp i(ϑ1 ± ϑ2). In a simulated sheet of N spheres
+    a1 a2 X is (2/N) Σ u(r) exp(−ik·r), unless k and −k are one wave vector.
 
     Parameters
     ----------
@@ -211,7 +219,10 @@ def growth_rates(pair: Pair) -> Floats:
     would make a third of that amplitude in 1/(rate·a); the estimate ends before, as they pay for it.
 
     Good values: 1e-2 to 1e-1; 0 where symmetry forbids the drive (`analysis.theory.selection`), and nan where Ω_j = 0.
+
+    Raises ValueError where contacts wind up (`Pair.winds`).
     """
+    pair.refuse_winding()
     return rates(pair.targets, pair.drives[0], pair.springs)
 
 

@@ -62,14 +62,14 @@ def forbidden(pair: Pair) -> NDArray[np.bool_]:
     one = np.asarray(pair.first.wavevector, dtype=float)
     other = pair.sign * np.asarray(pair.second.wavevector, dtype=float)
     shapes = pair.targets[1]
+    exchangeable = pair.sign == 1 or not pair.springs.has_history  # a history tells which wave is differentiated
     result = np.zeros(len(shapes), dtype=bool)
     for mirror in map(reflection, MIRRORS):
         of_one, of_other = mirror[:2, :2] @ one, mirror[:2, :2] @ other
         driven = 0
         if same_wavevector(of_one, one) and same_wavevector(of_other, other):
             driven = parity(first, mirror) * parity(second, mirror)
-        elif same_wavevector(of_one, other) and same_wavevector(of_other, one):
-            # A pair that is exchanged has equal frequencies; where the forces know them, its difference is no `Pair`
+        elif exchangeable and same_wavevector(of_one, other) and same_wavevector(of_other, one):
             driven = int(min(np.abs(mirror @ first - sign * second).max() for sign in (1, -1)) < SAME)
         if driven:
             result |= [parity(shape, mirror) == -driven for shape in shapes]

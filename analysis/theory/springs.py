@@ -97,6 +97,11 @@ class Springs:
             raise ValueError("law = 'potential' is not in these springs, whose second order knows secant, incremental")
         return 1.0 if self.law == "incremental" else 0.0
 
+    @property
+    def has_history(self) -> bool:
+        """True if the slip of a contact depends on how it came about: S₂ holds an integral."""
+        return self.h > 0.0 or self.memory > 0.0
+
 
 class Elongations(NamedTuple):
     """e_N, e_T and e_M of the three bonds: rows on W, (..., bond, 3), or numbers in one mode, (..., bond)."""
