@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from analysis.theory.mixing import Pair, Tone, detunings
 
-HERTZ = 1.6e8  # some per cent above the paper's resonance in its own crystal
+HERTZ = 1.6e8  # 0.6 % above the resonance of the paper in its own crystal
 STEEL = replace(SILICA, radius=1e-2, youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, work_of_adhesion=0.0)
 
 
@@ -98,6 +99,39 @@ def test_the_table_has_a_line_for_each(capsys: pytest.CaptureFixture[str]) -> No
     line = next(line for line in printed.splitlines() if line.startswith("TR + TR -> L      90.0   90.0   90.0"))
     assert float(line.split()[8]) == pytest.approx(1.47628, abs=1e-5)
     assert float(line.split()[11]) == pytest.approx(3.2e8)
+
+
+PAGE = Path(__file__).parents[1] / "docs" / "mixing.md"
+
+
+def numbers(text: str) -> list[list[float | str]]:
+    """Return the lines of a table, below its head, as words and numbers."""
+    return [[_number(word) for word in line.split()] for line in text.splitlines()[1:]]
+
+
+def _number(word: str) -> float | str:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def agree(shown: list[list[float | str]], printed: list[list[float | str]]) -> bool:
+    """Return whether two tables have the same words and numbers, within one unit of the third digit."""
+    if [len(line) for line in shown] != [len(line) for line in printed]:
+        return False
+    cells = [(a, b) for one, other in zip(shown, printed, strict=True) for a, b in zip(one, other, strict=True)]
+    return all(a == b or a == pytest.approx(b, rel=5e-3) for a, b in cells)
+
+
+def test_the_table_of_the_page_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    block = re.search(r"\$ granular-analysis design ([^\n]*)\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert block
+    assert main(block[1].split()) == 0
+    shown = numbers(block[2])
+    assert agree(shown, numbers(capsys.readouterr().out))
+    assert not agree(shown, [[cell if cell != 42.6 else 43.6 for cell in line] for line in shown])
+    assert not agree(shown, shown[1:])
 
 
 @pytest.mark.parametrize(

@@ -203,6 +203,7 @@ PAGES_OF_PYTHON = [
     "docs/gallery.md",
     "docs/network.md",
     "docs/imperfect.md",
+    "docs/mixing.md",
 ]
 
 
