@@ -14,8 +14,8 @@ forbids (`analysis.theory.selection`) are left out.
 
 Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
 in periods of the first wave, in which two waves of the same amplitude make a third as large
-(`analysis.theory.mixing.growth_rates`): fewer are better, and more than some hundred are lost to damping in most
-crystals. An adhesive crystal holds itself together, so below some frequency no force is small enough.
+(`analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts, whose
+second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small enough.
 
 When it breaks: as `analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which spread of
 sphere sizes easily makes.
@@ -52,6 +52,7 @@ UNITS = {  # of what a sphere is given by
 EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, in 1/lattice constant
 POINTS = 160  # of each wave number, from Γ to the border of the zone
 LARGEST = 0.099  # overlap ratio: `Contact` knows up to 0.1, and a root is looked for from both sides
+SMALLEST = 1e-12  # overlap ratio of spheres that do not adhere: below, contacts are atoms
 CLOSE = 1e-10  # of frequencies at a root; of its unit of time and the one that was asked for, relative
 SAME = 1e-6  # relative, of lengths and forces of one resonance that is found twice
 
@@ -81,11 +82,13 @@ class Resonance:
 
     @property
     def rate(self) -> float:
-        """Return the rate of growth per τ and a, as `analysis.theory.mixing.growth_rates`."""
-        return float(growth_rates(self.pair)[self.target])
+        """Return the rate of growth per τ and a of `mixing.growth_rates`, half of it where the two waves are one."""
+        (one, branch), (other, another), _ = self._three
+        single = self.pair.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
+        return float(growth_rates(self.pair)[self.target]) * (0.5 if single else 1.0)
 
     def periods(self, amplitude: float) -> float:
-        """Return the periods of the first wave after which a third would be as large as two of a = D0/Δ0."""
+        """Return the periods of the first wave after which a third would be as large as two, or one, of a = D0/Δ0."""
         return self.frequency * self.sphere.time_scale / (self.rate * amplitude)
 
     def mirrors(self, other: "Resonance") -> bool:
@@ -156,12 +159,14 @@ def design(
     second = frequency if second is None else second
     _check(sphere, frequency, second, [*directions, *openings])
     resting, ratio = replace(sphere, contact_force=0.0), second / frequency
-    largest = resting.normal_coefficient * (LARGEST * 2 * resting.radius) ** 1.5 - resting.pull_off_force
-    shortest = replace(resting, contact_force=largest).time_scale
+    longest, shortest = (
+        replace(resting, contact_force=resting.normal_coefficient * overlap**1.5 - resting.pull_off_force).time_scale
+        for overlap in (max(resting.static_overlap, SMALLEST * 2 * resting.radius), LARGEST * 2 * resting.radius)
+    )
 
     def under_pressure(omega: float) -> Sphere:
         """Return the spheres in which the first wave has its frequency, among those that push and are springs."""
-        asked = compressed(resting, max(abs(omega) / (2 * np.pi * frequency), shortest))
+        asked = compressed(resting, float(np.clip(abs(omega) / (2 * np.pi * frequency), shortest, longest)))
         return replace(asked, contact_force=max(asked.contact_force, 0.0))
 
     guesses = [
@@ -195,8 +200,8 @@ def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[flo
         name: getattr(sphere, name) for name in ("radius", "youngs_modulus", "density")
     }
     for name, value in positive.items():
-        if not 0 < value < np.inf:
-            raise ValueError(f"{name} is {value}; allowed: above 0, finite")
+        if not 1e-15 <= value <= 1e15:  # whose powers are numbers
+            raise ValueError(f"{name} is {value}; allowed: from 1e-15 to 1e15")
     if not np.isfinite(angles).all():
         raise ValueError(f"directions and openings are {list(angles)}; allowed: degrees, finite")
     if not -1 < sphere.poisson_ratio <= 0.5:
@@ -318,7 +323,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         found = design(sphere, chosen.frequency, chosen.second, chosen.direction, chosen.opening)
     except ValueError as error:
         command.error(str(error))
-    print(table(found, chosen.amplitude) if found else f"no pair is phase-matched with eta up to {LARGEST:g}")
+    print(table(found, chosen.amplitude) if found else f"no pair is phase-matched with eta below {LARGEST:g}")
     return 0 if found else 1
 
 

@@ -137,10 +137,10 @@ def test_the_table_of_the_page_is_what_the_command_prints(capsys: pytest.Capture
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["-3"], r"frequency is -3\.0; allowed: above 0"),
+        (["-3"], r"frequency is -3\.0; allowed: from 1e-15 to 1e15"),
         (["1e6", "--opening", "90"], r"frequency is 1e\+06; allowed: 4\.743e\+07 Hz and above"),
-        (["5e7", "--second", "0"], r"second is 0\.0; allowed: above 0"),
-        (["5e7", "--radius", "nan"], "radius is nan; allowed: above 0"),
+        (["5e7", "--second", "0"], r"second is 0\.0; allowed: from 1e-15"),
+        (["5e7", "--radius", "nan"], "radius is nan; allowed: from 1e-15"),
         (["5e7", "--work-of-adhesion", "-1"], r"work_of_adhesion is -1\.0; allowed: 0 or above"),
         (["5e7", "--work-of-adhesion", "1e6"], r"work_of_adhesion is 1000000\.0; .* below 0\.099 of a diameter"),
         (["5e7", "--poisson-ratio", "0.6"], r"poisson_ratio is 0\.6; allowed: above -1, up to 0\.5"),
@@ -155,9 +155,28 @@ def test_bad_input_is_named(arguments: list[str], said: str, capsys: pytest.Capt
     assert re.search(said, " ".join(capsys.readouterr().err.split()))
 
 
+@pytest.mark.parametrize("hertz", [1e-15, 1e15])
+def test_spheres_without_adhesion_have_a_resonance_or_none_at_any_frequency(hertz: float) -> None:
+    assert design(STEEL, hertz, directions=[90.0], openings=[0.0]) == []
+
+
+def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> None:
+    (each,) = (one for one in found(HERTZ) if np.allclose(one.pair.first.wavevector, one.pair.second.wavevector))
+    ratios = each.pair.contact.ratios
+    xi, (omega, _) = wavenumbers(each)[0], each.pair.tones[0]
+    mode = second_harmonic.mode("TR", xi, ratios)
+    # B' = ε̂G/(4w̃) A², w̃ = 2Ω; and P̃1/i = G/(w̃² − 4Ω²), which is not taken at the resonance itself
+    near = second_harmonic.mode("TR", xi + 1e-5, ratios)
+    doubled = second_harmonic.doubled_frequency(near, ratios)
+    drive = second_harmonic.generated_amplitude(near, ratios) * (doubled**2 - 4 * near.frequency**2)
+    rate = abs(second_harmonic.nonlinearity(ratios, 1.0) * drive / (8 * mode.frequency))
+    assert each.rate == pytest.approx(rate, rel=1e-4)  # the drive at ξ + 1e-5
+    assert mode.frequency == pytest.approx(float(omega), rel=1e-9)
+
+
 def test_a_frequency_that_no_sphere_bears_has_no_resonance(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["1e12", "--direction", "90", "--opening", "0"]) == 1
-    assert "no pair is phase-matched with eta up to 0.099" in capsys.readouterr().out
+    assert "no pair is phase-matched with eta below 0.099" in capsys.readouterr().out
 
 
 # ---- the map

@@ -217,6 +217,7 @@ def growth_rates(pair: Pair) -> Floats:
 
     On resonance X = rate·τ·U_j, |U_j| = 1; off it, X beats with at most 2·rate/|detuning|. Two waves of one amplitude a
     would make a third of that amplitude in 1/(rate·a); the estimate ends before, as they pay for it.
+    One wave makes half of what it makes as a pair with itself.
 
     Good values: 1e-2 to 1e-1; 0 where symmetry forbids the drive (`analysis.theory.selection`), and nan where Ω_j = 0.
 
