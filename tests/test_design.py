@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from analysis import design as design_module
 from analysis import second_harmonic
@@ -14,9 +15,13 @@ from analysis.cli import main as analysis_main
 from analysis.design import SILICA, Resonance, compressed, contact_of, design, main, table
 from analysis.figures import mixing as mixing_map
 from analysis.figures.mixing import partners, width
+from analysis.theory import lattice
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
-from analysis.theory.mixing import Pair, Tone, detunings
+from analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
+from analysis.theory.neighbours import Neighbours, directions_at_rest
+from analysis.theory.springs import BONDS
+from tests.test_mixing import relative
 
 HERTZ = 1.6e8  # 0.6 % above the resonance of the paper in its own crystal
 STEEL = replace(SILICA, radius=1e-2, youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0, work_of_adhesion=0.0)
@@ -172,6 +177,53 @@ def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> 
     rate = abs(second_harmonic.nonlinearity(ratios, 1.0) * drive / (8 * mode.frequency))
     assert each.rate == pytest.approx(rate, rel=1e-4)  # the drive at ξ + 1e-5
     assert mode.frequency == pytest.approx(float(omega), rel=1e-9)
+
+
+POINTS = 5  # of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶
+
+
+def exact_lattice(pair: Pair, tau: NDArray[np.float64], amplitude: float) -> NDArray[np.complex128]:
+    """Return the (u, v, φ) at k1 + k2 (T, 3), in Δ0 per a², of the exact lattice in which two waves start.
+
+    A field that starts as a function of the two phases k1·r and k2·r stays one, so that the neighbour at d is a shift
+    of both: the infinite lattice without boundaries, for any two wave vectors.
+    """
+    phases = 2 * np.pi * np.arange(POINTS) / POINTS
+    waves = [np.asarray(tone.wavevector) for tone in (pair.first, pair.second)]
+    shifts = []
+    for bond in BONDS:
+        by_one, by_other = (lattice.periodic_kernel(phases[:, None] - phases + k @ bond, POINTS) for k in waves)
+        shifts.append(np.kron(by_one, by_other))
+    neighbours = Neighbours(
+        directions_at_rest(0.0),
+        lambda values: np.stack([values @ shift.T for shift in shifts]),
+        lambda values: np.sum([value @ shift for value, shift in zip(values, shifts, strict=True)], axis=0),
+    )
+    one, other = (angle.ravel() for angle in np.meshgrid(phases, phases, indexing="ij"))
+    start = np.zeros((6, POINTS**2))
+    for tone, angle in ((pair.first, one), (pair.second, other)):
+        frequencies, shapes = modes(tone.wavevector, pair.contact)
+        branch = int(tone.branch)  # type: ignore[arg-type]
+        field = np.exp(1j * angle) * shapes[branch][:, None]
+        start += amplitude * np.concatenate([field.real, (-1j * frequencies[branch] * field).real])
+    start = lattice.with_shear(start, pair.contact, neighbours)
+    states = lattice.motion(start, pair.contact, neighbours, tau, 1e-11, amplitude)[:, :3]
+    return np.asarray(2 * np.mean(states * np.exp(-1j * (one + other)), axis=-1) / amplitude**2)
+
+
+def test_what_is_designed_grows_in_the_exact_lattice() -> None:
+    tau = np.array([0.0, 50.0, 150.0])
+    several = [one for one in found(HERTZ) if not np.allclose(one.pair.first.wavevector, one.pair.second.wavevector)]
+    assert len(several) == 2  # a wave with itself is left out: its harmonics would fall together
+    for each in several:
+        seen = exact_lattice(each.pair, tau, 0.005)
+        # Fourth order: a few times a² = 2.5e-5
+        assert relative(seen, mixed_wave(each.pair, tau)) < 1e-3
+        shape = modes(each.pair.wavevector, each.pair.contact)[1][each.target]
+        weights = shape.conj() * [1.0, 1.0, each.pair.contact.inertia / (1 - each.pair.contact.overlap_ratio)]
+        share = np.abs(seen @ weights / (weights @ shape))
+        # The part at −Ω beats with it: rate/Ω, with Ω of order one, over 100 τ
+        assert share[2] - share[1] == pytest.approx(100.0 * each.rate, rel=0.05)
 
 
 def test_a_frequency_that_no_sphere_bears_has_no_resonance(capsys: pytest.CaptureFixture[str]) -> None:
