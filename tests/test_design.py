@@ -242,6 +242,12 @@ def test_the_paper_s_resonance_is_on_the_map() -> None:
     assert not [line for _, line, _ in partners(Tone(k, 0), 0, -1, Contact(0.17), points=120)]
 
 
+def test_the_widest_line_of_the_figure_is_that_of_the_page() -> None:
+    first = Tone(np.array([0.0, 2 * 0.802 / np.sqrt(3)]), 0)
+    rates = [rate.max() for _, _, rate in partners(first, 2, -1, Contact(0.17), points=120)]
+    assert max(rates) == pytest.approx(0.045, abs=5e-4)
+
+
 @pytest.mark.parametrize(("branch", "sign"), [(0, 1), (1, 1), (1, -1), (2, -1)])
 def test_the_lines_of_the_map_are_phase_matched(branch: int, sign: int) -> None:
     first, contact = Tone(np.array([0.55, 0.9]), 0), Contact(0.17)

@@ -136,6 +136,11 @@ def test_contacts_left_out_of_the_theory_are_seen(left_out: str) -> None:
     assert relative(seen, mixed_wave(pair_of(name, 1, wrong), TAU)) > 1e-2
 
 
+def test_two_of_the_pairs_are_as_near_to_a_resonance_as_their_names_say() -> None:
+    near = [float(np.abs(detunings(pair_of(name, -1))).min()) for name in PAIRS if "phase-matched" in name]
+    assert near == pytest.approx([0.00537, 0.00178], abs=1e-5)
+
+
 def test_the_distance_sees_one_percent_and_a_wrong_sign() -> None:
     field = np.array([[1.0 + 2.0j, 0.5j], [3.0, 0.1]])
     assert relative(1.01 * field, field) == pytest.approx(0.01)

@@ -82,6 +82,26 @@ def test_along_y_a_shear_wave_has_no_third_harmonic_in_p_and_l_none_in_q_and_phi
     assert max(q, phi) < 1e-14 < 1e-3 < p
 
 
+@pytest.mark.parametrize(
+    ("name", "wavenumber", "sizes", "partner", "detuning"),
+    [
+        ("TR", 0.802, (6.82e-3, 6.57e-3), "RT", -0.464),
+        ("TR", 1.475, (17.0, 70.4), "RT", 0.0010),
+        ("TR", 2.127, (1.83e-4, 1.38e-2), "RT", 0.232),
+        ("L", 0.802, (8.27e-2,), "L", 0.238),
+    ],
+)
+def test_silica_has_the_third_harmonics_of_the_page(
+    name: ModeName, wavenumber: float, sizes: tuple[float, ...], partner: str, detuning: float
+) -> None:
+    p, q, phi = np.abs(predicted(name, wavenumber, 90.0, SILICA))
+    shown = (q, phi) if name == "TR" else (p,)
+    assert shown == pytest.approx(sizes, rel=5e-3)  # three digits
+    k = wavevector_of(wavenumber, 90.0)
+    gaps, _ = third_harmonic_growth(k, directions.branch_index(name, k, SILICA), SILICA)
+    assert gaps[directions.branch_index(partner, 3 * k, SILICA)] == pytest.approx(detuning, abs=5.1e-4)
+
+
 def test_at_the_paper_s_resonance_the_third_harmonic_is_nearly_that_of_rt() -> None:
     k = wavevector_of(1.475, 90.0)
     detunings, rates = third_harmonic_growth(k, directions.branch_index("TR", k, SILICA), SILICA)
