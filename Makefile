@@ -70,6 +70,7 @@ figures: paper $(EFFECTS:%=runs/effects/%)
 	$(BIN)/python -m analysis.figures.convergence -o figures/convergence.png
 	$(BIN)/python -m analysis.figures.laws -o figures/laws.png
 	$(BIN)/python -m analysis.figures.map -o figures/map.png
+	$(BIN)/python -m analysis.figures.mixing -o figures/mixing.png
 	$(BIN)/python -m analysis.figures.timestep -o figures/timestep.png
 
 # The paper's figure 2 (b, c) by simulation, from pairs of runs. The cell of 128 rows carries 2π·4/128 to 2π·63/128; that

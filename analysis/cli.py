@@ -13,6 +13,7 @@ SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
+    "design": "two waves of given frequencies that resonate: which pair, directions and compression",
     "dispersion": "all branches, from one kicked sheet",
     "driven": "a driven row beside its theory",
     "effects": "the second harmonic over wave number, by what a scene leaves out or adds",
@@ -21,6 +22,7 @@ SCRIPTS = {
     "impact": "error over cost of an impact: LAMMPS, two symplectic schemes, DOP853",
     "laws": "three shear laws side by side",
     "map": "the second harmonic over direction and wave number",
+    "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
     "sheets": "any field on a periodic sheet beside theory",
     "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",
@@ -28,6 +30,7 @@ SCRIPTS = {
     "standing": "a standing wave beside its theory",
     "timestep": "what a time step does to a lattice",
 }
+DOORS = {"compare", "design"}  # scripts whose answer is a table
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -43,5 +46,5 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
     chosen = parser.parse_args(argv)
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    module = "analysis.compare" if chosen.script == "compare" else f"analysis.figures.{chosen.script}"
+    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.figures.{chosen.script}"
     return import_module(module).main(chosen.arguments) or 0

@@ -11,7 +11,7 @@ from scipy.integrate import DOP853
 from analysis import second_harmonic
 from analysis.figures import map as zone_map
 from analysis.second_harmonic import SOLID_SPHERE
-from analysis.theory import bloch, directions, lattice, springs
+from analysis.theory import bloch, directions, lattice, mixing, springs
 from analysis.theory.contact import Contact
 from analysis.theory.directions import (
     BONDS,
@@ -206,9 +206,9 @@ def imported_from(module, other: str) -> set[str]:
 def test_neither_derivation_imports_the_other():
     # Of the closed form, only what a mode is called and consists of.
     assert imported_from(directions, "second_harmonic") == {"Mode", "ModeName"}
-    for module in (springs, bloch):
+    for module in (springs, bloch, mixing):
         assert not imported_from(module, "second_harmonic")
-    for other in ("theory.directions", "theory.springs", "theory.bloch"):
+    for other in ("theory.directions", "theory.springs", "theory.bloch", "theory.mixing"):
         assert not imported_from(second_harmonic, other)
         assert not imported_from(lattice, other)
 

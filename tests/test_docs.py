@@ -211,6 +211,7 @@ PAGES_OF_PYTHON = [
     "docs/network.md",
     "docs/imperfect.md",
     "docs/strongly-nonlinear.md",
+    "docs/mixing.md",
 ]
 
 

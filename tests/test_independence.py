@@ -104,7 +104,8 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "measure": {"second_harmonic", "theory"},
     "figures": {"second_harmonic", "theory", "measure"},
     "compare": {"second_harmonic", "theory", "measure", "figures"},
-    "cli": {"second_harmonic", "theory", "measure", "figures", "compare"},
+    "design": {"theory", "figures"},
+    "cli": {"second_harmonic", "theory", "measure", "figures", "compare", "design"},
 }
 
 

@@ -22,24 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, ModeName
-from analysis.theory.bloch import frame, real_modes, select, unit, wavevector_of
+from analysis.theory.bloch import frame, real_modes, unit, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.springs import (
-    BONDS,
-    Elongations,
-    Springs,
-    drive,
-    elongations,
-    quadratic_forces,
-    springs,
-    stiffness,
-)
+from analysis.theory.mixing import Pair, Tone, forced_amplitude, mixed_wave
+from analysis.theory.springs import BONDS, GAUGE, elongations, springs, stiffness
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-
-_GAUGE = np.array([1.0, 1.0, 1j])  # (u, v, φ) = _GAUGE · (u, v, f)
 
 
 def nonlinearity(amplitude: float, contact: Contact) -> float:
@@ -64,7 +54,7 @@ def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:
     (..., 3, 3)
     """
     matrix = stiffness(elongations(wavevector), springs(contact))
-    return _GAUGE[:, None] * matrix * _GAUGE.conj()
+    return GAUGE[:, None] * matrix * GAUGE.conj()
 
 
 def modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Complexes]:
@@ -85,7 +75,7 @@ def modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Complexes]:
     polarisations : (..., 3, 3), the branch before the component: polarisations[..., j, :] is (u, v, φ) of branch j
     """
     frequencies, shapes = real_modes(wavevector, springs(contact))
-    return frequencies, shapes * _GAUGE
+    return frequencies, shapes * GAUGE
 
 
 def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[np.intp]:
@@ -166,6 +156,8 @@ def second_harmonic_amplitude(
 
         N(U, U) = Σ_l [n δN² + 2κ(t, 1) δN δS] / (2√3(2κ+3))        (all six contacts; η = 0)
 
+    It is the amplitude of `analysis.theory.mixing` for the wave and itself as a pair, over ε per a.
+
     For complex fields, the paper's convention: along y its v is P̃1 = iG/(w̃² − 4Ω²), and P̃1 = (i/2) cot(ξ/2) for L.
     A real fundamental Re U exp(iϑ) gives half of it, (ε/2) Re U₂ exp(2iϑ). (Paper: P1TR, whose printed prefactor is
     wrong.) u and v are imaginary, φ is real.
@@ -185,21 +177,8 @@ def second_harmonic_amplitude(
         On a resonance met to the last bit, as for the acoustic branches at k = 0. Nearby the amplitude is large and
         true, but see `second_order`.
     """
-    spring = springs(contact)
-    frequency, shape = select(*real_modes(wavevector, spring), branch)
-    doubled = elongations(2.0 * np.asarray(wavevector, dtype=float))
-    running, _ = quadratic_forces(elongations(wavevector).of(shape), spring)
-    dynamic = stiffness(doubled, spring) - 4.0 * frequency[..., None, None] ** 2 * np.diag(spring.mass)
-    moving = spring.coordinates
-    response = np.zeros_like(shape)
-    force = _per_epsilon(spring) * drive(doubled, running)
-    response[..., :moving] = np.linalg.solve(dynamic[..., :moving, :moving], force[..., :moving, None])[..., 0]
-    return -1j * _GAUGE * response
-
-
-def _per_epsilon(spring: Springs) -> float:
-    """Return 2a/ε · ½C, C = 1/(2(κ+3)): the force −½iCa·`drive` of real fields is (ε/2)(−i) times this and `drive`."""
-    return -2.0 / (np.sqrt(3.0) * (2.0 * spring.kappa + 3.0))
+    wave = Tone(wavevector, branch)
+    return forced_amplitude(Pair(wave, wave, 1, contact)) / nonlinearity(1.0, contact)
 
 
 def mean_rotation(
@@ -218,13 +197,12 @@ def mean_rotation(
 
     Parameters and shapes as in `second_harmonic_amplitude`; returns (...), in units of ε D0.
     """
-    spring = springs(contact)
-    _, shape = select(*real_modes(wavevector, spring), branch)
-    running, left = quadratic_forces(elongations(wavevector).of(shape), spring)
-    if not spring.turns:
-        return np.zeros(shape.shape[:-1])
-    torque = 2.0 * _per_epsilon(spring) * (running.turning + left.turning).sum(axis=-1)
-    return torque * (spring.kappa + 3.0) / (6.0 * spring.kappa)
+    wave = Tone(wavevector, branch)
+    pair = Pair(wave, wave, -1, contact)
+    torque = sum(forces.turning.sum(axis=-1) for forces in pair.forces)
+    if not contact.turns:
+        return np.zeros(np.shape(torque))
+    return -torque / (6.0 * contact.kappa * nonlinearity(1.0, contact))
 
 
 def doubled_wave(
@@ -258,19 +236,9 @@ def doubled_wave(
     -------
     (..., 3), the complex amplitudes of (u, v, φ) in units of D0
     """
-    k, spring = np.asarray(wavevector, dtype=float), springs(contact)
-    frequency, shape = select(*real_modes(k, spring), branch)
-    targets, shapes = real_modes(2.0 * k, spring)
-    time = np.asarray(tau, dtype=float)[..., None]
-    doubled, norms = elongations(2.0 * k), shapes**2 @ spring.mass
-
-    def response(forces: Elongations, forcing: ArrayLike) -> Complexes:
-        share = shapes @ drive(doubled, forces) / norms
-        return (share * _duhamel(targets, forcing, time)) @ shapes
-
-    running, left = quadratic_forces(elongations(k).of(shape), spring)
-    field = _per_epsilon(spring) * (response(running, 2.0 * frequency) + response(left, 0.0))
-    return -0.5j * nonlinearity(amplitude, contact) * np.exp(2j * phase) * _GAUGE * field
+    wave = Tone(wavevector, branch)
+    field = mixed_wave(Pair(wave, wave, 1, contact), tau)
+    return 0.5 * amplitude * np.exp(2j * phase) * field
 
 
 def second_order(
@@ -317,17 +285,3 @@ def trajectory(wave: Wave, tau: ArrayLike) -> tuple[Floats, Floats, Floats]:
     p, q = np.moveaxis(field[..., :2] @ frame(mode.direction).T, -1, 0)
     theta = wave.phase - mode.frequency * time
     return mode.p * np.cos(theta) + p, mode.q * np.cos(theta) + q, -mode.f * np.sin(theta) + field[..., 2]
-
-
-def _duhamel(natural: Floats, forcing: ArrayLike, tau: Floats) -> Complexes:
-    """Return Z = ∫₀^τ sin(w(τ−s))/w e^{−iωs} ds for w = natural, ω = forcing, regular at ω = ±w and for w → 0.
-
-    Z = [e^{iwτ}E(−ω−w) − e^{−iwτ}E(w−ω)]/(2iw),    E(x) = ∫₀^τ e^{ixs} ds = τ e^{ixτ/2} sin(xτ/2)/(xτ/2).
-    """
-    # Z is even and smooth in w, so a small w in place of 0 (a translation of the whole lattice) changes it by O(w²τ²).
-    w, omega = np.maximum(natural, 1e-8), np.asarray(forcing, dtype=float)
-
-    def window(x: Floats) -> Complexes:
-        return tau * np.exp(0.5j * x * tau) * np.sinc(x * tau / (2.0 * np.pi))
-
-    return (np.exp(1j * w * tau) * window(-omega - w) - np.exp(-1j * w * tau) * window(w - omega)) / (2j * w)

@@ -29,13 +29,22 @@ the displaced lattice, s = δS − hδTδN). With subscript 0 for the product at
 With h = 0 these are the paper's springs, k2 = −¼, g2 = −½κ, at fixed normals. What the start leaves in a contact is a
 static force: the wave drives the lattice at (2k, 2Ω), and its start at (2k, 0).
 
+Two waves meet in the same products, taken once each way: δN² becomes 2δN₁δN₂, at (k1+k2, Ω1+Ω2). Their δT and δN are
+out of phase, so that of the integral S₂ = −κ{½δNδS + h[(δTδN)₀ + ∫δT dδN]} (secant; the incremental law has
+½[(δNδS)₀ + ∫δN dδS] first) each product runs with the share of the wave that is differentiated,
+
+    ∫(δT₁ dδN₂ + δT₂ dδN₁) = r₂ δT₁δN₂ + r₁ δT₂δN₁ and a constant,    rᵢ = Ωᵢ/(Ω1+Ω2)
+
+A wave (k, Ω, W) is also the wave (−k, −Ω, (u, v, −f)), written so for a difference. At Ω1 = Ω2 the difference gathers
+slip in proportion to time: rᵢ has no bound, unless all of it vanishes, as for a wave with itself.
+
 **Everything is real.** Inversion together with time reversal maps the wave exp i(k·r − Ωτ) on itself, so a mode has
 real (u, v) and an imaginary φ = i f. In the gauge W = (u, v, f) a contact of phase θ = k·d carries δ = i e exp(iθ/2)
 with the real elongations
 
     e_N = 2 sin(θ/2) n·u,    e_T = 2 sin(θ/2) t·u,    e_S = e_T + e_M,    e_M = −2 cos(θ/2) f.
 
-When it breaks: beyond second order; where contacts open; for sums of modes, whose δT and δN are out of phase.
+When it breaks: beyond second order; where contacts open.
 """
 
 from dataclasses import dataclass
@@ -51,6 +60,8 @@ Floats = NDArray[np.float64]
 # One bond of each ± pair: the contact at −d repeats the elongations of the one at d, up to a phase.
 BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
 TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
+
+GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
 
 @dataclass(frozen=True)
@@ -85,6 +96,11 @@ class Springs:
         if self.law == "potential":
             raise ValueError("law = 'potential' is not in these springs, whose second order knows secant, incremental")
         return 1.0 if self.law == "incremental" else 0.0
+
+    @property
+    def has_history(self) -> bool:
+        """True if the slip of a contact depends on how it came about: S₂ holds an integral."""
+        return self.h > 0.0 or self.memory > 0.0
 
 
 class Elongations(NamedTuple):
@@ -139,19 +155,41 @@ def stiffness(rows: Elongations, contact: Springs) -> Floats:
     return total / (2.0 * (contact.kappa + 3.0))
 
 
-def quadratic_forces(mode: Elongations, contact: Springs) -> tuple[Elongations, Elongations]:
-    """Return (A_N, A_T, A_M) of the three bonds, each (..., bond): what runs with the wave, and what its start leaves.
+def quadratic_forces(
+    first: Elongations, second: Elongations, contact: Springs, share: ArrayLike = 0.5
+) -> tuple[Elongations, Elongations]:
+    """Return (A_N, A_T, A_M) of the three bonds, each (..., bond): what runs with two waves, and what the start leaves.
 
+    The forces are bilinear: of a wave with itself they are its own, of two waves half of what they make of each other.
     With the elongations e of a mode for δ: fields δ = Re(i e exp(iθ/2 + iϑ)) have −½ Re(A exp(iθ + 2iϑ)) at 2k, with
-    ϑ that of τ = 0 in the second part, and ½A at k = 0.
+    ϑ that of τ = 0 in the second part, and ½A at k = 0. Two waves have −Re(A exp(i(θ1+θ2)/2 + i(ϑ1+ϑ2))) at k1+k2.
+
+    Parameters
+    ----------
+    first, second : numbers in one mode, each (..., bond)
+    share : r₁ = Ω1/(Ω1+Ω2) (...), which only memory and true normals ask for; ½ for a wave with itself
     """
-    kappa, h = contact.shear, contact.h
-    e_n, e_t, e_s = mode.normal, mode.sideways, mode.sheared
-    running = -0.5 * kappa * ((1.0 - 0.5 * contact.memory) * e_n * e_s + h * e_t * e_n)
-    left = -0.5 * kappa * (0.5 * contact.memory * e_n * e_s + h * e_t * e_n)
-    normal = -0.25 * e_n**2 + 0.5 * h * (1.0 + contact.chi) * e_t**2 - h * kappa * e_t * e_s
+    kappa, h, first_share = contact.shear, contact.h, np.asarray(share, dtype=float)[..., None]
+    n, t, s = (
+        (one, other)
+        for one, other in zip(
+            (first.normal, first.sideways, first.sheared), (second.normal, second.sideways, second.sheared), strict=True
+        )
+    )
+
+    def product(x: tuple[Floats, Floats], y: tuple[Floats, Floats]) -> Floats:
+        return 0.5 * (x[0] * y[1] + x[1] * y[0])
+
+    def gathered(x: tuple[Floats, Floats], y: tuple[Floats, Floats]) -> Floats:
+        """∫x dy less its constant."""
+        return 0.5 * ((1.0 - first_share) * x[0] * y[1] + first_share * x[1] * y[0])
+
+    slid, rolled = contact.memory * (product(n, s) - gathered(n, s)), h * gathered(t, n)
+    running = -kappa * (0.5 * (product(n, s) - slid) + rolled)
+    left = -kappa * (0.5 * slid + h * product(t, n) - rolled)
+    normal = -0.25 * n[0] * n[1] + 0.5 * h * (1.0 + contact.chi) * t[0] * t[1] - h * kappa * product(t, s)
     return (
-        Elongations(normal, running + h * (1.0 + contact.chi) * e_t * e_n, running + h * kappa * e_n * e_s),
+        Elongations(normal, running + h * (1.0 + contact.chi) * product(t, n), running + h * kappa * product(n, s)),
         Elongations(np.zeros_like(left), left, left),
     )
 

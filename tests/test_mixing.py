@@ -1,0 +1,343 @@
+"""What two waves make of each other, against the exact lattice on a periodic sheet, closed forms and symmetry."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from analysis import second_harmonic
+from analysis.theory import lattice
+from analysis.theory.bloch import frame, wavevector_of
+from analysis.theory.contact import Contact
+from analysis.theory.directions import branch_index, modes
+from analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
+from analysis.theory.neighbours import Neighbours, directions_at_rest
+from analysis.theory.quasilinear import Sheet, component
+from analysis.theory.selection import forbidden
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SILICA = 0.17  # Poisson's ratio of the paper's spheres
+SHEET = Sheet(12, 6, SILICA)
+TAU = np.linspace(0.0, 20.0, 21)
+
+# Two waves as (periods across the sheet, periods along it, branch); each pair has a sum and a difference. All of their
+# wave vectors differ from their negatives, so that a projection tells them apart.
+PAIRS = {
+    "along y, TR and TR": ((0, 1, 0), (0, 2, 0)),
+    "along y, L and TR": ((0, 1, 1), (0, 2, 0)),
+    "along y, RT and TR": ((0, 1, 2), (0, 3, 0)),
+    "along x, lower and middle": ((1, 0, 0), (2, 0, 1)),
+    "along x, lower and upper": ((1, 0, 0), (2, 0, 2)),
+    "mirrored": ((1, 2, 0), (-1, 2, 0)),
+    "oblique, lower and middle": ((1, 1, 0), (0, 3, 1)),
+    "oblique, upper and upper": ((1, 2, 2), (1, -1, 2)),
+    "difference phase-matched to 0.005": ((0, 4, 0), (1, -2, 2)),
+    "difference phase-matched to 0.002": ((1, 1, 1), (2, 1, 1)),
+}
+CONTACTS = {
+    "incremental": Contact(SILICA, law="incremental"),
+    "true normals, compressed": Contact(SILICA, overlap_ratio=0.02, prestress=0.5),
+    "true normals, incremental": Contact(SILICA, overlap_ratio=0.02, law="incremental"),
+    "without rotation": Contact(SILICA, rotation=False),
+    "without shear": Contact(SILICA, shear=False),
+}
+PAPER = Contact(SILICA)
+
+
+def pair_of(name: str, sign: int, contact: Contact = PAPER) -> Pair:
+    first, second = (Tone(on_sheet(x, y), branch) for x, y, branch in PAIRS[name])
+    return Pair(first, second, sign, contact)  # type: ignore[arg-type]  # a sign of a parametrised test
+
+
+def on_sheet(x: int, y: int) -> Floats:
+    """Return the wave vector with x periods across the sheet and y along it, in 1/lattice constant."""
+    return 2 * np.pi * np.array([x / SHEET.columns, y / (SHEET.rows * np.sqrt(0.75))])
+
+
+# ---- the witness: the exact lattice of a sheet, with none of the springs of the theory
+
+
+def copies_of_sheet(copies: int) -> Neighbours:
+    """Neighbours on independent copies of the sheet, side by side; (p, q) are (u, v)."""
+    ends = np.concatenate([SHEET.neighbours + copy * len(SHEET.rest) for copy in range(copies)], axis=1)
+    return Neighbours(
+        directions_at_rest(0.0),
+        lambda values: np.stack([values[:, end] for end in ends[:3]]),
+        lambda values: np.sum([value[:, end] for value, end in zip(values, ends[3:], strict=True)], axis=0),
+    )
+
+
+SIGNS = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+AMPLITUDES = np.array([0.02, 0.01])
+
+
+@cache
+def crossed_field(name: str, contact: Contact) -> Floats:
+    """Return what is of the first order in both waves, (T, N, 3) in Δ0 per product of their amplitudes.
+
+    The four signs of the two waves single out the terms that are odd in both, a² and a⁴ …, and Richardson's
+    extrapolation from two amplitudes takes a⁴ off.
+    """
+    waves = []
+    for x, y, branch in PAIRS[name]:
+        k = on_sheet(x, y)
+        frequencies, shapes = modes(k, contact)
+        field = np.exp(1j * SHEET.rest @ k)[:, None] * shapes[branch]
+        waves.append(np.concatenate([field.real, (-1j * frequencies[branch] * field).real], axis=1).T)
+    start = [a * (one * waves[0] + other * waves[1]) for a in AMPLITUDES for one, other in SIGNS]
+    neighbours = copies_of_sheet(len(start))
+    state = lattice.with_shear(np.concatenate(start, axis=1), contact, neighbours)
+    states = lattice.motion(state, contact, neighbours, TAU, 1e-11, AMPLITUDES[-1])[:, :3]
+    runs = states.reshape(len(TAU), 3, len(AMPLITUDES), len(SIGNS), -1)
+    crossed = np.einsum("tcasn,s->atnc", runs, SIGNS.prod(axis=1) / 4)
+    coarse, fine = (field / a**2 for field, a in zip(crossed, AMPLITUDES, strict=True))
+    return np.asarray((4 * fine - coarse) / 3)
+
+
+def relative(measured: Complexes, expected: Complexes) -> float:
+    """Return the L2 distance of two complex fields over the norm of the second."""
+    return float(np.linalg.norm(measured - expected) / np.linalg.norm(expected))
+
+
+# Extrapolation leaves a⁶, some 1e-7, and the integration 1e-11 of a over a² = 1e-4, which twenty τ may magnify tenfold;
+# 2e-7 is the largest seen. A coefficient that is wrong by one part in a thousand makes 1e-3.
+EXACT = 1e-5
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("name", PAIRS)
+def test_ten_pairs_make_what_the_exact_lattice_makes(name: str, sign: int) -> None:
+    pair = pair_of(name, sign)
+    seen = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector)
+    assert relative(seen, mixed_wave(pair, TAU)) < EXACT
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("name", ["along y, TR and TR", "oblique, lower and middle", "mirrored"])
+@pytest.mark.parametrize("contacts", CONTACTS)
+def test_so_they_do_with_other_contacts(contacts: str, name: str, sign: int) -> None:
+    pair = pair_of(name, sign, CONTACTS[contacts])
+    seen = component(crossed_field(name, CONTACTS[contacts]), SHEET.rest, pair.wavevector)
+    assert relative(seen, mixed_wave(pair, TAU)) < EXACT
+
+
+@pytest.mark.parametrize("left_out", ["law", "overlap_ratio"])
+def test_contacts_left_out_of_the_theory_are_seen(left_out: str) -> None:
+    contact = CONTACTS["true normals, incremental"]
+    wrong = Contact(SILICA, law="incremental") if left_out == "overlap_ratio" else Contact(SILICA, overlap_ratio=0.02)
+    name = "oblique, lower and middle"
+    seen = component(crossed_field(name, contact), SHEET.rest, pair_of(name, 1).wavevector)
+    assert relative(seen, mixed_wave(pair_of(name, 1, wrong), TAU)) > 1e-2
+
+
+def test_two_of_the_pairs_are_as_near_to_a_resonance_as_their_names_say() -> None:
+    near = [float(np.abs(detunings(pair_of(name, -1))).min()) for name in PAIRS if "phase-matched" in name]
+    assert near == pytest.approx([0.00537, 0.00178], abs=1e-5)
+
+
+def test_the_distance_sees_one_percent_and_a_wrong_sign() -> None:
+    field = np.array([[1.0 + 2.0j, 0.5j], [3.0, 0.1]])
+    assert relative(1.01 * field, field) == pytest.approx(0.01)
+    assert relative(-field, field) == pytest.approx(2.0)
+    assert relative(field.conj(), field) > 0.5
+
+
+# ---- symmetry
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("name", [name for name in PAIRS if name.startswith(("along", "mirrored"))])
+def test_what_symmetry_forbids_is_not_in_the_exact_lattice(name: str, sign: int) -> None:
+    pair = pair_of(name, sign)
+    banned = forbidden(pair)
+    assert 0 < banned.sum() < 3
+    field = component(crossed_field(name, PAPER), SHEET.rest, pair.wavevector)
+    shapes = modes(pair.wavevector, PAPER)[1] * pair.springs.mass
+    shares = np.abs(field @ shapes.conj().T).max(axis=0)
+    # Rounding, 1e-16 of a displacement a = 0.01, over a² = 1e-4, grown over 20 τ; and for the difference of mirrored
+    # waves, which is forbidden to second order only, a⁶ and what extrapolation leaves of a⁴
+    assert shares[banned].max() < 1e-6 * shares.max()
+    assert shares[~banned].max() == shares.max()
+
+
+def turned(length: float, angle: float) -> Floats:
+    return length * frame(angle)[0]
+
+
+M = np.array([0.0, 2 * np.pi / np.sqrt(3)])  # the middle of a side of the zone, on the mirror line across y
+WAVEVECTORS = {
+    "along y": (turned(0.7, 90.0), turned(1.3, 90.0)),
+    "along x, against each other": (turned(0.7, 0.0), turned(1.9, 180.0)),
+    "along 30 degrees": (turned(0.8, 30.0), turned(1.1, 30.0)),
+    "on the side of the zone": (M + [0.3, 0.0], M + [0.9, 0.0]),
+    "on the side and parallel to it": (M + [0.3, 0.0], np.array([0.9, 0.0])),
+    "mirrored at y": (turned(1.1, 73.0), turned(1.1, 107.0)),
+    "mirrored at 30 degrees": (turned(1.1, 17.0), turned(1.1, 43.0)),
+    "across each other, on two mirrors": (turned(0.5, 90.0), turned(0.8, 0.0)),
+    "turned by 60 degrees": (turned(1.2, 11.0), turned(1.2, 71.0)),
+    "oblique, one length": (turned(1.2, 11.0), turned(1.2, 50.0)),
+    "at two angles that a mirror exchanges": (turned(1.1, 73.0), turned(0.9, 107.0)),
+}
+
+
+@pytest.mark.rounding
+@pytest.mark.parametrize("where", WAVEVECTORS)
+def test_symmetry_forbids_every_drive_that_vanishes_and_no_other(where: str) -> None:
+    one, other = WAVEVECTORS[where]
+    for contact, first, second, sign in product((PAPER, CONTACTS["incremental"]), range(3), range(3), (1, -1)):
+        pair = Pair(Tone(one, first), Tone(other, second), sign, contact)
+        if pair.winds:
+            assert contact is not PAPER
+            assert sign == -1
+            continue
+        drives = np.abs(pair.targets[1] @ pair.drives[0])
+        # Rounding is 1e-16 of sums of nine numbers of order one; the smallest drive of these that is none is 1e-5
+        assert ((drives < 1e-12) == forbidden(pair)).all(), (first, second, sign)
+
+
+@pytest.mark.parametrize("angle", [90.0, 0.0])
+@pytest.mark.parametrize(
+    ("names", "made"),
+    [(("L", "L"), "L"), (("TR", "TR"), "L"), (("RT", "TR"), "L"), (("L", "TR"), "TR, RT"), (("L", "RT"), "TR, RT")],
+)
+def test_waves_along_y_and_x_make_what_the_product_of_parities_says(
+    angle: float, names: tuple[str, str], made: str
+) -> None:
+    one, other = turned(0.8, angle), turned(1.1, angle)
+    first, second = (Tone(k, branch_index(name, k, PAPER)) for k, name in zip((one, other), names, strict=True))
+    pair = Pair(first, second, 1, PAPER)
+    allowed = {name for name in ("L", "TR", "RT") if not forbidden(pair)[branch_index(name, pair.wavevector, PAPER)]}
+    assert ", ".join(sorted(allowed, reverse=True)) == made
+
+
+# ---- closed forms
+
+
+@pytest.mark.parametrize("name", ["L", "TR", "RT"])
+@pytest.mark.parametrize("contacts", ["true normals, compressed", "incremental"])
+def test_a_wave_with_itself_makes_twice_its_second_harmonic(name: str, contacts: str) -> None:
+    xi, contact = 0.9, CONTACTS[contacts]
+    k = wavevector_of(xi, 90.0)
+    wave = Tone(k, branch_index(name, k, contact))
+    mode = second_harmonic.mode(name, xi, contact.secant_ratios)  # type: ignore[arg-type]  # a parametrised name
+    generated = second_harmonic.generated_amplitude(mode, contact.ratios)
+    forced = forced_amplitude(Pair(wave, wave, 1, contact))
+    # Real fields hold (ε/2) P̃1 for one wave. Rounding, of numbers of order one
+    expected = 1j * second_harmonic.nonlinearity(contact.ratios, 1.0) * generated
+    assert forced == pytest.approx(np.array([0.0, expected, 0.0]), rel=0, abs=1e-12)
+
+
+def test_the_order_of_the_waves_of_a_sum_does_not_matter_and_that_of_a_difference_conjugates() -> None:
+    contact = CONTACTS["true normals, incremental"]
+    one, other = Tone((1.1, 0.4), 1), Tone((-0.3, 0.8), 2)
+    for sign in (1, -1):
+        there, back = (mixed_wave(Pair(*tones, sign, contact), TAU) for tones in ((one, other), (other, one)))
+        assert there == pytest.approx(back if sign == 1 else back.conj(), rel=0, abs=1e-12)  # rounding of 20 τ
+
+
+def test_a_wave_vector_of_the_next_zone_names_the_same_wave() -> None:
+    reciprocal = 2 * np.pi * np.array([1.0, -1.0 / np.sqrt(3.0)])
+    one, other = Tone((1.1, 0.4), 1), np.array([-0.3, 0.8])
+    inside, outside = (forced_amplitude(Pair(one, Tone(k, 0), 1, PAPER)) for k in (other, other + reciprocal))
+    assert np.abs(inside) == pytest.approx(np.abs(outside), rel=0, abs=1e-12)  # a mode's sign is that of its direction
+
+
+def test_arrays_of_waves_give_what_single_ones_give() -> None:
+    one, others = Tone((1.1, 0.4), 1), np.array([[-0.3, 0.8], [0.2, 0.9], [1.0, 0.1]])
+    together = Pair(one, Tone(others, [0, 1, 2]), -1, CONTACTS["true normals, incremental"])
+    for index, k in enumerate(others):
+        single = Pair(one, Tone(k, index), -1, together.contact)
+        for function in (forced_amplitude, detunings, growth_rates):
+            assert function(together)[index] == pytest.approx(function(single), rel=0, abs=1e-12)  # rounding
+
+
+# ---- resonance
+
+
+def matched(sign: int, contact: Contact) -> tuple[Pair, int]:
+    """A phase-matched pair off the mirror lines, found by the length of the second wave, and the branch it makes."""
+    second, target = (0, 2) if sign == 1 else (1, 0)
+
+    def pair(length: float) -> Pair:
+        return Pair(Tone(turned(1.1, 17.0), 1), Tone(turned(length, 40.0), second), sign, contact)  # type: ignore[arg-type]
+
+    lengths = np.linspace(0.3, 3.0, 28)
+    gaps = np.array([detunings(pair(length))[target] for length in lengths])
+    index = int(np.flatnonzero(np.diff(np.signbit(gaps)))[0])
+    root = brentq(lambda length: detunings(pair(length))[target], lengths[index], lengths[index + 1], xtol=1e-13)
+    return pair(float(root)), target
+
+
+@pytest.mark.parametrize("contacts", ["incremental", "true normals, compressed"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_where_a_pair_is_phase_matched_the_wave_grows_at_the_rate(sign: int, contacts: str) -> None:
+    pair, target = matched(sign, CONTACTS[contacts])
+    shape = modes(pair.wavevector, pair.contact)[1][target]
+    times = np.array([1000.0, 2000.0])
+    weights = shape.conj() * pair.springs.mass
+    early, late = mixed_wave(pair, times) @ weights / (weights @ shape)
+    phase = np.exp(1j * float(pair.frequency) * times)
+    grown = abs(late * phase[1] - early * phase[0]) / 1000.0
+    # The free wave of −Ω and the static part beat with it: numbers of order one, over 1000
+    assert grown == pytest.approx(growth_rates(pair)[target], rel=0.05)
+    assert grown > 1e-2
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_next_to_a_resonance_the_forced_wave_is_the_rate_over_the_detuning(sign: int) -> None:
+    pair, target = matched(sign, PAPER)
+    near = Pair(pair.first, Tone(1.0001 * np.asarray(pair.second.wavevector), pair.second.branch), sign, PAPER)  # type: ignore[arg-type]
+    rate, detuning = growth_rates(near)[target], detunings(near)[target]
+    # The other branches and −Ω add terms of order one to one of rate/detuning, some hundreds
+    assert np.linalg.norm(forced_amplitude(near)) == pytest.approx(rate / abs(detuning), rel=0.02)
+    assert abs(detuning) < 1e-3
+
+
+def test_two_waves_of_the_paper_s_resonance_are_phase_matched() -> None:
+    k = np.array([0.0, 2 * 1.476255486117 / np.sqrt(3)])  # ξ_res of silica
+    wave = Tone(k, 0)
+    assert abs(detunings(Pair(wave, wave, 1, PAPER))[1]) < 1e-11  # 12 decimals
+
+
+def test_rates_where_nothing_oscillates_are_no_number() -> None:
+    wave = Tone((1.1, 0.4), 1)
+    rates = growth_rates(Pair(wave, wave, -1, PAPER))  # at k = 0 two branches only translate
+    assert np.isnan(rates[:2]).all()
+    assert np.isfinite(rates[2])
+
+
+# ---- what is refused
+
+
+@pytest.mark.parametrize(
+    ("second", "sign", "contact", "said"),
+    [
+        (Tone((0.2, 0.9), 0), 2, PAPER, r"sign is 2; allowed: 1 \(sum\), -1 \(difference\)"),
+        (Tone((0.2, 0.9), 3), 1, PAPER, "branch is 3; allowed: 0, 1, 2"),
+        (Tone((0.2, 0.9), 2), 1, CONTACTS["without rotation"], "branch is 2; allowed: 0, 1 "),
+        (Tone((0.2, 0.9), 0), 1, Contact(SILICA, law="potential"), "law = 'potential'"),
+        (Tone((0.2, 0.9), 0), 1, Contact(SILICA, viscosity=0.1), r"dashpot of the contact is 0\.1; allowed: 0"),
+    ],
+)
+def test_what_is_not_held_is_refused(second: Tone, sign: int, contact: Contact, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        mixed_wave(Pair(Tone((1.1, 0.4), 1), second, sign, contact), TAU)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("contacts", ["incremental", "true normals, compressed"])
+def test_contacts_wind_up_between_mirrored_waves_and_nothing_is_steady(contacts: str) -> None:
+    pair = Pair(Tone((1.1, 0.4), 1), Tone((-1.1, 0.4), 1), -1, CONTACTS[contacts])
+    assert pair.winds
+    early, late = mixed_wave(pair, np.array([1000.0, 2000.0]))
+    assert np.linalg.norm(late) == pytest.approx(2 * np.linalg.norm(early), rel=0.1)  # beside what is bounded
+    for function in (forced_amplitude, growth_rates):
+        with pytest.raises(ValueError, match="equal frequencies, and slip with a history grows with time"):
+            function(pair)
+    assert not Pair(pair.first, pair.first, -1, pair.contact).winds
+    assert not replace(pair, contact=PAPER).winds
