@@ -171,15 +171,18 @@ def test_an_effect_that_is_switched_off_is_not_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("default", "value", "said"), [(Absorb(), Absorb(rows=40), "absorb.rows"), ((), ({"vacancy": True},), "absorb")]
+    ("default", "value", "said"),
+    [(Absorb(), Absorb(rows=40), "substrate.rows"), ((), ({"vacancy": True},), "substrate")],
 )
 def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
     default: Any, value: Any, said: str
 ) -> None:
-    kind = make_dataclass("Grown", [("absorb", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False)
+    kind = make_dataclass(
+        "Grown", [("substrate", Any, field(default=default))], bases=(Scene,), frozen=True, repr=False
+    )
     values = {known.name: getattr(PAPER, known.name) for known in fields(Scene)}
     assert outcome(record_of(kind(**values)))[0]
-    assert outcome(record_of(kind(**values, absorb=value))) == (False, f"no theory here holds {said}")
+    assert outcome(record_of(kind(**values, substrate=value))) == (False, f"no theory here holds {said}")
 
 
 def test_the_keys_that_are_known_are_those_of_a_scene() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.cli import SCRIPTS
+from analysis.cli import DOORS, SCRIPTS
 from analysis.measure.norms import relative_error
 from analysis.theory import frequency_shift, hierarchy, lattice, resonance
 from analysis.theory.contact import Contact
@@ -258,7 +258,7 @@ def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
     script, *rest = words
     assert script in SCRIPTS, script
-    folder = ROOT / "analysis" / ("" if script == "compare" else "figures")
+    folder = ROOT / "analysis" / ("" if script in DOORS else "figures")
     text = (folder / f"{script}.py").read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
 

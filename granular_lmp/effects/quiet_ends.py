@@ -5,8 +5,8 @@ from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.scene import Scene
 
 LINES = {
-    "quiet": "\n# --- quiet ends: the <quiet_rows> rows before a held one are damped, F = -c m v, T = -c I omega; the rate\n"
-    "#     c grows with the depth; <quiet_reflection> of the amplitude comes back\n"
+    "quiet": "\n# --- quiet ends: the <quiet_rows> rows before a held one are damped, F = -c m v and T = -c I omega\n"
+    "#     with c = <quiet_strength> (depth)^<quiet_power> per t0; <quiet_reflection> of the amplitude comes back\n"
     "variable     depth atom (<quiet_side>-<quiet_from>)/<quiet_thickness>\n"
     "variable     deep  atom v_depth>0\n"
     "group        quiet variable deep\n"
