@@ -155,6 +155,7 @@ def touching(network: Network, displacement: np.ndarray) -> np.ndarray:
     return contacts(network, motion, pairs, np.zeros(len(pairs.first))).overlap > 0
 
 
+@pytest.mark.rounding
 def test_the_same_contacts_open_and_form_in_lammps_and_in_the_network(tmp_path: Any) -> None:
     step = 0.00625
     record = run(SHEET.with_values(STRONG | {"time.timestep": step}), tmp_path / "run")

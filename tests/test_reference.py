@@ -135,8 +135,8 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     assert all(error is not None and error < 1e-4 for error in result.error.values())
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
     assert rough.error["p"] > 1e-3  # type: ignore[operator]
-    monkeypatch.setattr(reference, "LONGEST", 48 * 2.0 * 29)
-    assert "cost the network as much as 3e+03 spheres and tau" in compare.compare(record).notes[-1]
+    monkeypatch.setattr(reference, "LONGEST", 48 * 2.0 * 39)  # each sphere costs as forty
+    assert "cost the network as much as 4e+03 spheres and tau" in compare.compare(record).notes[-1]
 
 
 def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> None:

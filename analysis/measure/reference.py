@@ -23,9 +23,9 @@ from granular_lmp.runs.record import GranularError, Record
 RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
 SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
 # Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide or open shorten the steps of
-# all spheres (docs/network.md): a sphere then costs as many.
+# all spheres (docs/network.md), so that a sphere costs as many.
 LONGEST = 1e6
-COSTS_AS_MANY = {SLIDING: 30, OPENING: 5}
+COSTS_AS_MANY = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Reference:
 def _too_long(record: Record, wave: Wave) -> str:
     """Return why the network of a run is not integrated unasked, "" if it may be."""
     spheres, until = record.scene.shape.spheres, record.tau[-1]
-    size = spheres * until * max(COSTS_AS_MANY.get(trait, 1) for trait in traits(wave))
+    size = spheres * until * (COSTS_AS_MANY if {SLIDING, OPENING} & traits(wave) else 1)
     if size <= LONGEST:
         return ""
     return (
