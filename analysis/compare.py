@@ -101,7 +101,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     has, for the network of a run without snapshots, and for a run with anything that no theory knows.
     """
     wave = wave_of(record)
-    reference = Reference.named(theory, record, wave) if theory else Reference.best(record, wave)
+    reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
     measured, fit_error = measured_amplitude(record, wave)
     exact = trajectory("exact-lattice", wave, record.tau) if holding(wave) else None
     lattice_error = {} if exact is None else errors(record, exact)

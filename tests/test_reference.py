@@ -76,9 +76,9 @@ def test_without_snapshots_an_imperfect_run_is_compared_with_nothing(tmp_path: P
 
 
 def test_a_long_run_is_left_until_the_network_is_asked_for(imperfect: Record, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reference, "LONGEST", 100.0)
+    monkeypatch.setattr(reference, "MOST_UNASKED", 100.0)
     (note,) = compare.compare(imperfect).notes
-    assert "48 spheres until tau = 4 cost the network as much as 2e+02 spheres and tau, of which 1e+02" in note
+    assert "48 spheres until tau = 4 are more than the 100 spheres times tau" in note
     assert "ask with --theory network" in note
     assert compare.compare(imperfect, "network").error["q"] is not None
 
@@ -135,8 +135,8 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     assert all(error is not None and error < 1e-4 for error in result.error.values())
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
     assert rough.error["p"] > 1e-3  # type: ignore[operator]
-    monkeypatch.setattr(reference, "LONGEST", 48 * 2.0 * 39)  # each sphere costs as forty
-    assert "cost the network as much as 4e+03 spheres and tau" in compare.compare(record).notes[-1]
+    monkeypatch.setattr(reference, "MOST_UNASKED", 48 * 2.0 * 39)  # each sphere costs as forty
+    assert "48 spheres until tau = 2 are more than the 94 spheres times tau" in compare.compare(record).notes[-1]
 
 
 def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> None:
@@ -169,5 +169,5 @@ def test_what_the_network_lacks_is_the_reason_why_nothing_is_compared(
 ) -> None:
     wave = wave_of(imperfect)
     monkeypatch.setitem(catalogue.HOLDS, "network", catalogue.HOLDS["network"] - {"inclusion.vacancy"})
-    result = Reference.best(imperfect, wave)
+    result = Reference.of(imperfect, wave)
     assert (result.name, result.reason) == (None, "the network leaves out inclusion.vacancy")

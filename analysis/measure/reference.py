@@ -4,8 +4,8 @@ Most references are theories, functions of a plane wave (`analysis.theory.choice
 all spheres of the run, from its first snapshot on, integrated without LAMMPS (`analysis.theory.network`). It holds
 crystals that are not perfect, waves of any shape, and contacts that slide, open and form.
 
-The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`LONGEST`); where that
-cannot be, nothing, and the reference says why.
+The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
+that cannot be, nothing, and the reference says why.
 """
 
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ from granular_lmp.runs.record import GranularError, Record
 RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
 SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
 # Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide or open shorten the steps of
-# all spheres (docs/network.md), so that a sphere costs as many.
-LONGEST = 1e6
+# all spheres (docs/network.md), so that each costs as many.
+MOST_UNASKED = 1e6
 COSTS_AS_MANY = 40
 
 
@@ -55,7 +55,7 @@ class Reference:
         return cls(name, _network(record, wave) if name == NETWORK else trajectory(name, wave, record.tau))
 
     @classmethod
-    def best(cls, record: Record, wave: Wave) -> Self:
+    def of(cls, record: Record, wave: Wave) -> Self:
         """Return the reference of a run by the rule of this module, one without a name if there is none."""
         if holding(wave):
             return cls.named(best(wave, record.tau), record, wave)
@@ -71,12 +71,12 @@ class Reference:
 def _too_long(record: Record, wave: Wave) -> str:
     """Return why the network of a run is not integrated unasked, "" if it may be."""
     spheres, until = record.scene.shape.spheres, record.tau[-1]
-    size = spheres * until * (COSTS_AS_MANY if {SLIDING, OPENING} & traits(wave) else 1)
-    if size <= LONGEST:
+    most = MOST_UNASKED / COSTS_AS_MANY if {SLIDING, OPENING} & traits(wave) else MOST_UNASKED
+    if spheres * until <= most:
         return ""
     return (
-        f"{spheres} spheres until tau = {until:.6g} cost the network as much as {size:.0e} spheres and tau, of which "
-        f"{LONGEST:.0e} are taken unasked; ask with --theory network"
+        f"{spheres} spheres until tau = {until:.6g} are more than the {most:.0f} spheres times tau of a run like this "
+        "that the network takes unasked; ask with --theory network"
     )
 
 
@@ -85,9 +85,9 @@ def _network(record: Record, wave: Wave) -> Trajectory:
     refuse_less(NETWORK, wave)
     try:
         first = first_snapshot(record)
-    except (ValueError, OSError, GranularError) as error:
+        longest = SLIDING_STEP * first.time if np.isfinite(first.network.friction) else np.inf
+        times = record.tau * first.time
+        run = integrate(first.network, first.state, times, rtol=RTOL, spheres=[first.recorded], longest_step=longest)
+    except (ValueError, RuntimeError, OSError, GranularError) as error:
         raise TheoryError(f"theory = 'network': {error}") from error
-    longest = SLIDING_STEP * first.time if np.isfinite(first.network.friction) else np.inf
-    times = record.tau * first.time
-    run = integrate(first.network, first.state, times, rtol=RTOL, spheres=[first.recorded], longest_step=longest)
     return first.signals(run)

@@ -63,21 +63,21 @@ class FirstSnapshot:
 def first_snapshot(record: Record) -> FirstSnapshot:
     """Return the network of a run, with the contact law, the friction and the materials of its scene.
 
-    Friction is infinite unless contacts may slide (``effects.sliding``), as a deck without sliding has a coefficient at
+    Friction is infinite unless contacts may slide (``effects.sliding``): a deck without sliding has a coefficient at
     which nothing slides.
 
-    Raises ValueError for a first snapshot that is none of step 0 or lacks a column, RunFolderError for a run without
-    snapshots (``output.particles``).
+    Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
+    none of step 0 or lacks a column, as without ``effects.tracking``, OSError for a folder without `CENTRE`.
     """
     scene, path = record.scene, record.snapshots().path
-    sphere, on = scene.sphere, others_of(record)
+    sphere, sliding = scene.sphere, SLIDING in others_of(record)
     _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
     network, state = read_network(
         path,
         _materials(record, kilogram / (metre * second**2), kilogram / second**2),
         density=sphere.density / (kilogram / metre**3) if scene.perfect else None,
         law=scene.effects.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
-        friction=float(scene.effects.friction) if SLIDING in on else np.inf,
+        friction=float(scene.effects.friction) if sliding else np.inf,
     )
     with path.with_name(CENTRE).open(encoding="utf-8") as stream:
         _head(stream)
