@@ -168,9 +168,9 @@ def test_the_same_contacts_open_and_form_in_lammps_and_in_the_network(tmp_path: 
     opened, formed = ((rest > found).sum(axis=1), (rest < found).sum(axis=1))
     assert opened[-1] > opened[0]
     assert formed[-1] > formed[0] == 0
-    assert np.array_equal(found, expected)
+    assert np.array_equal(found, expected)  # none opens or forms within a step of a record
     # The adhesive force F appears or goes a step late at most, which gives a sphere F Δt/m more speed: in Δ0 and t0
-    # (2/3) Δτ/(2(κ+3)). A contact that came and went moved its spheres for a while of t0 before others share the kick.
+    # (2/3) Δτ/(2(κ+3)). Within t0 the neighbours share it, so that it moves no sphere farther than in one t0.
     events = np.abs(np.diff(found.astype(int), axis=0)).sum()
     kick = step * (2 / 3) / (2 * (SHEET.sphere.stiffness_ratio + 3)) / record.scene.wave.amplitude
     off = np.abs(theirs - ours).max()
