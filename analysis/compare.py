@@ -5,18 +5,19 @@
 
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
-walls, rounding. Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs
-between their scenes; the finished runs of a sweep are a line each, with what was varied in front, and without
-figures. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a key of the
-scene that stands in no line of `analysis.theory.catalogue`. A run whose contacts slide or open, which LAMMPS alone
-holds, and one that is no running plane wave are compared with nothing; a note says why, and names the script that has a
-theory of it.
+walls, rounding. Where no theory of a plane wave holds a run, as its crystal is not perfect or its contacts slide or
+open, the *network* of its spheres stands in place of the theory and says how good the run is
+(`analysis.measure.reference`). Each run gets a figure ``compare.png`` in its folder, and of several runs it is said
+what differs between their scenes; the finished runs of a sweep are a line each, with what was varied in front, and
+without figures. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a key
+of the scene that stands in no line of `analysis.theory.catalogue`. A run that neither a theory nor the network holds is
+compared with nothing; a note says why, and names the script that has a theory of it.
 """
 
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,14 @@ from matplotlib.figure import Figure
 
 from analysis.figures.plotting import save, start, write
 from analysis.measure.budget import Source, budget_lines, error_budget
+from analysis.measure.reference import Reference
 from analysis.measure.runs import load
 from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
 from analysis.measure.swept import Swept
-from analysis.theory.catalogue import script_for
-from analysis.theory.choice import THEORIES, TheoryError, best, beyond, holding, traits, trajectory, wave_of
+from analysis.second_harmonic import ALONG_Y
+from analysis.theory.catalogue import NETWORK, REFERENCES, script_for
+from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
+from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
@@ -46,7 +50,7 @@ class Comparison:
     direction : float
         Of k, degrees from a close-packed row; 90 is y.
     theory : str or None
-        None if no theory holds what the run has.
+        Reference of the run, a theory or "network"; None if none holds what the run has.
     error, lattice_error : dict
         Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
         component is zero by symmetry. Empty without a theory.
@@ -60,6 +64,8 @@ class Comparison:
         Why the comparison does not mean what it seems to.
     budget : list of Source
         What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
+    signals : tuple of (T,) arrays, or None
+        p, q, φ of the reference at the times of the record, in D0; not in the JSON.
     """
 
     folder: str | None
@@ -76,24 +82,28 @@ class Comparison:
     fit_error: float | None
     notes: list[str]
     budget: list[Source]
+    signals: Trajectory | None = field(repr=False, compare=False)
 
     @property
     def run(self) -> str:
         """The run in words: its folder, else the name of its scene."""
         return self.folder or self.name
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all but the signals as plain values, as the JSON holds them."""
+        return {name: value for name, value in asdict(self).items() if name != "signals"}
+
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
-    """Compare one run with the theory named, or with the best for its wave.
+    """Compare one run with the theory named, or with the best reference (`analysis.measure.reference`).
 
-    Raises TheoryError for a theory that is not in `analysis.theory.choice.THEORIES`, or leaves out what the run has,
-    and for a run with anything that no theory knows.
+    Raises TheoryError for a theory that is not in `analysis.theory.catalogue.REFERENCES`, or leaves out what the run
+    has, for the network of a run without snapshots, and for a run with anything that no theory knows.
     """
     wave = wave_of(record)
-    covered = bool(holding(wave))
-    name = theory or (best(wave, record.tau) if covered else None)
+    reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
     measured, fit_error = measured_amplitude(record, wave)
-    exact = trajectory("exact-lattice", wave, record.tau) if covered else None
+    exact = trajectory("exact-lattice", wave, record.tau) if holding(wave) else None
     lattice_error = {} if exact is None else errors(record, exact)
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
@@ -102,18 +112,19 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         wavenumber=wave.mode.wavenumber,
         direction=wave.mode.direction,
         amplitude=wave.amplitude,
-        theory=name,
-        error=errors(record, trajectory(name, wave, record.tau)) if name else {},
+        theory=reference.name,
+        error={} if reference.signals is None else errors(record, reference.signals),
         lattice_error=lattice_error,
         predicted=predicted_amplitude(wave),
         measured=measured,
         fit_error=fit_error,
-        notes=notes(record),
+        notes=notes(record, wave, reference),
         budget=[] if exact is None else error_budget(record, wave, lattice_error, exact),
+        signals=reference.signals,
     )
 
 
-def notes(record: Record) -> list[str]:
+def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
     """Return why a comparison may mislead: an unfinished run, loud guards, and all that no theory here covers."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
@@ -121,15 +132,15 @@ def notes(record: Record) -> list[str]:
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     if edited := record.info.get("edited"):
         loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
-    wave = wave_of(record)
     if not holding(wave):
         script = script_for(traits(wave))
+        instead = "the network of its spheres" if reference.name else f"nothing, as {reference.reason}"
         loud.append(
-            f"no theory here holds {', '.join(beyond(wave))}: the run is compared with nothing"
+            f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}"
             + (f"; `python -m {script}` has a theory of it" if script else "")
         )
     echo = record.scene.echo_time
-    if record.tau[-1] > echo:
+    if record.tau[-1] > echo and reference.name != NETWORK:
         loud.append(f"the walls are heard from tau = {echo:.4g} on; the theory is that of the infinite lattice")
     return loud
 
@@ -210,15 +221,13 @@ def figure(record: Record, comparison: Comparison) -> Figure:
 
     Raises TheoryError for a comparison without a theory.
     """
-    if comparison.theory is None:
+    if comparison.signals is None:
         raise TheoryError(f"theory = None: {comparison.run} is compared with nothing")
-    wave = wave_of(record)
-    theory = trajectory(comparison.theory, wave, record.tau)
-    along_y = wave.mode.along_y
+    along_y = comparison.direction == ALONG_Y
     labels = LABELS if along_y else OBLIQUE_LABELS
     result = Figure(figsize=(7.5, 7.0), layout="constrained")
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
-    for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, theory, strict=True):
+    for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, comparison.signals, strict=True):
         run = getattr(record, name)
         signal.plot(record.tau, run, color="black", label="LAMMPS")
         signal.plot(record.tau, values, color="tab:red", linestyle="--", label=comparison.theory)
@@ -247,7 +256,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("runs", nargs="+", metavar="RUN", help="run folders, or one sweep folder")
     parser.add_argument(
-        "--theory", choices=sorted(THEORIES), help="compare with this one, not with the best for each wave"
+        "--theory", choices=sorted(REFERENCES), help="compare with this one, not with the best for each run"
     )
     parser.add_argument("--json", metavar="FILE", help="write the comparisons as JSON")
     parser.add_argument("--force", action="store_true", help="take runs that did not finish, too")
@@ -267,7 +276,7 @@ def main(argv: list[str] | None = None) -> int:
     else:
         print("\n".join([table(comparisons), *difference_lines(records, comparisons)]))
     if options.json:
-        write(Path(options.json), json.dumps([asdict(c) for c in comparisons], indent=2) + "\n")
+        write(Path(options.json), json.dumps([c.to_dict() for c in comparisons], indent=2) + "\n")
     return 0
 
 

@@ -14,9 +14,10 @@ from analysis.figures import effects, figure3
 from analysis.measure import oblique, sheets, spectrum
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue
-from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, LAMMPS_ALONE, missing, script_for
+from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, NETWORK, OPENING, REFERENCES, SLIDING, missing, script_for
 from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_lmp import Record, Scene, run
+from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.effects import selection as package_effects
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.selection import EFFECTS
@@ -188,7 +189,8 @@ def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
 def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2}).to_dict()}
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
-    assert keys | {"time.timestep", "sphere.contact_force"} == KEYS  # one excludes the other; of the packing
+    # One excludes the other; of the packing; a table of which nothing is declared is not there
+    assert keys | {"time.timestep", "sphere.contact_force", "disorder.seed"} == KEYS
 
 
 def test_departures_are_what_is_not_at_its_default() -> None:
@@ -202,10 +204,43 @@ def test_departures_are_what_is_not_at_its_default() -> None:
 # --- the catalogue itself ---
 
 
-def test_every_theory_has_its_line_and_lammps_alone_has_what_none_holds() -> None:
-    assert set(THEORIES) == {name for name in HOLDS if not name.startswith("analysis.")}
-    assert not LAMMPS_ALONE.intersection(*HOLDS.values())
-    assert not LAMMPS_ALONE & frozenset().union(*HOLDS.values())
+def test_every_reference_has_its_line_and_the_network_alone_has_contacts_that_slide_or_open() -> None:
+    assert (*THEORIES, NETWORK) == REFERENCES
+    assert [name for name, held in HOLDS.items() if held & {SLIDING, OPENING}] == [NETWORK]
+
+
+IMPERFECT = {
+    "disorder.radius": 1e-5,
+    "disorder.density": 0.1,
+    "disorder.vacancies": 0.01,
+    "inclusion": [{"rows": [2, 3], "density": 1e4, "poisson_ratio": 0.3}, {"spheres": [[5, 1]], "vacancy": True}],
+}
+SAID_OF_INCLUSIONS = {f"inclusion.{key}" for key in ("rows", "density", "poisson_ratio", "spheres", "vacancy")}
+
+
+@pytest.mark.parametrize("key", IMPERFECT)
+def test_an_imperfect_crystal_is_held_by_the_network_alone(key: str) -> None:
+    sized = PAPER.with_values({"packing.rows": 201, "packing.columns": 4, "packing.ends": "fixed"})
+    found = traits_of(record_of(sized.with_values({key: IMPERFECT[key]}))) - traits_of(record_of(sized))
+    assert found == ({key} if key != "inclusion" else SAID_OF_INCLUSIONS)
+    assert [name for name, held in HOLDS.items() if held & found] == [NETWORK]
+
+
+def test_a_seed_of_which_nothing_is_drawn_changes_nothing() -> None:
+    assert traits_of(record_of(PAPER.with_values({"disorder.seed": 7}))) == traits_of(record_of())
+
+
+@dataclass(frozen=True)
+class Wet(Inclusion):
+    """An inclusion with a key that scenes may have one day."""
+
+    wetness: float = 0.0
+
+
+def test_a_key_of_an_inclusion_that_no_theory_knows_is_refused_unless_it_is_at_its_default() -> None:
+    dry, wet = (Changed(PAPER, inclusion=(Wet(rows=[2, 3], density=1e4, wetness=value),)) for value in (0.0, 0.5))
+    assert outcome(record_of(wet)) == (False, "no theory here holds inclusion.wetness")
+    assert "no theory of a plane wave holds inclusion.density, inclusion.rows" in outcome(record_of(dry))[1]
 
 
 @pytest.mark.parametrize("theory", THEORIES)
@@ -223,7 +258,7 @@ def test_a_theory_that_lacks_one_trait_of_a_run_refuses_it(theory: str, monkeypa
 
 def test_best_names_what_no_theory_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     wave = wave_of(record_of(PAPER, "sliding"))
-    with pytest.raises(TheoryError, match="^no theory here holds effects.sliding$"):
+    with pytest.raises(TheoryError, match="^no theory of a plane wave holds effects.sliding$"):
         best(wave, TAU)
 
 

@@ -164,7 +164,8 @@ def test_no_amplitude_is_measured_where_there_is_no_second_harmonic(changes: dic
 
 def test_notes_say_why_a_comparison_does_not_mean_what_it_seems(small: Scene, tmp_path: Path) -> None:
     opened = compare.compare(run(small.with_values({"wave.amplitude": 8.0}), tmp_path / "open"))
-    assert any("no theory here holds effects.contact_opening" in note for note in opened.notes)
+    assert any("no theory of a plane wave holds effects.contact_opening" in note for note in opened.notes)
+    assert any("run its scene with output.particles" in note for note in opened.notes)
     still = compare.compare(run(small.with_values({"effects.rotation": False}), tmp_path / "still"))
     assert any("largest_torque" in note for note in still.notes)
     echo = PAPER.with_values({"packing.rows": 21, "time.duration": 60.0, "time.allow_echo": True})

@@ -134,6 +134,11 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"wave.form": "driven", "envelope.length": 9.0}, r"envelope\.length = 9\.0: must be 0 with wave\.form"),
     ({"name": "../escape"}, r"name = '\.\./escape': must be a string of at most 200 ASCII letters, digits"),
     ({"name": ""}, r"name = ''"),
+    (
+        {"packing.contact_force": 1e-7, "effects.adhesion": False}
+        | {"inclusion": [{"rows": [2, 3], "density": 1e4}, {"rows": [3, 4], "work_of_adhesion": 0.1}]},
+        r"inclusion 2: work_of_adhesion = 0\.1: must be left out where the spheres have none",
+    ),
 ]
 
 

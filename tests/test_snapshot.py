@@ -8,6 +8,7 @@ from analysis.theory.network import Material, forces
 from analysis.theory.network_motion import integrate
 from granular_lmp import Scene, run
 
+STEEL = Material(210e3, 0.3, 100.0)
 SILICA, DENSITY = Material(73e3, 0.17, 63.0), 0.0022  # those of the shipped scenes, in units nano
 PERIODIC = {"time.duration": 5.0, "time.timestep": 0.0125, "output.particles": 1.0}
 HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo": True}
@@ -17,7 +18,7 @@ HELD = PERIODIC | {"packing.ends": "fixed", "packing.rows": 17, "time.allow_echo
 def test_the_network_moves_as_the_run_that_it_was_read_from(changes, tmp_path):
     scene = Scene.load("tr_periodic").with_values(changes)
     snapshots = run(scene, tmp_path / "run").snapshots()
-    network, state = read_network(snapshots.path, DENSITY, SILICA)
+    network, state = read_network(snapshots.path, [SILICA], density=DENSITY)
     assert np.count_nonzero(network.held) == (6 if changes is HELD else 0)
     times = scene.sphere.time_scale * 1e9 * np.arange(1, 6)
     motion = integrate(network, state, times).motion
@@ -42,12 +43,31 @@ def dump(tmp_path):
 
 
 def test_spheres_come_in_the_order_of_their_numbers(dump):
-    network, state = read_network(dump, [1.0, 2.0], SILICA)
+    network, state = read_network(dump, [SILICA], density=2.0)
     assert network.position.tolist() == [[100, 0], [4900, 0]]
     assert network.cell == (5000, np.inf)
     assert network.held.tolist() == [True, False]
     assert state.motion[:, 1].tolist() == [1, 0, 0.25, 0.5, 0, 0]
+    assert network.density.tolist() == [2.0, 2.0]
     assert forces(network, state)[0, 0] > 0
+
+
+def test_types_and_masses_say_material_and_density(dump):
+    text = (
+        dump.read_text()
+        .replace("radius", "radius mass")
+        .replace("500 1 0", "500 3e9 1 0")
+        .replace("700 0", "700 5e9 0")
+    )
+    dump.write_text(text.replace("2 1 4901", "2 3 4901"))
+    network, _ = read_network(dump, [SILICA, STEEL])
+    assert network.kinds.tolist() == [0, 1]
+    assert network.held.tolist() == [True, False]
+    assert network.mass == pytest.approx([5e9, 3e9], rel=1e-15)  # two roundings
+    with pytest.raises(ValueError, match="type 3, which is of material 2; materials has 1"):
+        read_network(dump, [SILICA])
+    with pytest.raises(ValueError, match="density = 1.0: must be given for a dump without the column mass"):
+        read_network(dump, [SILICA, STEEL], density=1.0)
 
 
 @pytest.mark.parametrize(
@@ -57,9 +77,15 @@ def test_spheres_come_in_the_order_of_their_numbers(dump):
         ("ITEM: TIMESTEP", "LAMMPS data", "no text dump"),
         ("v_theta", "angle", "no column v_theta"),
         ("ATOMS\n2", "ATOMS\n3", "cut off"),
+        ("ITEM: ATOMS", "", "no text dump"),
     ],
 )
 def test_another_file_is_refused(dump, old, new, message):
     dump.write_text(dump.read_text().replace(old, new))
     with pytest.raises(ValueError, match=message):
-        read_network(dump, 1.0, SILICA)
+        read_network(dump, [SILICA], density=1.0)
+
+
+def test_a_dump_without_masses_needs_a_density(dump):
+    with pytest.raises(ValueError, match="density = None: must be given for a dump without the column mass"):
+        read_network(dump, [SILICA])

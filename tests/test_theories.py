@@ -113,16 +113,19 @@ def test_a_theory_that_leaves_something_out_is_refused_by_name(
             compare.compare(PLAIN, name)
 
 
-def test_sliding_contacts_are_compared_with_nothing(with_physics: With) -> None:
+def test_sliding_contacts_without_snapshots_are_compared_with_nothing(with_physics: With) -> None:
     wave = with_physics(sliding=True)
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error) == (None, {}, {})
     assert (result.predicted, result.measured) == (None, None)
-    assert result.notes == ["no theory here holds effects.sliding: the run is compared with nothing"]
+    assert result.notes == [
+        "no theory of a plane wave holds effects.sliding: the run is compared with nothing, as theory = 'network': "
+        f"{PLAIN!r}: is of no run folder, and so without snapshots"
+    ]
     assert f"{'-':>9}{'-':>9}{'-':>9}" in compare.table([result])
-    with pytest.raises(TheoryError, match="no theory here holds effects.sliding"):
+    with pytest.raises(TheoryError, match="no theory of a plane wave holds effects.sliding"):
         best(wave, TAU)
-    with pytest.raises(TheoryError, match="that hold it: none"):
+    with pytest.raises(TheoryError, match="that hold it: network"):
         compare.compare(PLAIN, "exact-lattice")
 
 
@@ -298,7 +301,8 @@ def test_what_is_no_running_plane_wave_is_left_to_its_script(
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
     assert "the run is compared with nothing" in result.notes[-1]
-    assert result.notes[-1].endswith(f"; `python -m {script}` has a theory of it" if script else "nothing")
+    assert ("; `python -m" in result.notes[-1]) == bool(script)
+    assert result.notes[-1].endswith(f"; `python -m {script}` has a theory of it" if script else "")
     assert holding(wave) == []
     named = f"wave.form = '{changes['form']}'" if "form" in changes else "an envelope"
     assert named in result.notes[-1]

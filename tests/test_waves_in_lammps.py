@@ -245,7 +245,7 @@ def test_a_beam_displaces_the_lattice_by_more_than_its_second_harmonic(tmp_path:
 @pytest.mark.parametrize("scene", [DRIVEN, BEAM, PULSE, GRATING], ids=lambda scene: scene.name)
 def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path) -> None:
     record = run(scene.with_values({"time.duration": 8.0}), tmp_path / "run")
-    (note,) = (note for note in compare.notes(record) if "compared" in note)
+    (note,) = (note for note in compare.compare(record).notes if "compared" in note)
     script = catalogue.script_for(traits_of(record))
     assert script is None or script in note
     if script == "analysis.figures.sheets":

@@ -1,31 +1,113 @@
 """The first snapshot of a LAMMPS run as a network: what starts the witness where a run started.
 
-The dump is text and of step 0, with the columns of a scene's `dump.particles`: id, type, x, y, radius, the displacement
-from rest, vx, vy, omegaz and the angle v_theta. Numbers stay in the units of the dump. It does not hold density and
-material, which are to be given in those units: for `nano` (ag, nm, ns), E in MPa, w in mJ/m² and ρ in ag/nm³; for
-`micro` (pg, µm, µs), kPa, mJ/m² and pg/µm³; for `si`, SI.
+The dump is text and of step 0, with the columns of a scene's `dump.particles`: id, type, x, y, radius, mass where the
+spheres differ, the displacement from rest, vx, vy, omegaz and the angle v_theta. Numbers stay in the units of the dump.
+Materials are to be given in those units: for `nano` (ag, nm, ns), E in MPa and w in mJ/m²; for `micro` (pg, µm, µs),
+kPa and mJ/m²; for `si`, SI. `first_snapshot` takes all of it from a record.
 
 Later snapshots are refused: the slip of the contacts, which they would need, is in no dump.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from analysis.theory.bloch import frame
+from analysis.theory.catalogue import SLIDING
+from analysis.theory.choice import others_of
 from analysis.theory.network import Law, Material, Network, State, start
+from analysis.theory.network_motion import Trajectory
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
 _COLUMNS = ("id", "type", "x", "y", "radius", "Displacement.X", "Displacement.Y", "vx", "vy", "omegaz", "v_theta")
-HELD_TYPE = 2  # the type of the spheres that a scene holds
+_TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
+CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
+# Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
+UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class FirstSnapshot:
+    """A run at its start, in the units of its deck.
+
+    Attributes
+    ----------
+    network, state : the spheres at rest, and the state they start from.
+    recorded : index of the sphere whose motion is the record.
+    time : t0.
+    length : D0.
+    radius : R of the declared sphere, which turns angles into φ.
+    direction : of the wave vector, degrees from a close-packed row.
+    """
+
+    network: Network
+    state: State
+    recorded: int
+    time: float
+    length: float
+    radius: float
+    direction: float
+
+    def signals(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
+        """Return p, q and φ, (T,) each, of the recorded sphere: the motion of the first sphere of a trajectory."""
+        (p, q), angle = frame(self.direction) @ run.motion[:, :2, 0].T, run.motion[:, 2, 0]
+        return p / self.length, q / self.length, angle * self.radius / self.length
+
+
+def first_snapshot(record: Record) -> FirstSnapshot:
+    """Return the network of a run, with the contact law, the friction and the materials of its scene.
+
+    Friction is infinite unless contacts may slide (``effects.sliding``): a deck without sliding has a coefficient at
+    which nothing slides.
+
+    Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
+    none of step 0 or lacks a column, as without ``effects.tracking``, OSError for a folder without `CENTRE`.
+    """
+    scene, path = record.scene, record.snapshots().path
+    sphere, sliding = scene.sphere, SLIDING in others_of(record)
+    _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
+    network, state = read_network(
+        path,
+        _materials(record, kilogram / (metre * second**2), kilogram / second**2),
+        density=sphere.density / (kilogram / metre**3) if scene.perfect else None,
+        law=scene.effects.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
+        friction=float(scene.effects.friction) if sliding else np.inf,
+    )
+    with path.with_name(CENTRE).open(encoding="utf-8") as stream:
+        _head(stream)
+        recorded, *_ = stream.readline().split()  # too few words are a ValueError
+    return FirstSnapshot(
+        network,
+        state,
+        recorded=int(recorded) - 1,
+        time=sphere.time_scale / second,
+        length=scene.displacement_amplitude / metre,
+        radius=sphere.radius / metre,
+        direction=scene.direction,
+    )
+
+
+def _materials(record: Record, pressure: float, tension: float) -> list[Material]:
+    """Return the materials of a run: that of its sphere, then each that an inclusion adds, in units of its deck."""
+    sphere, names = record.scene.sphere, ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+    kinds = [
+        tuple(getattr(sphere if getattr(each, name) is None else each, name) for name in names)
+        for each in (sphere, *record.scene.inclusion)
+    ]
+    return [Material(E / pressure, ratio, w / tension) for E, ratio, w in dict.fromkeys(kinds)]
 
 
 def read_network(
     path: str | Path,
-    density: ArrayLike,
-    material: Material,
+    materials: Sequence[Material],
     *,
+    density: float | None = None,
     law: Law = "secant",
     friction: float = np.inf,
 ) -> tuple[Network, State]:
@@ -34,16 +116,15 @@ def read_network(
     Parameters
     ----------
     path : the dump.
-    density : of the spheres, (N,) in the order of their numbers, or one for all.
-    material : of all spheres; `dataclasses.replace` gives the network other kinds.
+    materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
+    density : of all spheres, for a dump without the column mass.
     law, friction : of the contacts, as of `analysis.theory.network.Network`.
 
-    Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off.
+    Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
+    and where not exactly one of the column mass and `density` is given.
     """
     with Path(path).open(encoding="utf-8") as stream:
-        head = [stream.readline().split() for _ in range(9)]
-        if [line[:2] for line in head[::2][:3]] != [["ITEM:", "TIMESTEP"], ["ITEM:", "NUMBER"], ["ITEM:", "BOX"]]:
-            raise ValueError(f"{path}: is no text dump of LAMMPS")
+        head = _head(stream)
         if head[1] != ["0"]:
             raise ValueError(
                 f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
@@ -52,23 +133,41 @@ def read_network(
         missing = [name for name in _COLUMNS if name not in names]
         if missing:
             raise ValueError(f"{path}: has no column {', '.join(missing)}")
+        if ("mass" in names) == (density is not None):
+            raise ValueError(f"density = {density}: must be given for a dump without the column mass, and for no other")
         rows = [stream.readline().split() for _ in range(count)]
     if any(len(row) != len(names) for row in rows):
         raise ValueError(f"{path}: its first snapshot is cut off")
     table = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
     order = np.argsort(table["id"])
-    _, kind, x, y, radius, ux, uy, vx, vy, spin, angle = (table[name][order] for name in _COLUMNS)
+    _, number, x, y, radius, ux, uy, vx, vy, spin, angle = (table[name][order] for name in _COLUMNS)
+    types = number.astype(np.intp)
+    last = types.max()
+    if last > 2 * len(materials):
+        raise ValueError(
+            f"{path}: has type {last}, which is of material {(last + 1) // 2}; materials has {len(materials)}"
+        )
+    volume = 4 / 3 * np.pi * radius**3
     network = Network(
         np.stack([x - ux, y - uy], axis=1),
         radius,
-        np.array(np.broadcast_to(np.asarray(density, float), (count,))),
-        (material,),
-        held=kind == HELD_TYPE,
+        np.full(count, density) if density is not None else table["mass"][order] / volume,
+        tuple(materials),
+        kind=(types - 1) // 2,
+        held=types % 2 == 0,
         cell=_cell(head),
         law=law,
         friction=friction,
     )
     return network, start(network, np.stack([ux, uy], axis=1), np.stack([vx, vy], axis=1), angle, spin)
+
+
+def _head(stream: TextIO) -> list[list[str]]:
+    """Return the words of the nine lines before the spheres."""
+    head = [stream.readline().split() for _ in range(9)]
+    if [head[number][:2] for number in _TITLES] != [["ITEM:", title] for title in _TITLES.values()]:
+        raise ValueError(f"{stream.name}: is no text dump of LAMMPS")
+    return head
 
 
 def _cell(head: list[list[str]]) -> tuple[float, float]:

@@ -18,6 +18,7 @@ SLIDING = "effects.sliding"
 OPENING = "effects.contact_opening"  # a trait of runs whose contacts do part
 NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
+NETWORK = "network"
 
 
 def said(key: str, value: str) -> str:
@@ -34,6 +35,10 @@ _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
 _SHEET = _CONTACTS | _MODES | {said("packing.ends", "periodic"), SECANT}
 _LATTICE = _SHEET | HELD | {COMPRESSED, NO_SHEAR, NO_ROTATION}
 _ALONG_Y = _LATTICE | {RUNNING}
+_MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
+_IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")} | {
+    f"inclusion.{name}" for name in ("rows", "spheres", "disc", "share", "vacancy", "radius", "density", *_MATERIAL)
+}
 
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 HOLDS: dict[str, frozenset[str]] = {
@@ -42,6 +47,10 @@ HOLDS: dict[str, frozenset[str]] = {
     "three-mode": _ALONG_Y,
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
+    # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
+    NETWORK: _ALONG_Y - {NO_SHEAR, NO_ROTATION}
+    | {STANDING, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING}
+    | _IMPERFECT,
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
     "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
@@ -50,9 +59,8 @@ HOLDS: dict[str, frozenset[str]] = {
     "analysis.figures.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
 }
 
-# A contact that opens keeps its adhesive force in the paper's law, and loses it in LAMMPS.
-LAMMPS_ALONE = frozenset({SLIDING, OPENING})
-KNOWN = LAMMPS_ALONE.union(*HOLDS.values())
+KNOWN = frozenset().union(*HOLDS.values())
+REFERENCES = tuple(name for name in HOLDS if not name.startswith("analysis."))  # what a record is compared with
 
 # Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
 KEYS = frozenset(
@@ -67,6 +75,7 @@ KEYS = frozenset(
         "rolling twisting shear_law friction viscosity restitution "
         "rolling_stiffness rolling_viscosity rolling_friction",
         "output": "particles",
+        "disorder": "seed",
     }.items()
     for key in keys.split()
 )

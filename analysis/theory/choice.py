@@ -12,8 +12,8 @@ Every theory is a function of a `Wave` and of times; they differ in what they le
 
 A scene may call for other physics than the paper's (`analysis.theory.contact`). What each theory holds of it stands in
 `analysis.theory.catalogue`, and nothing else is held. With compression, frequency shift and three waves lack
-corrections of relative order η, as they do without. Contacts that slide or open are in none, and what is no running
-plane wave is compared by other scripts (`catalogue.script_for`).
+corrections of relative order η, as they do without. What is no running plane wave in a perfect lattice whose contacts
+stick and stay closed is in none of them; `analysis.measure.reference` then takes the network of the spheres.
 
 `best` takes the hierarchy where its own last orders say that it has converged, and at the antiresonance, where nothing
 else gives p; else three-mode, which holds for long times near the resonance, or the exact lattice where three-mode
@@ -95,13 +95,20 @@ def others_of(record: Record) -> frozenset[str]:
     unknown = {
         key
         for key, value in scene.departures().items()
-        if key not in {"name", *catalogue.KEYS} and not (key.startswith("effects.") and value is False)
+        if key not in {"name", "inclusion", *catalogue.KEYS} and not (key.startswith("effects.") and value is False)
+    }
+    differing = {
+        f"inclusion.{key}"
+        for each in scene.inclusion
+        for key, value in vars(each).items()
+        if value != getattr(type(each)(), key)
     }
     return frozenset(
         {catalogue.said(key, value) for key, value in said.items()}
         | {name for name, there in present.items() if there}
         | {f"effects.{name}" for name, there in on.items() if there and name not in _SAID}
         | unknown
+        | differing
     )
 
 
@@ -177,18 +184,22 @@ def holding(wave: Wave) -> list[str]:
 
 
 def beyond(wave: Wave) -> list[str]:
-    """Return what keeps a wave from the theory that lacks least of it; nothing if one holds it all."""
+    """Return what keeps a wave from the theory of plane waves that lacks least of it; nothing if one holds it all."""
     return min((catalogue.missing(name, traits(wave)) for name in THEORIES), key=len)
 
 
+def refuse_less(name: str, wave: Wave) -> None:
+    """Raise a TheoryError if the reference of a name leaves out what a wave has; it lists those that do not."""
+    if missing := catalogue.missing(name, traits(wave)):
+        allowed = [each for each in catalogue.REFERENCES if not catalogue.missing(each, traits(wave))]
+        raise TheoryError(
+            f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {', '.join(allowed) or 'none'}"
+        )
+
+
 def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
-    """p, q, φ of a theory; TheoryError if there is none of that name or it leaves out what the wave's contacts do."""
-    if name not in THEORIES:
-        raise TheoryError(f"theory = {name!r} is not one of {', '.join(THEORIES)}")
-    missing = catalogue.missing(name, traits(wave))
-    if missing:
-        allowed = ", ".join(holding(wave)) or "none"
-        raise TheoryError(f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {allowed}")
+    """Return p, q, φ of one of `THEORIES`; TheoryError if it leaves out what the wave has."""
+    refuse_less(name, wave)
     return _computed(name, wave, tuple(np.asarray(tau, dtype=float).tolist()))
 
 
@@ -213,7 +224,7 @@ def best(wave: Wave, tau: Floats) -> str:
     """
     allowed = holding(wave)
     if not allowed:
-        raise TheoryError(f"no theory here holds {', '.join(beyond(wave))}")
+        raise TheoryError(f"no theory of a plane wave holds {', '.join(beyond(wave))}")
     if drive_cancels(wave) or (tau[-1] <= LONGEST and last_orders(wave, tau) < CONVERGED):
         return "hierarchy"
     return "three-mode" if "three-mode" in allowed else "exact-lattice"

@@ -367,7 +367,7 @@ class Scene(Document):
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         validation.check_wave(wave, self.envelope, self.packing, shape)
-        validation.check_imperfections(self.packing, self.layered, self.perfect)
+        validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)

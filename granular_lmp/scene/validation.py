@@ -4,8 +4,10 @@ Each raises a SceneError that names the key, the value and the allowed values.
 """
 
 import sys
+from collections.abc import Sequence
 from math import ceil, pi
 
+from granular_lmp.crystal.disorder import Inclusion
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
@@ -93,8 +95,17 @@ def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape)
             raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "driven"')
 
 
-def check_imperfections(packing: Packing, layered: bool, perfect: bool) -> None:
-    """Check that a crystal that is not perfect has a declared size."""
+def check_imperfections(
+    packing: Packing, sphere: Sphere, inclusions: Sequence[Inclusion], layered: bool, perfect: bool
+) -> None:
+    """Check that a crystal that is not perfect has a declared size, and the adhesion of its inclusions."""
+    for number, inclusion in enumerate(inclusions, 1):
+        if inclusion.work_of_adhesion and not sphere.work_of_adhesion:
+            raise SceneError(
+                f"inclusion {number}: work_of_adhesion = {inclusion.work_of_adhesion!r}: must be left out where the "
+                "spheres have none (sphere.work_of_adhesion = 0.0, or effects.adhesion = false), as all contacts are "
+                "then Hertz's"
+            )
     for name, needed in (("rows", not perfect), ("columns", not layered), ("ends", not perfect)):
         if needed and getattr(packing, name) == AUTO:
             raise SceneError(

@@ -1,0 +1,93 @@
+"""The reference of a run: the trajectory of p, q and φ that its record is compared with.
+
+Most references are theories, functions of a plane wave (`analysis.theory.choice.THEORIES`). The last is the *network*:
+all spheres of the run, from its first snapshot on, integrated without LAMMPS (`analysis.theory.network`). It holds
+crystals that are not perfect, waves of any shape, and contacts that slide, open and form.
+
+The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
+that cannot be, nothing, and the reference says why.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from analysis.measure.snapshot import first_snapshot
+from analysis.theory.catalogue import NETWORK, OPENING, REFERENCES, SLIDING, missing
+from analysis.theory.choice import TheoryError, Trajectory, best, holding, refuse_less, traits, trajectory
+from analysis.theory.network_motion import integrate
+from analysis.theory.wave import Wave
+from granular_lmp.runs.record import GranularError, Record
+
+RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
+SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
+# Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide or open shorten the steps of
+# all spheres (docs/network.md), so that each costs as many.
+MOST_UNASKED = 1e6
+COSTS_AS_MANY = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What a run is compared with.
+
+    Attributes
+    ----------
+    name : of a theory, or "network"; None if there is none.
+    signals : p, q, φ at the times of the record, in D0; None if there is none.
+    reason : why there is none.
+    """
+
+    name: str | None
+    signals: Trajectory | None
+    reason: str = ""
+
+    @classmethod
+    def named(cls, name: str, record: Record, wave: Wave) -> Self:
+        """Return the reference of a name.
+
+        Raises TheoryError for a name that is none of `analysis.theory.catalogue.REFERENCES`, a reference that leaves
+        out what the run has, and for the network of a run without a first snapshot that it can be read from.
+        """
+        if name not in REFERENCES:
+            raise TheoryError(f"theory = {name!r} is not one of {', '.join(REFERENCES)}")
+        return cls(name, _network(record, wave) if name == NETWORK else trajectory(name, wave, record.tau))
+
+    @classmethod
+    def of(cls, record: Record, wave: Wave) -> Self:
+        """Return the reference of a run by the rule of this module, one without a name if there is none."""
+        if holding(wave):
+            return cls.named(best(wave, record.tau), record, wave)
+        lacks = missing(NETWORK, traits(wave))
+        if reason := f"the network leaves out {', '.join(lacks)}" if lacks else _too_long(record, wave):
+            return cls(None, None, reason)
+        try:
+            return cls.named(NETWORK, record, wave)
+        except TheoryError as error:
+            return cls(None, None, str(error))
+
+
+def _too_long(record: Record, wave: Wave) -> str:
+    """Return why the network of a run is not integrated unasked, "" if it may be."""
+    spheres, until = record.scene.shape.spheres, record.tau[-1]
+    most = MOST_UNASKED / COSTS_AS_MANY if {SLIDING, OPENING} & traits(wave) else MOST_UNASKED
+    if spheres * until <= most:
+        return ""
+    return (
+        f"{spheres} spheres until tau = {until:.6g} are more than the {most:.0f} spheres times tau of a run like this "
+        "that the network takes unasked; ask with --theory network"
+    )
+
+
+def _network(record: Record, wave: Wave) -> Trajectory:
+    """Return p, q, φ of the recorded sphere in the network of a run."""
+    refuse_less(NETWORK, wave)
+    try:
+        first = first_snapshot(record)
+        longest = SLIDING_STEP * first.time if np.isfinite(first.network.friction) else np.inf
+        times = record.tau * first.time
+        run = integrate(first.network, first.state, times, rtol=RTOL, spheres=[first.recorded], longest_step=longest)
+    except (ValueError, RuntimeError, OSError, GranularError) as error:
+        raise TheoryError(f"theory = 'network': {error}") from error
+    return first.signals(run)
