@@ -74,7 +74,12 @@ def compare(record: Record, rows: Rows) -> Comparison:
     distance = np.arange(rows.count - 1)
     # Airy's front of the slowest wave, at the pace of that wave; then the echo of the held end, at the fastest
     reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
-    n = distance[reached & (echo(2 * (rows.count - 1) - distance) > last) & (distance > 0)]
+    quiet = int(scene.absorb.rows)
+    if quiet:  # no echo comes back, but the rows that absorb are others
+        heard = distance >= rows.count - 1 - quiet
+    else:
+        heard = echo(2 * (rows.count - 1) - distance) <= last
+    n = distance[reached & ~heard & (distance > 0)]
     if len(n) < FEWEST_ROWS:
         raise ValueError(
             f"too short a run or strip: {len(n)} of {FEWEST_ROWS} rows are reached by the slowest wave ({velocity:.3g} "
@@ -91,7 +96,8 @@ def compare(record: Record, rows: Rows) -> Comparison:
             run["phi"] = fit(tau, rows.phi[first:, n], linear.frequency)[1][0]
             theory["phi"] = fundamental[2]
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
-    if linear.name == "L" or not constants.memory:
+    # What pushes steadily is not absorbed, and the held end hinders it
+    if not quiet and (linear.name == "L" or not constants.memory):
         run["mean p"], theory["mean p"] = means + 0j, static(linear, constants, wave.amplitude, n) + 0j
     return Comparison(wave, n, run, theory)
 

@@ -28,6 +28,7 @@ def said(key: str, value: str) -> str:
 
 RUNNING, STANDING, DRIVEN = (said("wave.form", form) for form in ("running", "standing", "driven"))
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
+QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
 
 _CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
@@ -54,7 +55,7 @@ HOLDS: dict[str, frozenset[str]] = {
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
     "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
-    "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL},
+    "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
     "analysis.figures.dispersion": _CONTACTS,
     "analysis.figures.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
 }
