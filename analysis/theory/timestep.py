@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
-from analysis.theory.lattice import on_torus, rhs, torus
+from analysis.theory.lattice import accelerations, on_torus, torus, touching
 from analysis.theory.neighbours import Neighbours, torus_neighbours
 from analysis.theory.wave import Wave
 
@@ -74,13 +74,14 @@ def stepped(
     record = np.empty((records + 1, 3, len(waves)))
     record[0] = state[:3, ::points]
     with np.errstate(over="ignore", invalid="ignore"):
-        acceleration = rhs(state, contact, neighbours)[3:6]
+        acceleration = accelerations(state, touching(state, contact, neighbours), contact, neighbours)
         for index in range(1, records + 1):
             for _ in range(per_sample):
                 state[3:6] += step / 2 * acceleration
                 state[:3] += step * state[3:6]
-                state[6:] += step * rhs(state, contact, neighbours)[6:]
-                acceleration = rhs(state, contact, neighbours)[3:6]
+                now = touching(state, contact, neighbours)  # the slip is no part of it
+                state[6:] += step * now.shear_rate(contact)
+                acceleration = accelerations(state, now, contact, neighbours)
                 state[3:6] += step / 2 * acceleration
             record[index] = state[:3, ::points]
     return np.transpose(record / [wave.amplitude for wave in waves], (2, 0, 1))
