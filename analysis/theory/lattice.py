@@ -84,6 +84,10 @@ class Touching(NamedTuple):
     overlap: Floats
     root: Floats
 
+    def slip(self) -> Floats:
+        """Return s (3, K) as the places make it; with η > 0 the slip is no function of them."""
+        return self.n_p * self.apart[:, 1] - self.n_q * self.apart[:, 0] - self.sums[:, 0]
+
     def slip_rate(self) -> Floats:
         """Return ds/dτ (3, K)."""
         return self.n_p * self.apart[:, 4] - self.n_q * self.apart[:, 3] - self.sums[:, 1]
@@ -107,13 +111,13 @@ def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touchin
 
 def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Neighbours) -> Floats:
     """p'', q'', φ'' (3, K) of a state whose contacts are `now`: the equations of motion at the top of this module."""
-    apart, sums, n_p, n_q, overlap, root = now
+    apart, _, n_p, n_q, overlap, root = now
     normal = (1 - contact.prestress - overlap * root) / 1.5
     stiffness = contact.shear_stiffness * root
     if contact.has_history:
         shear = state[6:] if contact.incremental else stiffness * state[6:]
     else:
-        slip = n_p * apart[:, 1] - n_q * apart[:, 0] - sums[:, 0]
+        slip = now.slip()
         shear = stiffness * slip
         if contact.law == "potential":
             normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
