@@ -41,7 +41,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, refuse_oblique
 from analysis.theory.contact import Contact
-from analysis.theory.integrator import dop853
+from analysis.theory.integrator import Array, dop853
 from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.theory.wave import Wave
 
@@ -257,8 +257,23 @@ def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: floa
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
-    start, neighbours = on_torus(wave, points)
-    return motion(start, wave.contact, neighbours, tau, rtol, wave.amplitude)[:, :3] / wave.amplitude
+    (states,) = torus_trajectories(wave.mode, [wave.amplitude], wave.contact, tau, points=points, rtol=rtol)
+    return states / wave.amplitude
+
+
+def torus_trajectories(
+    mode: Mode, amplitudes: ArrayLike, contact: Contact, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11
+) -> Array:
+    """P, Q, Φ in units of Δ0 on the phase torus, (A, T, 3, K), of one mode with several amplitudes (A,), side by side.
+
+    They may be complex, while the contacts stay closed. rtol is relative to the smallest, and a mean over all waves.
+    """
+    sizes = np.asarray(amplitudes)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
+    phases = np.tile(torus_phases(points), len(sizes))
+    start = initial_state(mode, np.repeat(sizes, points), phases, contact, neighbours)
+    states = motion(start, contact, neighbours, tau, rtol, float(np.min(np.abs(sizes))))
+    return np.moveaxis(states[:, :3].reshape(len(states), 3, len(sizes), points), 2, 0)
 
 
 def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:
