@@ -144,6 +144,16 @@ def test_waves_stepped_side_by_side_are_those_stepped_alone() -> None:
     assert np.max(np.abs(together[0] - together[1])) > 0.1
 
 
+@pytest.mark.parametrize("effects", [{"shear": False}, {"rotation": False}, {"viscosity": 0.01}], ids=str)
+def test_waves_of_any_contact_are_stepped_to_their_limit(effects: dict[str, Any]) -> None:
+    wave = Wave.of_mode("L", 0.8, 0.2, Contact(NU, overlap_ratio=1e-3, **effects))
+    (coarse,), (fine,) = (stepped([wave], count, records=40) for count in (8, 16))
+    (exact,) = limit([wave], 0.5 * np.arange(41))
+    errors = [np.max(np.abs(run - exact)[:, 0]) for run in (coarse, fine)]
+    # The steps are of second order; dashpots, whose force takes the velocity of mid-step, of first
+    assert errors[0] / errors[1] == pytest.approx(2 if "viscosity" in effects else 4, rel=0.1)
+
+
 def test_the_limits_of_waves_side_by_side_are_those_of_each_alone() -> None:
     tau = np.linspace(0, 20, 41)
     # The smallest of them is off by no more of its own size

@@ -72,7 +72,8 @@ def stepped(
                 state[3:6] += step / 2 * acceleration
                 state[:3] += step * state[3:6]
                 now = touching(state, contact, neighbours)  # the slip is no part of it
-                state[6:] += step * now.shear_rate(contact)
+                if contact.has_history:  # which without shear it has not
+                    state[6:] += step * now.shear_rate(contact)
                 acceleration = accelerations(state, now, contact, neighbours)
                 state[3:6] += step / 2 * acceleration
             record[index] = state[:3, ::points]
