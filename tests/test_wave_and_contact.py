@@ -131,6 +131,8 @@ def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
         ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], r"overlap_ratio = 0\.0 must be above 0"),
         ([right, Wave.of_mode("TR", 1.1, 0.2, replace(contact, overlap_ratio=0.02))], "2 kinds of contact"),
     ]
+    bouncing = Contact(NU, overlap_ratio=0.01, prestress=1.0, restitution=0.9)
+    wrong.append(([Wave.of_mode("TR", 1.1, 0.2, bouncing)], r"restitution = 0\.9 must be None"))
     for waves, message in wrong:
         with pytest.raises(ValueError, match=message):
             stepped(waves, 2, records=2)

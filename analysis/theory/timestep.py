@@ -52,7 +52,8 @@ def stepped(
 
     Parameters
     ----------
-    waves : along y and of phase 0, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
+    waves : along y and of phase 0, in contacts with η > 0 and without restitution, which differ in ν at most; they are
+        stepped side by side.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
@@ -83,12 +84,16 @@ def stepped(
 def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, Neighbours]:
     """Return the states of waves on tori that lie one after the other in the last axis, with what `rhs` needs of them.
 
-    Raises ValueError unless they run along y with phase 0, in contacts that differ in ν at most.
+    Raises ValueError unless they run along y with phase 0, in contacts without restitution that differ in ν at most.
     """
     for wave in waves:
         refuse_oblique(wave.mode)
         if wave.phase:
             raise ValueError(f"phase = {wave.phase} must be 0 of waves that are integrated side by side")
+        if wave.contact.restitution is not None:
+            raise ValueError(
+                f"restitution = {wave.contact.restitution} must be None of waves side by side: its dashpot depends on ν"
+            )
     alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
     if len(alike) != 1:
         raise ValueError(f"{len(alike)} kinds of contact: waves that are integrated side by side may differ in ν only")
@@ -117,8 +122,8 @@ def _neighbours(wavenumbers: Sequence[float], points: int) -> Neighbours:
 def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
     """p, q, φ in D0 of the row n = 0 of each wave, (waves, T, 3), for the step → 0: the exact lattice to about 50 rtol.
 
-    The waves run along y with phase 0, in contacts that differ in ν at most, and are integrated side by side, with the
-    steps that the fastest needs. Raises ValueError for others.
+    The waves run along y with phase 0, in contacts without restitution that differ in ν at most. They are integrated
+    side by side, with the steps that the fastest needs. Raises ValueError for others.
     """
     points = 25
     state, contact, neighbours = _side_by_side(waves, points)
