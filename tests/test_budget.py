@@ -68,7 +68,7 @@ def budget_of(record: Record) -> dict[str, Source]:
 def test_the_time_step_s_part_is_the_error_of_the_stepped_lattice(scene: Scene) -> None:
     scene = with_step(scene, 0.05)
     wave = wave_in(scene, scene.sphere.overlap_ratio)
-    (record,), exact = stepped([wave], 10), limit(wave)
+    (record,), (exact,) = stepped([wave], 10), limit([wave])
     line = known.error_budget(scene, dict(zip(NAMES, exact.T, strict=True)))[0]
     for i, name in enumerate(NAMES):
         if line[name] is not None:
@@ -100,7 +100,7 @@ def test_an_estimate_takes_the_place_of_the_law() -> None:
 
 @each_scene
 def test_the_part_of_geometry_is_the_distance_to_the_paper_s_lattice(scene: Scene) -> None:
-    exact, paper = (limit(wave_in(scene, eta), FEW) for eta in (scene.sphere.overlap_ratio, 0.0))
+    exact, paper = (limit([wave_in(scene, eta)], FEW)[0] for eta in (scene.sphere.overlap_ratio, 0.0))
     found = budget_of(as_run(scene))["geometry"]
     for i, name in enumerate(NAMES):
         value = getattr(found, name)
@@ -129,7 +129,7 @@ def test_the_part_of_the_order_is_the_error_of_second_order_theory() -> None:
         record, found = as_run(scene), budget_of(as_run(scene))["perturbation order"]
         wave = wave_of(record)
         theory = second_order(wave.mode, wave.ratios, wave.amplitude, record.tau)
-        exact = limit(wave, FEW)
+        (exact,) = limit([wave], FEW)
         for i, component in enumerate(NAMES):
             if getattr(found, component) is not None:
                 error = relative_error(theory[i], exact[:, i])

@@ -1,6 +1,7 @@
 """The general-direction theory against the paper's direction, the symmetry of the lattice, and the exact force laws."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -420,20 +421,31 @@ def test_the_exact_lattice_runs_in_the_modes_of_any_direction(contacts, name, di
     assert largest_error(order, wave) < 1e-9  # 100 rtol
 
 
+TAU = np.linspace(0.0, 20.0, 21)
+
+
+@cache
+def exact_even_parts(mode, contact):
+    """Return the exact lattice at each of AMPLITUDES less its odd part, (T, 3, K): p, q, φ in D0 at all phases."""
+    states = lattice.torus_trajectories(mode, AMPLITUDES, contact, TAU, points=15, rtol=5e-13)
+    phases = lattice.torus_phases(15)
+    turned = states @ lattice.periodic_kernel(phases[:, None] + np.pi - phases, 15)  # a → −a: a phase of π
+    return [part / a for part, a in zip((states + turned) / 2, AMPLITUDES, strict=True)]
+
+
 def even_parts(name, direction, amplitude, theory=None, **options):
     """Second order and the exact lattice, both less their odd part, (T, 3, K): p, q, φ in D0 at all phases.
 
     theory : contacts of the second order, those of the lattice unless given; the mode is the lattice's.
     """
     mode = directions.mode(name, 1.1, direction, Contact(SILICA, **options))
-    tau, phases = np.linspace(0.0, 20.0, 21), lattice.torus_phases(15)
-    exact = lattice.torus_trajectory(Wave(mode, amplitude, Contact(SILICA, **options)), tau, points=15, rtol=1e-12)
-    exact = (exact + exact @ lattice.periodic_kernel(phases[:, None] + np.pi - phases, 15)) / 2  # a → −a: a phase of π
+    exact = exact_even_parts(mode, Contact(SILICA, **options))[AMPLITUDES.index(amplitude)]
     k = wavevector_of(1.1, direction)
     linear = {key: value for key, value in options.items() if key != "law"}
     branch = int(branch_index(name, k, Contact(SILICA, **linear)))
     contacts = options if theory is None else theory
-    field = [second_order(k, branch, amplitude, tau, Contact(SILICA, **contacts), phase=c) for c in phases]
+    phases = lattice.torus_phases(15)
+    field = [second_order(k, branch, amplitude, TAU, Contact(SILICA, **contacts), phase=c) for c in phases]
     angle = np.radians(direction)
     frame = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     return np.einsum("ij,ktj->tik", frame, np.array(field)), exact

@@ -1,6 +1,7 @@
 """The driven row: amplitudes against the row equations and against an integrated strip, and what its script does."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -152,12 +153,13 @@ def strip(
     return solution.y.T.reshape(-1, *start.shape)[:, :3] / amplitude
 
 
+@cache
 def fitted(
-    mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: Contact, ramp: float = RAMP, wait: float = 60.0
+    mode: sh.Mode, slowest: float, amplitude: float, contact: Contact, ramp: float = RAMP, wait: float = 60.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fundamental (3, REACH), p at 2Ω and mean p of rows 1 to REACH of an integrated strip."""
     period = 2 * np.pi / mode.frequency
-    begin = ramp + REACH / driven.slowest(mode, ratios) + wait
+    begin = ramp + REACH / slowest + wait
     count = max(PERIODS, int(np.ceil(60 / period)))
     tau = begin + period * np.arange(count * SAMPLES) / SAMPLES
     rows = int(tau[-1] / 4 + REACH / 2) + 20  # no echo: half a row per τ, there and back
@@ -168,7 +170,7 @@ def fitted(
 
 def errors(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, contact: Contact, **setting: float) -> np.ndarray:
     """Return the errors of the driven component, of p at 2Ω, and of the mean of p."""
-    fundamental, second, mean = fitted(mode, ratios, amplitude, contact, **setting)
+    fundamental, second, mean = fitted(mode, driven.slowest(mode, ratios), amplitude, contact, **setting)
     n, component = np.arange(1, REACH + 1), 0 if mode.name == "L" else 1
     first, expected = driven.driven_amplitudes(mode, ratios, amplitude, n)
     still = driven.static(mode, replace(ratios, memory=0.0), amplitude, n)
@@ -213,7 +215,7 @@ def test_the_incremental_law_has_the_same_steady_state_but_for_the_mean() -> Non
 def test_of_two_waves_that_run_the_strip_has_those_that_run_away() -> None:
     ratios = sh.ratios(NU, 1.5)
     mode, contact = sh.mode("RT", 2.15, ratios), Contact(NU, inertia=1.5)
-    run = fitted(mode, ratios, 0.01, contact, wait=800.0)[0][1]
+    run = fitted(mode, driven.slowest(mode, ratios), 0.01, contact, wait=800.0)[0][1]
     waves = driven.linear_waves(mode, ratios)
     n, (q, phi) = np.arange(1, REACH + 1), waves.shapes[1:]
     # Of the second wave, the one that comes in: κ and φ/q of the other sign, and shares that again leave φ_0 = 0

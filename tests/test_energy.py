@@ -25,7 +25,7 @@ def ledger(law, mode=RESONANT, end=120, rtol=1e-11):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
+@pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
 def test_energy_less_the_work_of_the_law_is_constant(law, name, xi):
     # A hundred times rtol: the states are interpolated between steps (RT, the fastest, has 4.6e-10 at τ=400).
     assert ledger(law, sh.mode(name, xi, SILICA)).gap < 1e-9
@@ -43,13 +43,13 @@ def test_the_ledger_closes_in_any_direction(law, name, direction):
 
 
 def test_a_ledger_without_the_work_does_not_close():
-    secant = ledger("secant")
+    secant = ledger("secant", end=400)
     assert replace(secant, work=0 * secant.work).gap > 0.05
     assert replace(secant, work=-secant.work).gap > 0.1
 
 
 def test_a_ledger_with_one_percent_more_work_does_not_close():
-    secant = ledger("secant")
+    secant = ledger("secant", end=400)
     assert replace(secant, work=1.01 * secant.work).gap > 5e-4
 
 
@@ -65,7 +65,7 @@ def test_the_work_is_the_integral_of_the_power(law):
     contact, neighbours = Contact(NU, law=law), lattice.torus_neighbours(1.475, 31)
     start = lattice.initial_state(RESONANT, A, lattice.torus_phases(31), contact, neighbours)
     states = lattice.motion(start, contact, neighbours, tau, 1e-11, A)
-    power = energy.law_power(states, contact, neighbours).mean(axis=-1)
+    power = np.array([energy.law_power(state, contact, neighbours).mean() for state in states])
     kept = energy.ledger(Wave(RESONANT, A, Contact(NU, law=law)), tau)
     # Simpson's rule at 16 samples per τ is good to 5e-12 of E.
     assert simpson(power, x=tau) == pytest.approx(kept.work[-1], rel=0, abs=2e-11 * kept.energy.total[0])
@@ -179,7 +179,7 @@ def test_the_resonant_wave_of_the_secant_law_blows_up():
     kept = energy.ledger(Wave(RESONANT, A, Contact(NU)), np.arange(0.0, 2101.0), rtol=1e-9)  # K = 31
     lost = kept.relative.min()
     above = kept.tau[(kept.tau > 100) & (kept.relative > 1)][0]
-    opening = energy.opening_time(Wave(RESONANT, A, Contact(NU)), 2300, points=61, rtol=1e-9)
+    opening = energy.opening_time(Wave(RESONANT, A, Contact(NU)), 2300, rtol=1e-9)
     print(f"least energy {lost:.4f}; above the initial one from τ={above:.0f}; a contact opens at τ={opening}")
     assert lost == pytest.approx(0.666, abs=5e-4)
     assert above == pytest.approx(1356, abs=1)
@@ -192,7 +192,8 @@ def test_the_resonant_wave_of_the_secant_law_blows_up():
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
     law = Contact(NU, law="potential")
-    assert energy.opening_time(Wave(RESONANT, A, law), 2300, rtol=1e-9) is None  # the secant law's is open
+    # The secant law's is open by then, of which rtol moves the time by 1e-2 at most
+    assert energy.opening_time(Wave(RESONANT, A, law), 2300, rtol=1e-8) is None
 
 
 def test_turning_normals_have_no_ledger():

@@ -1,6 +1,7 @@
 """The integrated lattice against the paper's appendix, against finite lattices, and against the closed form."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ SILICA = sh.ratios(NU)
 ETA = 2.498514361612e-10 / 1e-6  # Δ0/2R of the paper's spheres
 WAVES = [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("RT", 2.0), ("L", 0.802), ("L", 2.0)]
 TAU = np.linspace(0, 120, 241)
+SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
 
 
 def rms(values):
@@ -140,17 +142,18 @@ def test_a_row_is_a_phase_of_the_torus():
     assert np.allclose(by_row, by_phase, rtol=0, atol=1e-13)
 
 
-def relative_errors(mode, ratios, amplitude, tau):
-    """Rms error of second_order over all rows of the torus relative to its own size, for p, q, φ."""
-    exact = lattice.torus_trajectory(Wave(mode, amplitude, Contact(NU)), tau, points=21, rtol=1e-12)
+def relative_errors(mode, ratios, amplitude, exact):
+    """Rms error of second_order over all rows of the torus relative to its own size, for p, q, φ at τ = 0, 1, …, 30."""
     phases = lattice.torus_phases(21)
-    theory = np.stack([sh.second_order(mode, ratios, amplitude, tau, phase=phase) for phase in phases], axis=-1)
+    theory = np.stack([sh.second_order(mode, ratios, amplitude, SHORT, phase=phase) for phase in phases], axis=-1)
     moves = [0] if mode.name == "L" else [0, 1, 2]
     return np.array([rms(exact[:, i] - theory[i]) / rms(theory[i]) for i in moves])
 
 
 def slopes(mode, ratios):
-    errors = [relative_errors(mode, ratios, a, np.linspace(0, 30, 31)) for a in (0.1, 0.05, 0.025)]
+    amplitudes = (0.1, 0.05, 0.025)
+    exact = lattice.torus_trajectories(mode, amplitudes, Contact(NU), SHORT, points=21, rtol=1e-12)
+    errors = [relative_errors(mode, ratios, a, states / a) for a, states in zip(amplitudes, exact, strict=True)]
     return np.log2([errors[0] / errors[1], errors[1] / errors[2]])
 
 
@@ -193,11 +196,16 @@ def test_geometry_fades_with_the_overlap_ratio(law):
     assert np.allclose(plain, nearly, rtol=0, atol=1e-7)
 
 
-def even_part(mode, amplitude, tau, eta, phase=0.0):
+@cache
+def every_phase(mode, eta):
+    """p (T, K) of a small wave on the phase torus."""
+    return lattice.torus_trajectory(Wave(mode, SMALL, Contact(NU, overlap_ratio=eta)), SHORT, rtol=1e-13)[:, 0]
+
+
+def even_part(mode, eta, phase=0.0):
     """The part of p even in the amplitude: a → −a is a phase of π, so only second harmonic and a⁴ survive the mean."""
-    phases = (phase, phase + np.pi)
-    both = [lattice.torus(Wave(mode, amplitude, Contact(NU, overlap_ratio=eta), c), tau, rtol=1e-13)[0] for c in phases]
-    return (both[0] + both[1]) / 2
+    both = lattice.periodic_kernel(phase + np.array([[0], [np.pi]]) - lattice.torus_phases(31), 31)
+    return every_phase(mode, eta) @ both.mean(axis=0)
 
 
 @pytest.mark.parametrize("eta", [0.0, ETA, 0.01, 0.1])
@@ -205,18 +213,18 @@ def even_part(mode, amplitude, tau, eta, phase=0.0):
 @pytest.mark.parametrize("phase", [0.0, 0.4])  # 0.4: the wave of the preload is there too
 def test_second_harmonic_with_geometry_is_exact_at_small_amplitude(name, xi, eta, phase):
     r = sh.ratios(NU, overlap_ratio=eta)
-    mode, tau, a = sh.mode(name, xi, r), np.linspace(0, 30, 31), 2e-3
-    expected = sh.second_harmonic(mode, r, a, tau, phase=phase)
+    mode = sh.mode(name, xi, r)
+    expected = sh.second_harmonic(mode, r, SMALL, SHORT, phase=phase)
     # a² times the relative coefficient: below 1 except at the antiresonance, where p is of order a⁴ (0.1/0.025² = 160).
-    tolerance = (200 if xi == 2.127 else 1) * a**2
+    tolerance = (200 if xi == 2.127 else 1) * SMALL**2
     tolerance = tolerance * np.max(np.abs(expected)) + 1e-11  # and the error of the integration
-    assert even_part(mode, a, tau, eta, phase) == pytest.approx(expected, rel=0, abs=tolerance)
+    assert even_part(mode, eta, phase) == pytest.approx(expected, rel=0, abs=tolerance)
 
 
 def test_leaving_out_the_geometry_is_seen_at_small_amplitude():
-    mode, tau = sh.mode("L", 0.802, SILICA), np.linspace(0, 30, 31)
-    difference = even_part(mode, 2e-3, tau, 0.01) - sh.second_harmonic(mode, SILICA, 2e-3, tau)
-    assert np.max(np.abs(difference)) > 1e-3 * np.max(np.abs(even_part(mode, 2e-3, tau, 0.01)))
+    right = even_part(sh.mode("L", 0.802, sh.ratios(NU, overlap_ratio=0.01)), 0.01)
+    wrong = sh.second_harmonic(sh.mode("L", 0.802, SILICA), SILICA, SMALL, SHORT)
+    assert np.max(np.abs(right - wrong)) > 1e-3 * np.max(np.abs(right))
 
 
 def test_geometry_changes_p_by_a_fifth_at_the_antiresonance():
@@ -339,7 +347,7 @@ def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
     assert np.max(np.abs(sheet)) > 0.8  # something moves
     assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
     turned = directions.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
-    other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau), axis=-1)
+    other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-8), axis=-1)
     assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
 
 

@@ -11,7 +11,7 @@ from analysis.theory import directions, lattice
 from analysis.theory.contact import LAWS, Contact, Law
 from analysis.theory.hierarchy import hierarchy_orders
 from analysis.theory.springs import springs
-from analysis.theory.timestep import stepped
+from analysis.theory.timestep import limit, stepped
 from analysis.theory.wave import Wave, residual
 
 NU = 0.17
@@ -127,10 +127,12 @@ def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
         lattice.rows(oblique, [0.0, 1.0], rows=7)
     wrong: list[tuple[list[Wave], str]] = [
         ([oblique], r"direction = 17\.0 of the mode is not 90"),
-        ([replace(right, phase=0.3)], "stepped with phase 0"),
-        ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], "an overlap ratio above 0"),
+        ([replace(right, phase=0.3)], r"phase = 0\.3 must be 0"),
+        ([Wave.of_mode("TR", 1.1, 0.2, Contact(NU))], r"overlap_ratio = 0\.0 must be above 0"),
         ([right, Wave.of_mode("TR", 1.1, 0.2, replace(contact, overlap_ratio=0.02))], "2 kinds of contact"),
     ]
+    bouncing = Contact(NU, overlap_ratio=0.01, prestress=1.0, restitution=0.9)
+    wrong.append(([Wave.of_mode("TR", 1.1, 0.2, bouncing)], r"restitution = 0\.9 must be None"))
     for waves, message in wrong:
         with pytest.raises(ValueError, match=message):
             stepped(waves, 2, records=2)
@@ -141,6 +143,27 @@ def test_waves_stepped_side_by_side_are_those_stepped_alone() -> None:
     together, apart = stepped(waves, 4, records=40), [stepped([wave], 4, records=40)[0] for wave in waves]
     # 160 steps of numbers of order one, whose sums are taken in another order
     np.testing.assert_allclose(together, apart, rtol=0, atol=1e-11)
+    assert np.max(np.abs(together[0] - together[1])) > 0.1
+
+
+@pytest.mark.parametrize("effects", [{"shear": False}, {"rotation": False}, {"viscosity": 0.01}], ids=str)
+def test_waves_of_any_contact_are_stepped_to_their_limit(effects: dict[str, Any]) -> None:
+    wave = Wave.of_mode("L", 0.8, 0.2, Contact(NU, overlap_ratio=1e-3, **effects))
+    (coarse,), (fine,) = (stepped([wave], count, records=40) for count in (8, 16))
+    (exact,) = limit([wave], 0.5 * np.arange(41))
+    errors = [np.max(np.abs(run - exact)[:, 0]) for run in (coarse, fine)]
+    # The steps are of second order; dashpots, whose force takes the velocity of mid-step, of first
+    assert errors[0] / errors[1] == pytest.approx(2 if "viscosity" in effects else 4, rel=0.1)
+
+
+def test_the_limits_of_waves_side_by_side_are_those_of_each_alone() -> None:
+    tau = np.linspace(0, 20, 41)
+    # The smallest of them is off by no more of its own size
+    kinds = (("RT", 0.8, 0.2, NU), ("TR", 2.1, 0.01, -0.5), ("L", 0.3, 0.1, 0.4))
+    waves = [Wave.of_mode(name, xi, a, Contact(nu, overlap_ratio=1e-3)) for name, xi, a, nu in kinds]
+    together, apart = limit(waves, tau), [np.stack(lattice.torus(wave, tau), axis=-1) for wave in waves]
+    # 50 rtol, as it says, at τ = 120
+    np.testing.assert_allclose(together, apart, rtol=0, atol=50 * 1e-10)
     assert np.max(np.abs(together[0] - together[1])) > 0.1
 
 

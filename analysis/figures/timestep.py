@@ -47,8 +47,7 @@ def study(waves: Sequence[Wave]) -> tuple[NDArray[np.float64], NDArray[np.float6
     counts = sorted(set(PER_SAMPLE) | {2 * count for count in PER_SAMPLE})
     runs = {count: stepped(waves, count) for count in counts}
     single, pair = (np.full((len(waves), len(PER_SAMPLE), 2), np.nan) for _ in range(2))
-    for w, wave in enumerate(waves):
-        exact = limit(wave)
+    for w, exact in enumerate(limit(waves)):
         for i, count in enumerate(PER_SAMPLE):
             coarse, fine = runs[count][w], runs[2 * count][w]
             for table, record in ((single, coarse), (pair, extrapolated(coarse, fine))):

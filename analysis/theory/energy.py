@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.theory.contact import Contact
-from analysis.theory.lattice import integrate, longest_step, on_torus, rhs
+from analysis.theory.lattice import integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours
 from analysis.theory.wave import Wave
 
@@ -91,13 +91,21 @@ def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
     )
 
 
-def law_power(states: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """Power dW/dτ (..., K) of the shear law at each row, in k1Δ0²: ±Σ ½ (dk_S/dδ) δ_S² dδ/dτ. Arguments as `energy`."""
-    _, tangential, overlap = _contacts(states, contact, neighbours)
-    closing = -_stretch(states[..., 3:5, :], neighbours)
-    root = np.sqrt(overlap)
-    softening = np.divide(contact.shear_stiffness, 2 * root, out=np.zeros_like(root), where=root > 0)  # dk_S/dδ
-    power: Floats = WORK_SIGN[contact.law] * 0.5 * (softening * tangential**2 * closing).sum(axis=0)
+def law_power(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
+    """Power dW/dτ (K,) of the shear law at each row, in k1Δ0²: ±Σ ½ (dk_S/dδ) δ_S² dδ/dτ, of one state.
+
+    Arguments as of `lattice.rhs`. Raises ValueError as `energy`.
+    """
+    _refuse(contact)
+    if not WORK_SIGN[contact.law]:
+        return np.zeros(state.shape[-1])
+    now = touching(state, contact, neighbours)
+    n_p, n_q = neighbours.normal
+    softening = np.divide(contact.shear_stiffness, 2 * now.root, out=np.zeros_like(now.root), where=now.root > 0)
+    tangential = state[6:] / (contact.shear_stiffness * now.root) if contact.has_history else now.slip()
+    parting = neighbours.ahead(state[3:5]) - state[3:5]
+    stretching = n_p * parting[:, 0] + n_q * parting[:, 1]
+    power: Floats = -0.5 * WORK_SIGN[contact.law] * (softening * tangential**2 * stretching).sum(axis=0)
     return power
 
 
@@ -165,10 +173,7 @@ def _stretch(p_and_q: Floats, neighbours: Neighbours) -> Floats:
 
 def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Floats, Floats, Floats]:
     """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (3, ..., K)."""
-    if contact.overlap_ratio:
-        raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
-    if contact.dashpot:
-        raise ValueError(f"viscosity = {contact.dashpot} is not 0: the ledger has no entry for what dashpots take")
+    _refuse(contact)
     difference, sums = _apart(states[..., :3, :], neighbours)
     stretch = _along(neighbours.normal, difference)
     overlap = np.maximum(1 - stretch, 0)
@@ -176,3 +181,10 @@ def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple
         return stretch, np.moveaxis(states[..., 6:9, :], -2, 0) / (contact.shear_stiffness * np.sqrt(overlap)), overlap
     n_p, n_q = neighbours.normal
     return stretch, _along((-n_q, n_p), difference) - sums[2], overlap
+
+
+def _refuse(contact: Contact) -> None:
+    if contact.overlap_ratio:
+        raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
+    if contact.dashpot:
+        raise ValueError(f"viscosity = {contact.dashpot} is not 0: the ledger has no entry for what dashpots take")

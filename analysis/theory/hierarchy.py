@@ -74,13 +74,9 @@ def hierarchy_orders(mode: Mode, contact: Contact, tau: ArrayLike, *, order: int
     points, circle = 2 * order + 1, max(FEWEST, order + 1)
     half = circle // 2 + 1
     amplitudes = RADIUS * np.exp(2j * np.pi * np.arange(half) / circle)
-    neighbours = lattice.torus_neighbours(mode.wavenumber, points, mode.direction)
-    phases = np.tile(lattice.torus_phases(points), half)
-    start = lattice.initial_state(mode, np.repeat(amplitudes, points), phases, contact, neighbours)
-    states = lattice.motion(start, contact, neighbours, tau, rtol, RADIUS)
-    waves = states[:, :3].reshape(-1, 3, half, points)
-    orders = np.fft.irfft(waves.conj(), circle, axis=2)[:, :, 1 : order + 1]
-    return np.moveaxis(orders, 2, 0) / (RADIUS ** np.arange(1, order + 1))[:, None, None, None]
+    waves = lattice.torus_trajectories(mode, amplitudes, contact, tau, points=points, rtol=rtol)
+    orders = np.fft.irfft(waves.conj(), circle, axis=0)[1 : order + 1]
+    return orders / (RADIUS ** np.arange(1, order + 1))[:, None, None, None]
 
 
 def hierarchy(

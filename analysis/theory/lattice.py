@@ -34,13 +34,14 @@ is none), and shear springs are kept, a slip or under `incremental` a force, whe
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, refuse_oblique
 from analysis.theory.contact import Contact
-from analysis.theory.integrator import dop853
+from analysis.theory.integrator import Array, dop853
 from analysis.theory.neighbours import Neighbours, periodic_kernel, ring_neighbours, torus_neighbours, torus_phases
 from analysis.theory.wave import Wave
 
@@ -65,8 +66,81 @@ def stretch_and_normal(
     return excess / (distance + length), (length * normal[0] + dp) / distance, (length * normal[1] + dq) / distance
 
 
+class Touching(NamedTuple):
+    """The contacts ahead as the places and velocities of a state make them, before their forces.
+
+    Attributes
+    ----------
+    apart : ahead − here (3, C, K) of p, q, φ, and of their rates where those matter.
+    sums : ahead + here (3, C/3, K) of φ, and of its rate.
+    n_p, n_q : components of the contacts' directions, (3, K) or (3, 1).
+    overlap, root : (1−x)₊ and its root, (3, K).
+    """
+
+    apart: Floats
+    sums: Floats
+    n_p: Floats
+    n_q: Floats
+    overlap: Floats
+    root: Floats
+
+    def slip(self) -> Floats:
+        """Return s (3, K) as the places make it; with η > 0 the slip is no function of them."""
+        return self.n_p * self.apart[:, 1] - self.n_q * self.apart[:, 0] - self.sums[:, 0]
+
+    def slip_rate(self) -> Floats:
+        """Return ds/dτ (3, K)."""
+        return self.n_p * self.apart[:, 4] - self.n_q * self.apart[:, 3] - self.sums[:, 1]
+
+    def shear_rate(self, contact: Contact) -> Floats:
+        """Return the rate (3, K) of the contacts' own state: of the slip, or of the force of the incremental law."""
+        return contact.shear_stiffness * self.root * self.slip_rate() if contact.incremental else self.slip_rate()
+
+
+def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touching:
+    """Return the contacts ahead of the spheres of a state; arguments as of `rhs`."""
+    # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
+    here = state[: 6 if contact.has_history or contact.dashpot else 3]
+    apart = neighbours.ahead(here)
+    sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
+    apart -= here
+    x, n_p, n_q = stretch_and_normal(apart[:, 0], apart[:, 1], neighbours.normal, contact.overlap_ratio)
+    overlap = np.maximum(1 - x, 0)
+    return Touching(apart, sums, n_p, n_q, overlap, np.sqrt(overlap))
+
+
+def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Neighbours) -> Floats:
+    """p'', q'', φ'' (3, K) of a state whose contacts are `now`: the equations of motion at the top of this module."""
+    apart, _, n_p, n_q, overlap, root = now
+    normal = (1 - contact.prestress - overlap * root) / 1.5
+    stiffness = contact.shear_stiffness * root
+    if contact.has_history:
+        shear = state[6:] if contact.incremental else stiffness * state[6:]
+    else:
+        slip = now.slip()
+        shear = stiffness * slip
+        if contact.law == "potential":
+            normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
+    if contact.dashpot:
+        dashpot = 2 * (contact.kappa + 3) * contact.dashpot
+        closed = np.sqrt(root) if contact.restitution else overlap.real > 0
+        normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
+        if contact.shear:
+            shear = shear + dashpot * closed * now.slip_rate()
+
+    force = np.empty_like(apart[:, :3])
+    force[:, 0] = n_p * normal - n_q * shear
+    force[:, 1] = n_q * normal + n_p * shear
+    force[:, 2] = shear * (1 - contact.overlap_ratio * overlap) if contact.overlap_ratio else shear
+    total, behind = np.add.reduce(force, axis=0), neighbours.behind(force)
+    total[:2] -= behind[:2]
+    total[2] = (total[2] + behind[2]) / contact.inertia if contact.rotation else 0.0
+    total /= 2 * (contact.kappa + 3)
+    return total
+
+
 def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """Time derivative of the state: the equations of motion at the top of this module.
+    """Time derivative of the state: its velocities, its `accelerations`, and the rate of the contacts' shear.
 
     Parameters
     ----------
@@ -75,44 +149,12 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
     contact : the contact's constants.
     neighbours : the contacts' directions and far ends.
     """
-    dashpot = 2 * (contact.kappa + 3) * contact.dashpot
-    # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
-    here = state[: 6 if contact.has_history or contact.dashpot else 3]
-    apart = neighbours.ahead(here)
-    sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
-    apart -= here
-    x, n_p, n_q = stretch_and_normal(apart[:, 0], apart[:, 1], neighbours.normal, contact.overlap_ratio)
-    overlap = np.maximum(1 - x, 0)
-    root = np.sqrt(overlap)
-    normal = (1 - contact.prestress - overlap * root) / 1.5
-
+    now = touching(state, contact, neighbours)
     rate = np.empty_like(state)
-    stiffness = contact.shear_stiffness * root
-    if here.shape[0] == 6:
-        slip_rate = n_p * apart[:, 4] - n_q * apart[:, 3] - sums[:, 1]
-    if contact.has_history:
-        rate[6:] = stiffness * slip_rate if contact.incremental else slip_rate
-        shear = state[6:] if contact.incremental else stiffness * state[6:]
-    else:
-        slip = n_p * apart[:, 1] - n_q * apart[:, 0] - sums[:, 0]
-        shear = stiffness * slip
-        if contact.law == "potential":
-            normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
-    if contact.dashpot:
-        closed = np.sqrt(root) if contact.restitution else overlap.real > 0
-        normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
-        if contact.shear:
-            shear = shear + dashpot * closed * slip_rate
-
-    force = np.empty_like(apart[:, :3])
-    force[:, 0] = n_p * normal - n_q * shear
-    force[:, 1] = n_q * normal + n_p * shear
-    force[:, 2] = shear * (1 - contact.overlap_ratio * overlap) if contact.overlap_ratio else shear
-    onward, behind = force.sum(axis=0), neighbours.behind(force)
     rate[:3] = state[3:6]
-    rate[3:5] = onward[:2] - behind[:2]
-    rate[5] = (onward[2] + behind[2]) / contact.inertia if contact.rotation else 0.0
-    rate[3:6] /= 2 * (contact.kappa + 3)
+    rate[3:6] = accelerations(state, now, contact, neighbours)
+    if contact.has_history:
+        rate[6:] = now.shear_rate(contact)
     return rate
 
 
@@ -215,8 +257,23 @@ def torus_trajectory(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: floa
 
     Breaks once the wave steepens so that harmonic (K−1)/2 carries weight.
     """
-    start, neighbours = on_torus(wave, points)
-    return motion(start, wave.contact, neighbours, tau, rtol, wave.amplitude)[:, :3] / wave.amplitude
+    (states,) = torus_trajectories(wave.mode, [wave.amplitude], wave.contact, tau, points=points, rtol=rtol)
+    return states / wave.amplitude
+
+
+def torus_trajectories(
+    mode: Mode, amplitudes: ArrayLike, contact: Contact, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11
+) -> Array:
+    """P, Q, Φ in units of Δ0 on the phase torus, (A, T, 3, K), of one mode with several amplitudes (A,), side by side.
+
+    They may be complex, while the contacts stay closed. rtol is relative to the smallest, and a mean over all waves.
+    """
+    sizes = np.asarray(amplitudes)
+    neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
+    phases = np.tile(torus_phases(points), len(sizes))
+    start = initial_state(mode, np.repeat(sizes, points), phases, contact, neighbours)
+    states = motion(start, contact, neighbours, tau, rtol, float(np.min(np.abs(sizes))))
+    return np.moveaxis(states[:, :3].reshape(len(states), 3, len(sizes), points), 2, 0)
 
 
 def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:

@@ -81,7 +81,8 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
         return (values.reshape(-1, points) @ forward).reshape(3, *values.shape)
 
     def behind(values: Floats) -> Floats:
-        return (values.reshape(3, -1, points) @ back).sum(axis=0).reshape(values.shape[1:])
+        total: Floats = np.add.reduce(values.reshape(3, -1, points) @ back, axis=0).reshape(values.shape[1:])
+        return total
 
     return Neighbours(normal, ahead, behind)
 
@@ -90,9 +91,16 @@ def ring_neighbours() -> Neighbours:
     """Rows on a ring, for waves along y: the exact infinite lattice for waves with ξN a multiple of 2π."""
 
     def ahead(values: Floats) -> Floats:
-        after = np.roll(values, -1, axis=-1)
-        return np.stack([values, after, after])
+        result = np.empty((3, *values.shape), dtype=values.dtype)
+        result[0] = values
+        result[1:, ..., :-1] = values[..., 1:]
+        result[1:, ..., -1] = values[..., 0]
+        return result
 
-    return Neighbours(
-        directions_at_rest(90.0), ahead, lambda values: values[0] + np.roll(values[1] + values[2], 1, axis=-1)
-    )
+    def behind(values: Floats) -> Floats:
+        result, before = values[0].copy(), values[1] + values[2]
+        result[..., 1:] += before[..., :-1]
+        result[..., 0] += before[..., -1]
+        return result
+
+    return Neighbours(directions_at_rest(90.0), ahead, behind)

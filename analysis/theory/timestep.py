@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
-from analysis.theory.lattice import on_torus, rhs, torus
+from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours, torus_neighbours
 from analysis.theory.wave import Wave
 
@@ -52,41 +52,57 @@ def stepped(
 
     Parameters
     ----------
-    waves : along y and of phase 0, in contacts with η > 0, which differ in ν at most; they are stepped side by side.
+    waves : along y and of phase 0, in contacts with η > 0 and without restitution, which differ in ν at most; they are
+        stepped side by side.
     per_sample : steps to a sample.
     sample, records : τ between records, and their number after the first.
     points : K of the torus, odd; see `analysis.theory.lattice.torus_trajectory`.
 
     Raises ValueError for other waves and contacts. Not finite beyond the stability limit of the step.
     """
-    for wave in waves:
-        refuse_oblique(wave.mode)
-        if wave.phase or not wave.contact.overlap_ratio:
-            said = f"phase = {wave.phase} and overlap_ratio = {wave.contact.overlap_ratio}"
-            raise ValueError(f"{said}: waves are stepped with phase 0, in contacts with an overlap ratio above 0")
-    alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
-    if len(alike) != 1:
-        raise ValueError(f"{len(alike)} kinds of contact: waves that are stepped side by side may differ in ν only")
-    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves), points=points)
+    if paper := [wave for wave in waves if not wave.contact.overlap_ratio]:
+        raise ValueError(f"overlap_ratio = {paper[0].contact.overlap_ratio} must be above 0: LAMMPS steps the slip")
+    state, contact, neighbours = _side_by_side(waves, points)
     step = sample / per_sample
-    state = np.concatenate([on_torus(wave, points)[0] for wave in waves], axis=-1)
-    neighbours = _side_by_side([wave.mode.wavenumber for wave in waves], points)
     record = np.empty((records + 1, 3, len(waves)))
     record[0] = state[:3, ::points]
     with np.errstate(over="ignore", invalid="ignore"):
-        acceleration = rhs(state, contact, neighbours)[3:6]
+        acceleration = accelerations(state, touching(state, contact, neighbours), contact, neighbours)
         for index in range(1, records + 1):
             for _ in range(per_sample):
                 state[3:6] += step / 2 * acceleration
                 state[:3] += step * state[3:6]
-                state[6:] += step * rhs(state, contact, neighbours)[6:]
-                acceleration = rhs(state, contact, neighbours)[3:6]
+                now = touching(state, contact, neighbours)  # the slip is no part of it
+                if contact.has_history:  # which without shear it has not
+                    state[6:] += step * now.shear_rate(contact)
+                acceleration = accelerations(state, now, contact, neighbours)
                 state[3:6] += step / 2 * acceleration
             record[index] = state[:3, ::points]
     return np.transpose(record / [wave.amplitude for wave in waves], (2, 0, 1))
 
 
-def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
+def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, Neighbours]:
+    """Return the states of waves on tori that lie one after the other in the last axis, with what `rhs` needs of them.
+
+    Raises ValueError unless they run along y with phase 0, in contacts without restitution that differ in ν at most.
+    """
+    for wave in waves:
+        refuse_oblique(wave.mode)
+        if wave.phase:
+            raise ValueError(f"phase = {wave.phase} must be 0 of waves that are integrated side by side")
+        if wave.contact.restitution is not None:
+            raise ValueError(
+                f"restitution = {wave.contact.restitution} must be None of waves side by side: its dashpot depends on ν"
+            )
+    alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
+    if len(alike) != 1:
+        raise ValueError(f"{len(alike)} kinds of contact: waves that are integrated side by side may differ in ν only")
+    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves), points=points)
+    state = np.concatenate([on_torus(wave, points)[0] for wave in waves], axis=-1)
+    return state, contact, _neighbours([wave.mode.wavenumber for wave in waves], points)
+
+
+def _neighbours(wavenumbers: Sequence[float], points: int) -> Neighbours:
     """The neighbours of several tori, one after the other in the last axis."""
     waves, tori = len(wavenumbers), [torus_neighbours(xi, points) for xi in wavenumbers]
     forward = np.stack([torus.ahead(np.eye(points)) for torus in tori])  # (waves, 3, K, K)
@@ -103,9 +119,19 @@ def _side_by_side(wavenumbers: Sequence[float], points: int) -> Neighbours:
     return Neighbours(tori[0].normal, ahead, behind)
 
 
-def limit(wave: Wave, tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
-    """p, q, φ in D0 of the row n = 0, (T, 3), for the step → 0: the exact lattice, to about 50 rtol."""
-    return np.stack(torus(wave, tau, points=25, rtol=rtol), axis=-1)
+def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
+    """p, q, φ in D0 of the row n = 0 of each wave, (waves, T, 3), for the step → 0: the exact lattice to about 50 rtol.
+
+    The waves run along y with phase 0, in contacts without restitution that differ in ν at most. They are integrated
+    side by side, with the steps that the fastest needs. Raises ValueError for others.
+    """
+    points = 25
+    state, contact, neighbours = _side_by_side(waves, points)
+    amplitudes = np.array([wave.amplitude for wave in waves])
+    # The error is a mean over all numbers: one wave's is larger by the root of their number at most
+    share, longest = rtol / np.sqrt(len(waves)), min(longest_step(wave.contact) for wave in waves)
+    states = integrate(lambda y: rhs(y, contact, neighbours), state, tau, share, amplitudes.min(), longest)
+    return np.moveaxis(states[:, :3, ::points] / amplitudes, 2, 0)
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:

@@ -325,8 +325,8 @@ deck.CHECKPOINT_INTERVAL = 24 * 997
 from granular_lmp.cli import main
 sys.exit(main({words!r}))
 """
-# 80 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
-WHOLE: dict[str, Any] = {"time.duration": 4000.0, "time.sample": 0.5}
+# 40 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
+WHOLE: dict[str, Any] = {"time.duration": 2000.0, "time.sample": 0.5}
 
 
 def run_and_kill(scene: Path, folder: Path, reached: Reached, *route: str) -> None:
@@ -424,7 +424,7 @@ def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None
     """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
     monkeypatch.setattr("granular_lmp.lammps.deck.CHECKPOINT_INTERVAL", 24 * 997)
     broken(monkeypatch, scene, (END, "run 10000"))
-    with pytest.raises(LammpsError, match="1001 records instead of 8001"):
+    with pytest.raises(LammpsError, match="1001 records instead of 4001"):
         run(scene, folder)
     monkeypatch.undo()
     left = read_status(folder) | {"status": "running"}
