@@ -5,6 +5,7 @@ Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import ase
 import numpy as np
@@ -15,7 +16,7 @@ from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.dissection import dissection
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
 from granular_lmp.crystal.lattices import Shape, hexagonal
-from granular_lmp.crystal.potential import box_load, displaced, potential_of
+from granular_lmp.crystal.potential import Pairs, Potential, box_load, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
@@ -46,6 +47,14 @@ def forces(rest: Equilibrium) -> np.ndarray:
     np.add.at(total, rest.contacts.j, push)
     np.add.at(total, rest.contacts.i, -push)
     return total
+
+
+def tangent(potential: Potential, pairs: Pairs, u: np.ndarray, e: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return the second derivatives of the energy."""
+    state = potential.state(pairs, u, e)
+    return potential.stiffness(
+        pairs, state, pairs.contact_stiffness(state.overlap), -state.contact_force / state.length
+    )
 
 
 def cluster(positions: list[list[float]], radius: list[float]) -> ase.Atoms:
@@ -249,7 +258,7 @@ def test_the_rest_is_stable() -> None:
     potential = potential_of(rest.lattice, (SILICA,), np.zeros(2), breathes=True)
     u, e = rest.displacement[:, :2] / UNIT, rest.strain[:2]
     pairs = potential.pairs(u, e)
-    by_u, by_both, by_e = potential.stiffness(pairs, potential.state(pairs, u, e))
+    by_u, by_both, by_e = tangent(potential, pairs, u, e)
     scale = potential.neighbour * np.sqrt(len(u))
     whole = np.block([[by_u.toarray(), by_both / scale], [by_both.T / scale, by_e / scale**2]])
     values = np.linalg.eigvalsh(whole)
@@ -265,7 +274,7 @@ def test_stiffness_is_the_derivative_of_the_force() -> None:
     u, e = random.uniform(-0.1, 0.1, (48, 2)), random.uniform(-1e-5, 1e-5, 2)
     du, de = random.uniform(-1, 1, (48, 2)), random.uniform(-1, 1, 2) / potential.neighbour
     pairs, h = potential.pairs(u, e), 1e-4
-    by_u, by_both, by_e = potential.stiffness(pairs, potential.state(pairs, u, e))
+    by_u, by_both, by_e = tangent(potential, pairs, u, e)
     more, less = (potential.state(pairs, u + sign * h * du, e + sign * h * de) for sign in (1, -1))
     # Central differences: the third derivative of a contact is of order 1, h² = 1e-8
     expected = by_u @ du.ravel() + by_both @ de
