@@ -32,10 +32,12 @@ Integers = NDArray[np.int64]
 Progress = Callable[[str, int, float, float], None]
 BALANCED = 1e-10  # k1 Δ0: no force on a sphere at rest is larger
 _STEPS = 5000
-# Bounds of λ, in k1, and its factors after a step that failed and one that did not; λ starts between them
+# Bounds of λ, in k1, its first value, and its least one where the crystal would buckle
 _SOFTEST, _STIFFEST = 1e-9, 1e6
-_HARDER, _SOFTER = 8.0, 1 / 6
 _FIRST, _BUCKLING = 1e-5, 1e-6
+# Factors of λ: after a step that failed, one that succeeded with secants, and one without. If secants did not raise λ,
+# they would lock places that are about to buckle, step after step.
+_HARDER, _HELPED, _SOFTER = 8.0, 2.0, 1 / 6
 _LONGEST_STEP = 0.05  # radii
 _FAR = 1e-3  # k1 Δ0: a larger force is far from balance
 _SHARE_LEFT = 0.03  # of the force, after the conjugate gradients
@@ -80,15 +82,18 @@ def balance(
         u, e = _bounded(potential, change)
         new = potential.state(pairs, state.u + u, state.e + e)
         if _energy_change(potential, state, new) < 0:
-            state, added, failed = new, max(added * _SOFTER, _SOFTEST), 0
+            added = added * _HELPED if failed else max(added * _SOFTER, _SOFTEST)
+            state, failed = new, 0
             if potential.moved(searched, state) > SKIN / 4:
                 pairs = potential.pairs(state.u, state.e)
                 searched = state = potential.state(pairs, state.u, state.e)
             normal = pairs.contact_stiffness(state.overlap)
         else:
             failed += 1
-            normal = np.maximum(normal, _secant(state, new))
-            added *= _HARDER if failed > _ATTEMPTS else 1.0
+            if failed <= _ATTEMPTS:
+                normal = np.maximum(normal, _secant(state, new))
+            else:
+                added *= _HARDER
     raise CrystalError(
         f"the crystal does not come to rest: after {step + 1} Newton steps a force of {largest:.3g} of the contact "
         f"stiffness times the overlap at rest is left, and {BALANCED} is allowed; let the spheres differ less"
