@@ -21,6 +21,7 @@ Where two contacts are equally near to parting rounding could decide. Crystals o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import ase
 import numpy as np
@@ -29,20 +30,14 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.balance import BALANCED, Progress, balance
 from granular_lmp.crystal.contacts import Contacts, contacts_between
 from granular_lmp.crystal.disorder import require_places
-from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State, displaced, potential_of
+from granular_lmp.crystal.friction import require_friction
+from granular_lmp.crystal.let_go import DRAG, SETTLED, let_go
+from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
 BOXES = ("box", "fixed")
-SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
-_DRAG = 1.0  # √(k1 m)
-# N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
-# s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
-_BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
-_LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
-_STEP = 1.4  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2
-_CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +87,27 @@ class Equilibrium:
         """Z, mean over all spheres."""
         return 2 * len(self.contacts) / len(self.lattice)
 
+    def summary(self) -> dict[str, Any]:
+        """Return what tells this rest from another one, as plain numbers and words.
+
+        ``disorder`` (spreads and seed) and ``isolated`` are those of `granular_lmp.crystal.disorder.imperfect`, and
+        None for a crystal that was not made there; ``residual`` is in k1 Δ0, ``box`` in radii, ``box_load`` in N m.
+        """
+        info = self.lattice.info
+        return {
+            "protocol": self.protocol,
+            "disorder": info.get("disorder"),
+            "spheres": len(self.lattice),
+            "isolated": info.get("isolated"),
+            "loose": self.loose,
+            "contacts_per_sphere": self.contacts_per_sphere,
+            "residual": self.residual,
+            "newton_steps": self.steps,
+            "box": (np.diag(self.lattice.cell.array)[:2] * (1 + self.strain[:2])).tolist(),
+            "strain": self.strain[:2].tolist(),
+            "box_load": self.box_load.tolist(),
+        }
+
 
 def relax(
     crystal: ase.Atoms,
@@ -99,6 +115,7 @@ def relax(
     *,
     box: str = "box",
     load: Floats | None = None,
+    friction: float = 0.0,
     progress: Progress | None = None,
 ) -> Equilibrium:
     """Return the rest that a crystal comes to when its spheres are let go at their places; see the module.
@@ -114,9 +131,13 @@ def relax(
     load : (2,) array, optional
         T of `granular_lmp.crystal.potential.box_load`, N m, with which the box is pressed; needed where the lattice is
         compressed and the box breathes, else 0.
+    friction : float
+        Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
+        `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
+        LAMMPS starts every contact without shear: friction changes which contacts there are, and no force at rest.
     progress : callable, optional
-        Called with the stage ("let go" or "balance"), the steps done, the largest force in k1 Δ0, and the energy in
-        k1 Δ0².
+        Called with the stage ("let go with friction", "let go" or "balance"), the steps done, the largest force in
+        k1 Δ0, without that of shear springs, and the energy in k1 Δ0².
 
     Raises
     ------
@@ -139,49 +160,18 @@ def relax(
     potential = potential_of(crystal, materials, np.zeros(2) if load is None else load, breathes=breathes)
     u, e = np.zeros((len(crystal), 2)), np.zeros(2)
     pairs = potential.pairs(u, e)
+    require_friction(friction, pairs)
     state = potential.state(pairs, u, e)
     steps = 0
     if potential.residual(state) > BALANCED:
-        pairs, state = _let_go(potential, pairs, state, progress)
+        if friction:
+            pairs, state = let_go(potential, pairs, state, progress, friction)
+        pairs, state = let_go(potential, pairs, state, progress)
         pairs, state, steps = balance(potential, pairs, state, progress)
-    return _record(potential, pairs, state, steps, box)
+    return _record(potential, pairs, state, steps, _in_words(steps, box, friction))
 
 
-def _mean_force(potential: Potential, state: State) -> float:
-    """Return the root mean square of the forces on the spheres and of what the box puts on the mean one, in k1 Δ0."""
-    on_box = state.stress / potential.neighbour / len(state.u)
-    return float(np.sqrt(np.sum(state.force**2) / len(state.u) + np.sum(on_box**2)))
-
-
-def _let_go(potential: Potential, pairs: Pairs, state: State, progress: Progress | None) -> tuple[Pairs, State]:
-    """Return the state that spheres at rest come to as they move against a drag, until the mean force is small."""
-    velocity, rate = np.zeros_like(state.u), np.zeros(2)
-    mass = _BOX_INERTIA * len(state.u) * potential.neighbour**2
-    time, step, searched = 0.0, 0, state
-    while True:
-        if step % _CHECKED == 0:
-            if progress:
-                progress("let go", step, potential.residual(state), potential.energy(state))
-            if _mean_force(potential, state) < SETTLED or time > _LONGEST:
-                return pairs, state
-            if potential.moved(searched, state) > SKIN / 4:
-                pairs = potential.pairs(state.u, state.e)
-                searched = state = potential.state(pairs, state.u, state.e)
-            dt = _STEP / np.sqrt(2 * _stiffest_sphere(potential, pairs, state))
-        velocity = (velocity + dt * state.force) / (1 + _DRAG * dt)
-        rate = (rate + dt * state.stress / mass) / (1 + _BOX_DRAG * dt)
-        state = potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
-        time, step = time + dt, step + 1
-
-
-def _stiffest_sphere(potential: Potential, pairs: Pairs, state: State) -> float:
-    """Return the largest sum of the stiffnesses of the contacts of a sphere, k1; at least that of one contact."""
-    stiffness = pairs.contact_stiffness(state.overlap)
-    count = len(state.u)
-    return max(float((np.bincount(pairs.i, stiffness, count) + np.bincount(pairs.j, stiffness, count)).max()), 1.0)
-
-
-def _record(potential: Potential, pairs: Pairs, state: State, steps: int, box: str) -> Equilibrium:
+def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protocol: str) -> Equilibrium:
     """Return the record of a crystal at rest, in its units."""
     unit, length = potential.unit, potential.materials[0].static_overlap
     on = np.flatnonzero(state.overlap > 0)
@@ -200,16 +190,21 @@ def _record(potential: Potential, pairs: Pairs, state: State, steps: int, box: s
         residual=potential.residual(state),
         loose=int((potential.free & ~touched).sum()),
         steps=steps,
-        protocol=_in_words(steps, box),
+        protocol=protocol,
     )
 
 
-def _in_words(steps: int, box: str) -> str:
+def _in_words(steps: int, box: str, friction: float) -> str:
     """Return the protocol as a sentence."""
     if not steps:
         return "at rest as it is"
-    return (
-        f"let go at the places in the lattice against a drag of {_DRAG:g} sqrt(k1 m), without friction or rotation, "
-        f"until the root mean square force is below {SETTLED:g} k1 Delta0, then {steps} damped Newton steps; the box "
+    settled = f"until the root mean square force is below {SETTLED:g} k1 Delta0"
+    way = f"let go at the places in the lattice against a drag of {DRAG:g} sqrt(k1 m), "
+    if friction:
+        way += (
+            f"with rotation and shear springs that slide at a friction of {friction:g}, {settled}, then let go again "
+        )
+    return way + (
+        f"without friction or rotation, {settled}, then {steps} damped Newton steps; the box "
         + ("breathes" if box == "box" else "stays")
     )

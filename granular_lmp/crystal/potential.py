@@ -50,8 +50,8 @@ class Pairs:
         d, from the place of i to that of j or of its image.
     length, overlap : (C,) arrays
         |d|, and δ at these places.
-    stiffness, adhesion : (C,) arrays
-        A and F; 0 between two held spheres.
+    stiffness, shear, adhesion : (C,) arrays
+        A, B and F; 0 between two held spheres.
     """
 
     i: Integers
@@ -60,6 +60,7 @@ class Pairs:
     length: Floats
     overlap: Floats
     stiffness: Floats
+    shear: Floats
     adhesion: Floats
 
     def contact_stiffness(self, overlap: Floats) -> Floats:
@@ -155,8 +156,9 @@ class Potential:
         i, j, now = overlapping(wider)
         vector = _lattice_vectors(now[:, :2] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = np.hypot(*vector.T)
-        stiffness, _, adhesion = force_law(self.crystal, self.materials, i, j)
-        force = self.materials[0].normal_stiffness * self.materials[0].static_overlap
+        stiffness, shear, adhesion = force_law(self.crystal, self.materials, i, j)
+        unit = self.materials[0].static_overlap
+        force = self.materials[0].normal_stiffness * unit
         bearing = self.free[i] | self.free[j]
         return Pairs(
             i=i,
@@ -165,7 +167,8 @@ class Potential:
             length=length / self.unit,
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            stiffness=bearing * stiffness * self.materials[0].static_overlap ** 1.5 / force,
+            stiffness=bearing * stiffness * unit**1.5 / force,
+            shear=bearing * shear * unit**1.5 / force,
             adhesion=bearing * adhesion / force,
         )
 
