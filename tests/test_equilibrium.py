@@ -308,7 +308,7 @@ def test_stiffness_is_the_derivative_of_the_force() -> None:
 
 @pytest.mark.parametrize("seed", [1, 3, 9])
 def test_newton_steps_end_in_crystals_whose_spheres_are_about_to_buckle(seed: int) -> None:
-    """At s = 12 hardly a contact is to spare: secants that did not raise λ took 5000 steps without an end here."""
+    """At s = 12 hardly a contact is to spare: secants that do not raise λ do not end within 1500 steps here."""
     rest = disordered(12.0, seed=seed)
     assert rest.residual <= BALANCED
     assert rest.steps < 1000
