@@ -45,7 +45,7 @@ def row(spheres: int, spread: float) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spheres", type=int, nargs="+", default=[1000, 10000, 100000])
-    parser.add_argument("--spread", type=float, nargs="+", default=[0.12, 0.8])
+    parser.add_argument("--spread", type=float, nargs="+", default=[0.8, 2.0])
     given = parser.parse_args()
     print("| " + " | ".join(HEAD) + " |\n" + "|---" * len(HEAD) + "|")
     for spheres in given.spheres:

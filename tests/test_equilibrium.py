@@ -3,8 +3,10 @@
 Lengths in Δ0 and forces in k1 Δ0 of `SILICA`, where nothing else is said.
 """
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import ase
 import numpy as np
@@ -15,7 +17,7 @@ from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.dissection import dissection
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
 from granular_lmp.crystal.lattices import Shape, hexagonal
-from granular_lmp.crystal.potential import box_load, displaced, potential_of
+from granular_lmp.crystal.potential import Pairs, Potential, box_load, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
@@ -46,6 +48,14 @@ def forces(rest: Equilibrium) -> np.ndarray:
     np.add.at(total, rest.contacts.j, push)
     np.add.at(total, rest.contacts.i, -push)
     return total
+
+
+def tangent(potential: Potential, pairs: Pairs, u: np.ndarray, e: np.ndarray) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return the second derivatives of the energy."""
+    state = potential.state(pairs, u, e)
+    return potential.stiffness(
+        pairs, state, pairs.contact_stiffness(state.overlap), -state.contact_force / state.length
+    )
 
 
 def cluster(positions: list[list[float]], radius: list[float]) -> ase.Atoms:
@@ -81,6 +91,28 @@ def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str)
     assert np.abs(rest.box_load).max() < 2 * BALANCED * len(rest.lattice) * FORCE * 2 * SILICA.radius
     assert not rest.displacement[~free].any()
     assert "the box breathes" in rest.protocol
+
+
+def test_a_summary_says_how_a_crystal_came_to_rest_in_what_json_holds() -> None:
+    disorder = spread(0.8, seed=3, vacancies=0.02)
+    rest = relax(*imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, disorder))
+    summary = json.loads(json.dumps(rest.summary()))
+    assert summary["disorder"] == {"radius": disorder.radius, "density": 0.0, "vacancies": 0.02, "seed": 3}
+    assert summary["protocol"] == rest.protocol
+    assert summary["spheres"] == 118
+    assert (summary["isolated"], summary["loose"]) == (0, 0)
+    assert summary["residual"] == rest.residual
+    assert summary["newton_steps"] == rest.steps > 0
+    assert summary["contacts_per_sphere"] == 2 * len(rest.contacts) / 118
+    # Lengths of some 20 radii, rounded a few times
+    np.testing.assert_allclose(summary["box"], np.diag(rest.crystal.cell.array)[:2], rtol=1e-14)
+    assert summary["strain"] == rest.strain[:2].tolist()
+    assert summary["box_load"] == rest.box_load.tolist()
+
+
+def test_a_summary_of_a_crystal_that_was_not_drawn_has_no_disorder() -> None:
+    summary = relax(hexagonal(SILICA, Shape(6, 4, "periodic")), [SILICA]).summary()
+    assert summary["disorder"] is summary["isolated"] is None
 
 
 def test_a_crystal_before_it_is_let_go_is_not_at_rest() -> None:
@@ -249,7 +281,7 @@ def test_the_rest_is_stable() -> None:
     potential = potential_of(rest.lattice, (SILICA,), np.zeros(2), breathes=True)
     u, e = rest.displacement[:, :2] / UNIT, rest.strain[:2]
     pairs = potential.pairs(u, e)
-    by_u, by_both, by_e = potential.stiffness(pairs, potential.state(pairs, u, e))
+    by_u, by_both, by_e = tangent(potential, pairs, u, e)
     scale = potential.neighbour * np.sqrt(len(u))
     whole = np.block([[by_u.toarray(), by_both / scale], [by_both.T / scale, by_e / scale**2]])
     values = np.linalg.eigvalsh(whole)
@@ -265,13 +297,21 @@ def test_stiffness_is_the_derivative_of_the_force() -> None:
     u, e = random.uniform(-0.1, 0.1, (48, 2)), random.uniform(-1e-5, 1e-5, 2)
     du, de = random.uniform(-1, 1, (48, 2)), random.uniform(-1, 1, 2) / potential.neighbour
     pairs, h = potential.pairs(u, e), 1e-4
-    by_u, by_both, by_e = potential.stiffness(pairs, potential.state(pairs, u, e))
+    by_u, by_both, by_e = tangent(potential, pairs, u, e)
     more, less = (potential.state(pairs, u + sign * h * du, e + sign * h * de) for sign in (1, -1))
     # Central differences: the third derivative of a contact is of order 1, h² = 1e-8
     expected = by_u @ du.ravel() + by_both @ de
     np.testing.assert_allclose(-(more.force - less.force).ravel() / (2 * h), expected, rtol=0, atol=1e-6)
     on_box = -(more.stress - less.stress) / (2 * h) / potential.neighbour
     np.testing.assert_allclose(on_box, (by_both.T @ du.ravel() + by_e @ de) / potential.neighbour, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 9])
+def test_newton_steps_end_in_crystals_whose_spheres_are_about_to_buckle(seed: int) -> None:
+    """At s = 12 hardly a contact is to spare: secants that do not raise λ do not end within 1500 steps here."""
+    rest = disordered(12.0, seed=seed)
+    assert rest.residual <= BALANCED
+    assert rest.steps < 1000
 
 
 def test_the_order_of_the_factors_names_every_sphere_once() -> None:

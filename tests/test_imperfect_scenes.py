@@ -203,7 +203,7 @@ def test_a_run_says_how_its_crystal_came_to_rest(imperfect_run: Record) -> None:
     assert imperfect_run.folder is not None
     info = json.loads((imperfect_run.folder / "run.json").read_text())
     crystal = info["crystal"]
-    assert crystal["seed"] == 3
+    assert crystal["disorder"]["seed"] == 3
     assert crystal["residual"] <= 1e-10
     assert crystal["protocol"].startswith("let go")
     assert 5 < crystal["contacts_per_sphere"] < 6

@@ -75,10 +75,8 @@ def compare(record: Record, rows: Rows) -> Comparison:
     # Airy's front of the slowest wave, at the pace of that wave; then the echo of the held end, at the fastest
     reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
     quiet = int(scene.absorb.rows)
-    if quiet:  # no echo comes back, but the rows that absorb are others
-        heard = distance >= rows.count - 1 - quiet
-    else:
-        heard = echo(2 * (rows.count - 1) - distance) <= last
+    # From quiet ends no echo comes back, but the rows that absorb move otherwise
+    heard = distance >= rows.count - 1 - quiet if quiet else echo(2 * (rows.count - 1) - distance) <= last
     n = distance[reached & ~heard & (distance > 0)]
     if len(n) < FEWEST_ROWS:
         raise ValueError(

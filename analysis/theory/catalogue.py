@@ -68,7 +68,7 @@ KEYS = frozenset(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force",
-        "packing": "rows columns ends contact_force relax",
+        "packing": "rows columns ends contact_force relax relax_friction",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",

@@ -6,20 +6,27 @@ of the crystal. Here it is:
 
 1. *Let go.* The spheres start at rest at their places in the lattice and move against a drag. In units of the contact
    between two spheres of the first material every sphere has the mass 1 and the drag coefficient 1. They are then
-   damped nearly critically, so that inertia tears few contacts. The box is heavy, with an inertia of 100 N (2R)², and
-   damped so that it does not swing: it breathes slowly against the motion of the spheres, in a crystal of any size.
-2. *Balance.* Once the root mean square force is below `SETTLED`, damped Newton steps (Levenberg 1944, Marquardt 1963),
-   each of which lowers the energy, end at the rest.
+   damped nearly critically. The box is heavy, with an inertia of 100 N (2R)², and damped so that it does not swing:
+   it breathes slowly against the motion of the spheres, in a crystal of any size.
+2. *Balance.* Once the root mean square force is below `SETTLED`, damped Newton steps, each of which lowers the energy,
+   end at the rest (`granular_lmp.crystal.balance`).
 
-There is no friction, and spheres do not turn. A crystal that was pressed, dried or shaken before has other contacts:
-to start from a compressed crystal, hand over one whose places and cell are scaled by less than 1. ``docs/imperfect.md``
-compares both.
+Spheres do not rub or turn on this way. With a coefficient of friction they are let go twice: first with shear springs
+that slide at Coulomb's limit (`granular_lmp.crystal.friction`), and again without, as above, from where they have
+settled. The springs are given up between because LAMMPS starts every contact without shear: places at which they bear a
+part of the load would not be at rest there. At rest no torque is left, since no contact bears shear.
 
-Where two contacts are equally near to parting rounding could decide. Crystals of 1020 spheres with spreads of up to
-12 Δ0 agree to 2e-10 of Δ0 between OpenBLAS's kernels for different processors.
+A crystal that was pressed, dried or shaken before has other contacts: to start from a compressed crystal, hand over one
+whose places and cell are scaled by less than 1, and to start from a rest in a box that stays, the ``crystal`` of that
+rest. ``docs/imperfect.md`` compares them.
+
+A crystal is the same to the last bit on one machine. Between machines rounding can decide where two contacts are
+equally near to parting: of twelve crystals of 1020 spheres with s from 0.8 to 12, one with s = 12 got other contacts
+with OpenBLAS's kernels for another processor. In the others spheres with two contacts or more were within 4e-8 Δ0 of
+the same places; a sphere with a single contact rolls without any force, and was within 2e-5 Δ0.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,33 +34,17 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.balance import BALANCED, Progress, balance
 from granular_lmp.crystal.contacts import Contacts, contacts_between
 from granular_lmp.crystal.disorder import require_places
-from granular_lmp.crystal.dissection import dissection, factorised
-from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State, displaced, potential_of
+from granular_lmp.crystal.friction import require_friction
+from granular_lmp.crystal.let_go import DRAG, SETTLED, let_go
+from granular_lmp.crystal.potential import Pairs, Potential, State, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 BOXES = ("box", "fixed")
-BALANCED = 1e-10  # k1 Δ0: no force on a sphere at rest is larger
-SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
-_DRAG = 1.0  # √(k1 m)
-# N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
-# s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
-_BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
-_LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
-_STEP = 0.7  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2
-_CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
-_NEWTON_STEPS = 2000
-# Newton: bounds of the stiffness λ that is added, in k1, its factors after a step that failed and one that did not,
-# and the longest step, in radii.
-_SOFTEST, _STIFFEST = 1e-9, 1e6
-_HARDER, _SOFTER = 8.0, 1 / 6
-_LONGEST_STEP = 0.05
-
-Progress = Callable[[str, int, float, float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +94,27 @@ class Equilibrium:
         """Z, mean over all spheres."""
         return 2 * len(self.contacts) / len(self.lattice)
 
+    def summary(self) -> dict[str, Any]:
+        """Return what tells this rest from another one, as plain numbers and words.
+
+        ``disorder`` (spreads and seed) and ``isolated`` are those of `granular_lmp.crystal.disorder.imperfect`, and
+        None for a crystal that was not made there; ``residual`` is in k1 Δ0, ``box`` in radii, ``box_load`` in N m.
+        """
+        info = self.lattice.info
+        return {
+            "protocol": self.protocol,
+            "disorder": info.get("disorder"),
+            "spheres": len(self.lattice),
+            "isolated": info.get("isolated"),
+            "loose": self.loose,
+            "contacts_per_sphere": self.contacts_per_sphere,
+            "residual": self.residual,
+            "newton_steps": self.steps,
+            "box": (np.diag(self.lattice.cell.array)[:2] * (1 + self.strain[:2])).tolist(),
+            "strain": self.strain[:2].tolist(),
+            "box_load": self.box_load.tolist(),
+        }
+
 
 def relax(
     crystal: ase.Atoms,
@@ -110,6 +122,7 @@ def relax(
     *,
     box: str = "box",
     load: Floats | None = None,
+    friction: float = 0.0,
     progress: Progress | None = None,
 ) -> Equilibrium:
     """Return the rest that a crystal comes to when its spheres are let go at their places; see the module.
@@ -125,14 +138,18 @@ def relax(
     load : (2,) array, optional
         T of `granular_lmp.crystal.potential.box_load`, N m, with which the box is pressed; needed where the lattice is
         compressed and the box breathes, else 0.
+    friction : float
+        Coefficient μ of Coulomb friction, at least 0, of a first letting go with the shear springs of
+        `granular_lmp.crystal.friction`; 0 leaves it out. The springs are released before the spheres come to rest, as
+        LAMMPS starts every contact without shear: friction changes which contacts there are, and no force at rest.
     progress : callable, optional
-        Called with the stage ("let go" or "balance"), the steps done, the largest force in k1 Δ0, and the energy in
-        k1 Δ0².
+        Called with the stage ("let go with friction", "let go" or "balance"), the steps done, the largest force in
+        k1 Δ0, without that of shear springs, and the energy in k1 Δ0².
 
     Raises
     ------
     CrystalError
-        When the crystal cannot be at rest, or is not after `_NEWTON_STEPS`.
+        When the crystal cannot be at rest, or is not after the steps of `granular_lmp.crystal.balance`.
 
     Notes
     -----
@@ -150,120 +167,23 @@ def relax(
     potential = potential_of(crystal, materials, np.zeros(2) if load is None else load, breathes=breathes)
     u, e = np.zeros((len(crystal), 2)), np.zeros(2)
     pairs = potential.pairs(u, e)
+    require_friction(friction, pairs)
     state = potential.state(pairs, u, e)
     steps = 0
-    if residual(potential, state) > BALANCED:
-        pairs, state = _let_go(potential, pairs, state, progress)
-        pairs, state, steps = _balance(potential, pairs, state, progress)
-    return _record(potential, pairs, state, steps, box)
+    if potential.residual(state) > BALANCED:
+        if friction:
+            pairs, state = let_go(potential, pairs, state, progress, friction)
+        pairs, state = let_go(potential, pairs, state, progress)
+        pairs, state, steps = balance(potential, pairs, state, progress)
+    return _record(potential, pairs, state, steps, _in_words(steps, box, friction))
 
 
-def residual(potential: Potential, state: State) -> float:
-    """Return the largest force on a free sphere, or that the box puts on the mean one, in k1 Δ0."""
-    on_box = state.stress / potential.neighbour / len(state.u)
-    return float(max(np.abs(state.force).max(), np.abs(on_box).max()))
-
-
-def _mean_force(potential: Potential, state: State) -> float:
-    """Return the root mean square of the forces on the spheres and of what the box puts on the mean one, in k1 Δ0."""
-    on_box = state.stress / potential.neighbour / len(state.u)
-    return float(np.sqrt(np.sum(state.force**2) / len(state.u) + np.sum(on_box**2)))
-
-
-def _let_go(potential: Potential, pairs: Pairs, state: State, progress: Progress | None) -> tuple[Pairs, State]:
-    """Return the state that spheres at rest come to as they move against a drag, until the mean force is small."""
-    velocity, rate = np.zeros_like(state.u), np.zeros(2)
-    mass = _BOX_INERTIA * len(state.u) * potential.neighbour**2
-    time, step, searched = 0.0, 0, state
-    while True:
-        if step % _CHECKED == 0:
-            largest = residual(potential, state)
-            if progress:
-                progress("let go", step, largest, float(np.sum(state.energy) + potential.load @ state.e))
-            if _mean_force(potential, state) < SETTLED or time > _LONGEST:
-                return pairs, state
-            if _moved(potential, searched, state) > SKIN / 4:
-                pairs = potential.pairs(state.u, state.e)
-                searched = state = potential.state(pairs, state.u, state.e)
-            dt = _STEP / np.sqrt(2 * _stiffest_sphere(potential, pairs, state))
-        velocity = (velocity + dt * state.force) / (1 + _DRAG * dt)
-        rate = (rate + dt * state.stress / mass) / (1 + _BOX_DRAG * dt)
-        state = potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
-        time, step = time + dt, step + 1
-
-
-def _moved(potential: Potential, before: State, after: State) -> float:
-    """Return how far a sphere can have moved towards another one between two states, in radii."""
-    alone = np.abs(after.u - before.u).max() * potential.unit
-    # A strain moves neighbours by a part of their distance, of about two radii
-    return float(alone + np.abs(after.e - before.e).max() * 2)
-
-
-def _stiffest_sphere(potential: Potential, pairs: Pairs, state: State) -> float:
-    """Return the largest sum of the stiffnesses of the contacts of a sphere, k1; at least that of one contact."""
-    stiffness = 1.5 * pairs.stiffness * np.sqrt(np.maximum(state.overlap, 0.0))
-    count = len(state.u)
-    return max(float((np.bincount(pairs.i, stiffness, count) + np.bincount(pairs.j, stiffness, count)).max()), 1.0)
-
-
-def _balance(potential: Potential, pairs: Pairs, state: State, progress: Progress | None) -> tuple[Pairs, State, int]:
-    """Return the state at which the energy is least near a given one, and the Newton steps to it."""
-    added, searched = 1e-2, state
-    stiffness = potential.stiffness(pairs, state)
-    order = dissection(potential.crystal.positions[:, :2], pairs.i, pairs.j)
-    for step in range(_NEWTON_STEPS):
-        largest = residual(potential, state)
-        if progress:
-            progress("balance", step, largest, float(np.sum(state.energy) + potential.load @ state.e))
-        if largest <= BALANCED:
-            return pairs, state, step
-        u, e = _newton_step(potential, state, stiffness, added, order)
-        new = potential.state(pairs, state.u + u, state.e + e)
-        # Pair by pair, as the sum over a large crystal has lost the last digits of a small change
-        change = float(np.sum(new.energy - state.energy) + potential.load @ e)
-        rounding = 1e-14 * len(pairs.i)
-        if change < -rounding or (change <= rounding and _mean_force(potential, new) < _mean_force(potential, state)):
-            state, added = new, max(added * _SOFTER, _SOFTEST)
-            if _moved(potential, searched, state) > SKIN / 4:
-                pairs = potential.pairs(state.u, state.e)
-                searched = state = potential.state(pairs, state.u, state.e)
-            stiffness = potential.stiffness(pairs, state)
-        else:
-            added *= _HARDER
-            if added > _STIFFEST:
-                break
-    raise CrystalError(
-        f"the crystal does not come to rest: after {step + 1} Newton steps a force of {largest:.3g} of the contact "
-        f"stiffness times the overlap at rest is left, and {BALANCED} is allowed; let the spheres differ less"
-    )
-
-
-def _newton_step(
-    potential: Potential, state: State, stiffness: tuple[Any, Floats, Floats], added: float, order: Integers
-) -> tuple[Floats, Floats]:
-    """Return the changes of u and e in one step, with a stiffness added to every freedom in proportion to its mass."""
-    import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
-
-    by_u, by_both, by_e = stiffness
-    count = len(state.u)
-    solve = factorised((by_u + added * sparse.identity(2 * count)).tocsr(), order)
-    solved = solve(np.column_stack([state.force.ravel(), by_both]))
-    # The two strains couple to every sphere; they are eliminated last, so that the factors stay sparse
-    schur = by_e - by_both.T @ solved[:, 1:] + added * count * potential.neighbour**2 * np.eye(2)
-    e = np.linalg.solve(schur, state.stress - by_both.T @ solved[:, 0])
-    u = (solved[:, 0] - solved[:, 1:] @ e).reshape(count, 2)
-    shifted = potential.crystal.pbc[:2] & potential.free.all()  # nothing holds the crystal as a whole
-    u -= np.where(shifted, u.mean(axis=0), 0.0)
-    share = min(1.0, _LONGEST_STEP / potential.unit / max(float(np.abs(u).max()), 1e-300))
-    return share * u, share * e
-
-
-def _record(potential: Potential, pairs: Pairs, state: State, steps: int, box: str) -> Equilibrium:
+def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protocol: str) -> Equilibrium:
     """Return the record of a crystal at rest, in its units."""
     unit, length = potential.unit, potential.materials[0].static_overlap
     on = np.flatnonzero(state.overlap > 0)
     i, j = pairs.i[on], pairs.j[on]
-    vector = np.column_stack([state.vector[on], np.zeros(len(on))]) * length
+    vector = np.column_stack([*state.vector[:, on], np.zeros(len(on))]) * length
     contacts = contacts_between(potential.crystal, potential.materials, i, j, vector, state.overlap[on] * length)
     touched = np.bincount(np.concatenate([i, j]), minlength=len(state.u)) > 0
     bearing = potential.free[i] | potential.free[j]
@@ -274,19 +194,24 @@ def _record(potential: Potential, pairs: Pairs, state: State, steps: int, box: s
         strain=np.append(state.e, 0.0),
         contacts=contacts,
         box_load=vector[:, :2].T ** 2 @ push,
-        residual=residual(potential, state),
+        residual=potential.residual(state),
         loose=int((potential.free & ~touched).sum()),
         steps=steps,
-        protocol=_in_words(steps, box),
+        protocol=protocol,
     )
 
 
-def _in_words(steps: int, box: str) -> str:
+def _in_words(steps: int, box: str, friction: float) -> str:
     """Return the protocol as a sentence."""
     if not steps:
         return "at rest as it is"
-    return (
-        f"let go at the places in the lattice against a drag of {_DRAG:g} sqrt(k1 m), without friction or rotation, "
-        f"until the root mean square force is below {SETTLED:g} k1 Delta0, then {steps} damped Newton steps; the box "
+    settled = f"until the root mean square force is below {SETTLED:g} k1 Delta0"
+    way = f"let go at the places in the lattice against a drag of {DRAG:g} sqrt(k1 m), "
+    if friction:
+        way += (
+            f"with rotation and shear springs that slide at a friction of {friction:g}, {settled}, then let go again "
+        )
+    return way + (
+        f"without friction or rotation, {settled}, then {steps} damped Newton steps; the box "
         + ("breathes" if box == "box" else "stays")
     )

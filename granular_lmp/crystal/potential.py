@@ -46,12 +46,12 @@ class Pairs:
     Attributes
     ----------
     i, j : (C,) int arrays
-    vector : (C, 2) array
+    vector : (2, C) array
         d, from the place of i to that of j or of its image.
     length, overlap : (C,) arrays
         |d|, and δ at these places.
-    stiffness, adhesion : (C,) arrays
-        A and F; 0 between two held spheres.
+    stiffness, shear, adhesion : (C,) arrays
+        A, B and F; 0 between two held spheres.
     """
 
     i: Integers
@@ -60,7 +60,12 @@ class Pairs:
     length: Floats
     overlap: Floats
     stiffness: Floats
+    shear: Floats
     adhesion: Floats
+
+    def contact_stiffness(self, overlap: Floats) -> Floats:
+        """Return d²V/dδ² at overlaps (C,), 0 where a pair does not touch."""
+        return 1.5 * self.stiffness * np.sqrt(np.maximum(overlap, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +74,7 @@ class State:
 
     Attributes
     ----------
-    vector : (C, 2) array
+    vector : (2, C) array
         From sphere to sphere.
     length, overlap, contact_force, energy : (C,) arrays
         The overlap is negative where there is a gap.
@@ -123,6 +128,26 @@ class Potential:
         """2R in Δ0, about the distance of neighbours: how far a strain of 1 moves them against each other."""
         return 2 / self.unit
 
+    @cached_property
+    def mass(self) -> Floats:
+        """Mass 1 of every u and N (2R)² of each e, with which a strain weighs as much as the motion that it makes."""
+        return np.append(np.ones(2 * len(self.free)), np.full(2, len(self.free) * self.neighbour**2))
+
+    def energy(self, state: State) -> float:
+        """Return E, which falls on the way to rest, k1 Δ0²."""
+        return float(np.sum(state.energy) + self.load @ state.e)
+
+    def residual(self, state: State) -> float:
+        """Return the largest force on a free sphere, or that the box puts on the mean one, in k1 Δ0."""
+        on_box = state.stress / self.neighbour / len(state.u)
+        return float(max(np.abs(state.force).max(), np.abs(on_box).max()))
+
+    def moved(self, before: State, after: State) -> float:
+        """Return how far a sphere can have moved towards another one between two states, in radii."""
+        alone = np.abs(after.u - before.u).max() * self.unit
+        # A strain moves neighbours by a part of their distance, of about two radii
+        return float(alone + np.abs(after.e - before.e).max() * 2)
+
     def pairs(self, u: Floats, e: Floats) -> Pairs:
         """Return the pairs that touch or are less than `SKIN` apart; two held spheres, which bear all, do not push."""
         wider = displaced(self.crystal, u * self.unit, e)
@@ -131,72 +156,92 @@ class Potential:
         i, j, now = overlapping(wider)
         vector = _lattice_vectors(now[:, :2] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = np.hypot(*vector.T)
-        stiffness, _, adhesion = force_law(self.crystal, self.materials, i, j)
-        force = self.materials[0].normal_stiffness * self.materials[0].static_overlap
+        stiffness, shear, adhesion = force_law(self.crystal, self.materials, i, j)
+        unit = self.materials[0].static_overlap
+        force = self.materials[0].normal_stiffness * unit
         bearing = self.free[i] | self.free[j]
         return Pairs(
             i=i,
             j=j,
-            vector=vector / self.unit,
+            vector=np.ascontiguousarray(vector.T) / self.unit,
             length=length / self.unit,
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            stiffness=bearing * stiffness * self.materials[0].static_overlap ** 1.5 / force,
+            stiffness=bearing * stiffness * unit**1.5 / force,
+            shear=bearing * shear * unit**1.5 / force,
             adhesion=bearing * adhesion / force,
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
         """Return energies and forces at a displacement and a strain."""
-        i, j = pairs.i, pairs.j
-        apart = u[j] - u[i]
-        apart += e * (pairs.vector + apart)
-        vector = pairs.vector + apart
-        length = np.hypot(vector[:, 0], vector[:, 1])
-        stretch = np.einsum("ca,ca->c", apart, pairs.vector + vector) / (length + pairs.length)
-        overlap = pairs.overlap - stretch
+        # Component by component and in place: the many steps of a relaxation spend their time here
+        vector, squared = np.empty_like(pairs.vector), np.zeros(len(pairs.i))
+        for axis, place in enumerate(pairs.vector):
+            along_axis = np.ascontiguousarray(u[:, axis])
+            apart = along_axis.take(pairs.j)
+            apart -= along_axis.take(pairs.i)
+            apart *= 1 + e[axis]
+            apart += e[axis] * place
+            np.add(place, apart, out=vector[axis])
+            apart *= vector[axis] + place
+            squared += apart  # |d + w|² − |d|²
+        length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
+        overlap = squared / (length + pairs.length)
+        np.subtract(pairs.overlap, overlap, out=overlap)
         inside = np.maximum(overlap, 0.0)
-        repulsion = pairs.stiffness * inside * np.sqrt(inside)
-        push = np.where(overlap > 0, repulsion - pairs.adhesion, 0.0)
-        along = (push / length)[:, None] * vector
-        count = len(self.free)
-        force = np.column_stack([np.bincount(j, part, count) - np.bincount(i, part, count) for part in along.T])
+        repulsion = np.sqrt(inside)
+        repulsion *= inside
+        repulsion *= pairs.stiffness
+        push = repulsion - pairs.adhesion * (overlap > 0)
+        over_length, force, stress = push / length, np.empty_like(u), np.empty(2)
+        for axis in range(2):
+            along = over_length * vector[axis]
+            force[:, axis] = np.bincount(pairs.j, along, len(u)) - np.bincount(pairs.i, along, len(u))
+            stress[axis] = np.einsum("c,c", along, vector[axis]) / (1 + e[axis])
         force *= self.free[:, None] * (1 + e)
-        stress = np.where(self.breathing, np.einsum("ca,ca->a", along, vector) / (1 + e) - self.load, 0.0)
-        energy = inside * (0.4 * repulsion - pairs.adhesion)
-        return State(u, e, vector, length, overlap, push, energy, force, stress)
+        stress = np.where(self.breathing, stress - self.load, 0.0)
+        repulsion *= 0.4
+        repulsion -= pairs.adhesion
+        repulsion *= inside
+        return State(u, e, vector, length, overlap, push, repulsion, force, stress)
 
-    def stiffness(self, pairs: Pairs, state: State) -> tuple[Any, Floats, Floats]:
+    def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
         """Return the second derivatives of the energy: by u (sparse, 2N × 2N), by u and e (2N, 2), and by e (2, 2).
 
-        Rows of held spheres, and of axes along which the box does not breathe, are zero.
+        `normal` and `across` are the stiffnesses of each pair along its normal and across it, (C,): at the state itself
+        `Pairs.contact_stiffness` and −f_N/|d|. A pair without the first has none of both. Rows of held spheres, and of
+        axes along which the box does not breathe, are zero.
         """
         import scipy.sparse as sparse  # slow to import, and only crystals at rest need it
 
-        on = np.flatnonzero(state.overlap > 0)
-        i, j, length = pairs.i[on], pairs.j[on], state.length[on]
-        normal = state.vector[on] / length[:, None]
-        sideways = np.column_stack([-normal[:, 1], normal[:, 0]])
-        by_u: Any = 0.0
-        by_both, by_e = np.zeros((2 * len(self.free), 2)), np.zeros((2, 2))
-        springs = [
-            (1.5 * pairs.stiffness[on] * np.sqrt(state.overlap[on]), normal),
-            (-state.contact_force[on] / length, sideways),
-        ]
-        columns = np.column_stack([2 * i, 2 * i + 1, 2 * j, 2 * j + 1])
-        for spring, direction in springs:
-            scaled = direction * (1 + state.e)
-            parts = np.hstack([-scaled * self.free[i, None], scaled * self.free[j, None]])
-            shape = (len(on), 2 * len(self.free))
-            rows = sparse.csr_matrix((parts.ravel(), columns.ravel(), 4 * np.arange(len(on) + 1)), shape)
-            strained = direction * state.vector[on] / (1 + state.e) * self.breathing
-            weighted = rows.multiply(spring[:, None]).tocsr()
-            by_u = by_u + rows.T @ weighted
-            by_both += weighted.T @ strained
-            by_e += strained.T @ (spring[:, None] * strained)
+        on, count = np.flatnonzero(normal > 0), len(self.free)
+        i, j, vector, length = pairs.i[on], pairs.j[on], state.vector[:, on], state.length[on]
+        across = across[on]
+        direction = vector / length
+        spring = (normal[on] - across) * direction[:, None] * direction + np.eye(2)[..., None] * across
+
+        scale, breathing = 1 + state.e, self.breathing / (1 + state.e)
+        strained = spring * vector * breathing[:, None]  # by component of the force and axis of the strain
+        by_e = np.einsum("ac,abc->ab", vector * breathing[:, None], strained)
+        by_both = np.empty((count, 2, 2))
+        for a, b in np.ndindex(2, 2):
+            by_both[:, a, b] = np.bincount(j, strained[a, b], count) - np.bincount(i, strained[a, b], count)
+        by_both *= self.free[:, None, None] * scale[:, None]
         # A strain also turns and stretches the displacements themselves; at rest this term is zero
-        for axis in range(2):
-            by_both[axis::2, axis] -= self.breathing[axis] * state.force[:, axis] / (1 + state.e[axis])
-        return by_u, by_both, by_e
+        by_both[:, [0, 1], [0, 1]] -= breathing * state.force
+
+        blocks = np.moveaxis(spring * np.multiply.outer(scale, scale)[..., None], -1, 0)
+        mutual = blocks * (self.free[i] & self.free[j])[:, None, None]
+        own = np.empty((count, 2, 2))
+        for a, b in np.ndindex(2, 2):
+            own[:, a, b] = np.bincount(i, blocks[:, a, b], count) + np.bincount(j, blocks[:, a, b], count)
+        own *= self.free[:, None, None]
+        row, column = np.concatenate([np.arange(count), i, j]), np.concatenate([np.arange(count), j, i])
+        data = np.concatenate([own, -mutual, -mutual])
+        order = np.argsort(row, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
+        by_u = sparse.bsr_matrix((data[order], column[order], starts), shape=(2 * count, 2 * count))
+        return by_u, by_both.reshape(2 * count, 2), by_e
 
 
 def displaced(lattice: ase.Atoms, displacement: Floats, strain: Floats) -> ase.Atoms:

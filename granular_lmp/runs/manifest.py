@@ -52,19 +52,8 @@ def crystal_at_rest(crystal: CrystalAtRest) -> dict[str, Any]:
     rest = crystal.equilibrium
     if rest is None:
         return {}
-    disorder, overlap = rest.lattice.info["disorder"], crystal.materials[0].static_overlap
-    found = {
-        "seed": disorder["seed"],
-        "protocol": rest.protocol,
-        "residual": rest.residual,
-        "newton_steps": rest.steps,
-        "contacts_per_sphere": rest.contacts_per_sphere,
-        "isolated": rest.lattice.info["isolated"],
-        "loose": rest.loose,
-        "strain": rest.strain[:2].tolist(),
-        "smallest_overlap": float(crystal.contacts.overlap.min() / overlap),
-        "largest_overlap": float(crystal.contacts.overlap.max() / overlap),
-    }
+    overlaps = crystal.contacts.overlap / crystal.materials[0].static_overlap
+    found = rest.summary() | {"smallest_overlap": float(overlaps.min()), "largest_overlap": float(overlaps.max())}
     return {"crystal": found, "centre": centre(crystal.atoms) + 1}
 
 

@@ -69,7 +69,8 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
     """
     if scene.perfect:
         return CrystalAtRest(hexagonal(scene.sphere, scene.shape), (scene.sphere,), unit_lattice(scene.sphere))
-    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, scene.packing.relax
+    packing = scene.packing
+    key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
     if key not in _KEPT:
         _KEPT[key] = _relaxed(*key, progress)
         while len(_KEPT) > _MOST_KEPT:
@@ -95,9 +96,10 @@ def _relaxed(
     disorder: Disorder,
     inclusions: tuple[Inclusion, ...],
     box: str,
+    friction: float,
     progress: Progress | None,
 ) -> CrystalAtRest:
     crystal, materials = _imperfect(sphere, shape, disorder, inclusions)
     load = box_load(hexagonal(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
-    rest = relax(crystal, materials, box=box, load=load, progress=progress)
+    rest = relax(crystal, materials, box=box, load=load, friction=friction, progress=progress)
     return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)

@@ -39,6 +39,7 @@ class Packing:
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
+    relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,93 @@
+"""Shear springs of contacts between spheres that move and turn in the plane, with Coulomb's limit.
+
+The slip s of a contact, with the normal n from i to j and t = ẑ × n, and its force on i along t are those of the deck
+(LAMMPS's ``tangential mindlin`` with ``dmt``):
+
+    ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),    f_S = B s √δ,    |f_S| ≤ μ (A δ^{3/2} + F)
+
+A contact that slides keeps the slip of its limit, one that opens forgets its own. The lever arms of the torque are
+R − δ/2, so that no contact turns the pair as a whole. The forces depend on the way, and have no energy.
+
+Units as in `granular_lmp.crystal.potential`; an angle is the way of a point at the distance R of the first material.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.potential import Pairs, Potential, State
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.errors import CrystalError
+
+Floats = NDArray[np.float64]
+
+
+def shear_stiffness(pairs: Pairs, state: State) -> Floats:
+    """Return df_S/ds = B √δ, (C,), 0 where a pair does not touch."""
+    return pairs.shear * np.sqrt(np.maximum(state.overlap, 0.0))
+
+
+def slipped(
+    potential: Potential, pairs: Pairs, slip: Floats, before: State, after: State, turn: Floats, friction: float
+) -> Floats:
+    """Return the slips (C,) after a short step in which the spheres turn by angles (N,).
+
+    `friction` is μ; inf for contacts that never slide.
+    """
+    radius = potential.crystal.arrays["radius"]
+    # t·(d after − d before) = −t·d before, as t is across the contact after the step
+    along = (after.vector[1] * before.vector[0] - after.vector[0] * before.vector[1]) / after.length
+    moved = slip + along - radius[pairs.i] * turn[pairs.i] - radius[pairs.j] * turn[pairs.j]
+    stiffness = shear_stiffness(pairs, after)
+    touching = stiffness > 0
+    limit = np.full_like(slip, np.inf)
+    np.divide(friction * (after.contact_force + 2 * pairs.adhesion), stiffness, out=limit, where=touching)
+    return np.where(touching, np.clip(moved, -limit, limit), 0.0)
+
+
+def shear_forces(potential: Potential, pairs: Pairs, slip: Floats, state: State) -> tuple[Floats, Floats, Floats]:
+    """Return what slips (C,) do to the free spheres and the box: forces (N, 2), torques (N,) and stress (2,)."""
+    count, radius = len(state.u), potential.crystal.arrays["radius"]
+    push = shear_stiffness(pairs, state) * slip
+    across = np.stack([-state.vector[1], state.vector[0]]) * (push / state.length)  # on i; the opposite on j
+    force = np.stack([np.bincount(pairs.i, part, count) - np.bincount(pairs.j, part, count) for part in across], axis=1)
+    half = state.overlap * potential.unit / 2
+    arms = np.concatenate([radius[pairs.i] - half, radius[pairs.j] - half])
+    ends = np.concatenate([pairs.i, pairs.j])
+    torque = np.asarray(np.bincount(ends, np.tile(push, 2) * arms, count), dtype=float)
+    stress = -np.einsum("ac,ac->a", across, state.vector) / (1 + state.e)
+    return (
+        force * potential.free[:, None] * (1 + state.e),
+        torque * potential.free,
+        np.where(potential.breathing, stress, 0.0),
+    )
+
+
+def stiffest(pairs: Pairs, state: State) -> Floats:
+    """Return the normal stiffness of each pair, (C,), that vibrates at least as fast as its two springs do.
+
+    A contact of two free spheres of mass 1 adds at most 2 k to the square of a frequency through its normal spring and
+    2 (1 + 1/Ĩ) k through its shear spring.
+    """
+    return np.maximum(pairs.contact_stiffness(state.overlap), (1 + 1 / INERTIA_RATIO) * shear_stiffness(pairs, state))
+
+
+def carried_over(old: Pairs, new: Pairs, slip: Floats) -> Floats:
+    """Return the slips (C,) of a new list of pairs; those that the old one lacks have none."""
+    count = int(max(old.j.max(initial=0), new.j.max(initial=0))) + 1
+    known, wanted = old.i * count + old.j, new.i * count + new.j
+    place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+    return np.where(known[place] == wanted, slip[place], 0.0)
+
+
+def require_friction(friction: float, pairs: Pairs) -> None:
+    """Raise a CrystalError unless a coefficient of friction is possible and every pair of spheres touches once."""
+    if not friction >= 0:
+        raise CrystalError(f"friction = {friction!r}: must be at least 0")
+    both = np.column_stack([pairs.i, pairs.j])
+    pair, count = np.unique(both, axis=0, return_counts=True)
+    twice = pair[(count > 1) | (pair[:, 0] == pair[:, 1])]
+    if friction and len(twice):
+        raise CrystalError(
+            f"friction = {friction!r}: spheres {twice[0, 0]} and {twice[0, 1]} meet more than once across periodic "
+            "faces, and a slip belongs to a pair; take at least 3 columns and 4 rows, or friction = 0"
+        )

@@ -1,0 +1,67 @@
+"""Spheres that are let go: they move against a drag until hardly any force is left; see `equilibrium` for the protocol.
+
+In units of the contact between two spheres of the first material every sphere has the mass 1 and the drag coefficient
+1, and with friction the moment of inertia Ĩ R² and a drag on its turning that slows it at the same rate.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal import friction as shear
+from granular_lmp.crystal.balance import Progress
+from granular_lmp.crystal.potential import SKIN, Pairs, Potential, State
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+
+Floats = NDArray[np.float64]
+SETTLED = 1e-3  # k1 Δ0, root mean square: from here Newton steps find the rest that the spheres are settling to
+DRAG = 1.0  # √(k1 m)
+# N m (2R)², and √(k1/m) of that. A box of a hundredth of this inertia tears contacts by its swing (Z = 4.5 for 5.0 at
+# s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
+_BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
+_LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
+_STEP = 1.4  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2
+_CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
+
+
+def let_go(
+    potential: Potential, pairs: Pairs, state: State, progress: Progress | None = None, friction: float = 0.0
+) -> tuple[Pairs, State]:
+    """Return the state that spheres at rest come to as they move against a drag, until the mean force is small.
+
+    With `friction` contacts have shear springs and spheres turn; the springs are forgotten at the end.
+    """
+    count, box = len(state.u), _BOX_INERTIA * potential.mass[-1]
+    velocity, spin, rate = np.zeros_like(state.u), np.zeros(count), np.zeros(2)
+    slip = np.zeros(len(pairs.i))
+    force, torque, stress = state.force, spin, state.stress
+    time, step, searched = 0.0, 0, state
+    while True:
+        if step % _CHECKED == 0:
+            if progress:
+                stage = "let go with friction" if friction else "let go"
+                progress(stage, step, potential.residual(state), potential.energy(state))
+            on_box = stress / potential.neighbour / count
+            mean_square = (np.sum(force**2) + np.sum(torque**2)) / count + np.sum(on_box**2)
+            if mean_square < SETTLED**2 or time > _LONGEST:
+                return pairs, state
+            if potential.moved(searched, state) > SKIN / 4:
+                new = potential.pairs(state.u, state.e)
+                slip, pairs = shear.carried_over(pairs, new, slip), new
+                searched = state = potential.state(pairs, state.u, state.e)
+            stiffness = shear.stiffest(pairs, state) if friction else pairs.contact_stiffness(state.overlap)
+            dt = _STEP / np.sqrt(2 * _stiffest_sphere(pairs, stiffness, count))
+        velocity = (velocity + dt * force) / (1 + DRAG * dt)
+        rate = (rate + dt * stress / box) / (1 + _BOX_DRAG * dt)
+        before, state = state, potential.state(pairs, state.u + dt * velocity, state.e + dt * rate)
+        force, stress = state.force, state.stress
+        if friction:
+            spin = (spin + dt * torque / INERTIA_RATIO) / (1 + DRAG * dt)
+            slip = shear.slipped(potential, pairs, slip, before, state, dt * spin, friction)
+            sideways, torque, on_box = shear.shear_forces(potential, pairs, slip, state)
+            force, stress = force + sideways, stress + on_box
+        time, step = time + dt, step + 1
+
+
+def _stiffest_sphere(pairs: Pairs, stiffness: Floats, count: int) -> float:
+    """Return the largest sum of the stiffnesses of the contacts of a sphere, k1; at least that of one contact."""
+    return max(float((np.bincount(pairs.i, stiffness, count) + np.bincount(pairs.j, stiffness, count)).max()), 1.0)
