@@ -165,9 +165,7 @@ def written_text(problem: Problem) -> str:
 def _title(scene: Scene) -> str:
     shape = scene.shape
     differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
-    return (
-        f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends{differing}"
-    )
+    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.ends} ends{differing}"
 
 
 def _data(problem: Problem, units: Units) -> DataFile:
@@ -235,7 +233,7 @@ _LATTICE = """\
 # --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        <style>
 dimension    2
-boundary     p <along_y> p
+boundary     <along_x> <along_y> p
 atom_style   <atom_style>
 atom_modify  map array
 comm_modify  vel yes
@@ -425,6 +423,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         # Checkpoints coincide with lines of the thermo table, so that no look falls between the two
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
         "checkpoints": " ".join(CHECKPOINTS),
+        "along_x": "p" if scene.lattice.endless_rows else "f",
         "columns": str(scene.shape.columns),
         "mass_column": "" if scene.perfect else " mass",
         "centre": str(centre(problem.crystal) + 1),

@@ -75,7 +75,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _value(key: Key) -> dict[str, Any]:
-    rule, default = key.rule, {} if key.default is None else {"default": key.default}
+    rule, default = key.rule, {} if key.default in (None, ()) else {"default": key.default}
     described = {"description": rule.note} if rule.note else {}
     return _values(rule) | described | default
 
