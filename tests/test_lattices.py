@@ -16,7 +16,17 @@ from analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, LATTICES, SQUARE, Lattice, Shape, packed, unit_lattice
+from granular_lmp.crystal.lattices import (
+    CHAIN,
+    HEXAGONAL,
+    LATTICES,
+    SQUARE,
+    Lattice,
+    Shape,
+    centre,
+    packed,
+    unit_lattice,
+)
 from granular_lmp.crystal.modes import (
     FULL,
     Physics,
@@ -31,6 +41,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.studies.kick import run_kicked
@@ -306,6 +317,25 @@ def test_spheres_of_other_density_and_empty_places_leave_a_lattice_at_rest() -> 
         assert crystal.equilibrium.steps == 0
         assert not crystal.equilibrium.displacement.any()
         assert crystal.atoms.pbc[0] == (lattice == SQUARE)
+
+
+@pytest.mark.parametrize("envelope", [{}, {"envelope.length": 6.0}])
+@pytest.mark.parametrize("lattice", LATTICES)
+def test_the_wave_is_at_the_same_places_where_others_are_empty(lattice: str, envelope: dict[str, float]) -> None:
+    shape = {"packing.rows": 40, "packing.columns": 1 if lattice == "chain" else 4}
+    scene = scene_of(lattice, "L").with_values(shape | envelope)
+    empty = [[39, column] for column in range(shape["packing.columns"])] + [[7, 0]]  # the whole last row, and one more
+    broken = scene.with_values({"inclusion": [{"spheres": empty, "vacancy": True}]})
+    crystal, mode = crystal_of(broken).atoms, mode_of(scene)
+    there = crystal.arrays["row"] * shape["packing.columns"] + crystal.arrays["column"]
+    assert len(there) == scene.shape.spheres - len(empty)
+    assert there[centre(crystal)] == centre(packed(scene.sphere, scene.shape))
+    whole = initial_fields(scene, packed(scene.sphere, scene.shape), mode)
+    found = initial_fields(broken, crystal, mode)
+    # Sums of some ten terms of order 1/10
+    np.testing.assert_allclose(found.displacement, whole.displacement[there], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(found.velocity, whole.velocity[there], rtol=0, atol=1e-13)
+    assert build(broken).input_text.count("group        row id") == (lattice == "chain")
 
 
 def test_a_chain_of_unequal_spheres_is_as_long_as_its_contacts_and_stays_straight() -> None:

@@ -160,7 +160,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     -------
     ase.Atoms
         One entry ("X") per sphere, row by row, positions in radii, periodic along x unless it is a chain, and along y
-        with periodic ends; ``info["lattice_name"]`` is the name of the lattice.
+        with periodic ends. ``info`` holds ``rows``, ``columns`` and ``lattice_name``, also after spheres are left out.
         Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (1).
         The centre sphere lies next to the origin, where coordinates have the finest resolution. No sphere is on a
         periodic face: columns are shifted by a quarter of the lattice constant, rows by half a row.
@@ -171,7 +171,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     """
     a, lattice = lattice_constant(sphere), shape.lattice
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
-    along_x, n = _offsets(row, column, lattice)
+    along_x, n = _offsets(row, column, shape)
     if lattice.endless_rows:
         x, left, width = (along_x + 0.25) * a, -(shape.columns // 2) * a, shape.columns * a
     else:
@@ -190,7 +190,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
         cell=[width, height, 2.0],
         celldisp=[left, bottom, -1.0],
         pbc=[lattice.endless_rows, periodic, False],
-        info={"lattice_name": lattice.name},
+        info={"rows": shape.rows, "columns": shape.columns, "lattice_name": lattice.name},
     )
     packing.set_array("row", row)
     packing.set_array("column", column)
@@ -201,18 +201,24 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
 
 def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the places relative to the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
-    return _offsets(packing.arrays["row"], packing.arrays["column"], LATTICES[packing.info["lattice_name"]])
+    return _offsets(packing.arrays["row"], packing.arrays["column"], _shape_of(packing))
 
 
 def _offsets(
-    row: NDArray[np.int64], column: NDArray[np.int64], lattice: Lattice
+    row: NDArray[np.int64], column: NDArray[np.int64], shape: Shape
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    n = row - row.max() // 2
-    return column - (column.max() + 1) // 2 + lattice.shift * (n % 2), n
+    n = row - shape.centre_row
+    return column - shape.columns // 2 + shape.lattice.shift * (n % 2), n
+
+
+def _shape_of(packing: ase.Atoms) -> Shape:
+    ends = "periodic" if packing.pbc[1] else "fixed"
+    return Shape(packing.info["rows"], packing.info["columns"], ends, LATTICES[packing.info["lattice_name"]])
 
 
 def centre(packing: ase.Atoms) -> int:
     """Return the index of the centre sphere: row (rows−1)//2, column columns//2."""
-    rows, columns = packing.arrays["row"], packing.arrays["column"]
-    (index,) = np.flatnonzero((rows == rows.max() // 2) & (columns == (columns.max() + 1) // 2))
+    shape = _shape_of(packing)
+    in_row, in_column = packing.arrays["row"] == shape.centre_row, packing.arrays["column"] == shape.columns // 2
+    (index,) = np.flatnonzero(in_row & in_column)
     return int(index)

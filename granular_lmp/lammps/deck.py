@@ -456,7 +456,8 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
     law: dict[str, Any] = {"friction": "${friction}"}
     for effect in selection.EFFECTS:
         law |= effect.law(scene, problem.on[effect.name])
-    friction, first = scene.effects.friction, scene.shape.centre_row * scene.shape.columns + 1
+    friction = scene.effects.friction
+    centre_row = 1 + np.flatnonzero(problem.crystal.arrays["row"] == scene.shape.centre_row)
     return {
         "contact": contact.pair(
             {
@@ -470,7 +471,7 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
-        "centre_row": f"{first}:{first + scene.shape.columns - 1}",
+        "centre_row": f"{centre_row[0]}:{centre_row[-1]}",
     }
 
 

@@ -160,14 +160,15 @@ def _sum_of_waves(
 ) -> NDArray[np.complex128]:
     """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x."""
     along_x, along_y = offsets(packing)
-    rows, columns = packing.arrays["row"], packing.arrays["column"]
-    x = along_x.reshape(rows.max() + 1, columns.max() + 1)
-    y = along_y.reshape(x.shape)[:, 0]
+    row, column = packing.arrays["row"], packing.arrays["column"]
+    rows, columns = packing.info["rows"], packing.info["columns"]
+    x, y = np.zeros((2, columns)), np.zeros(rows)  # the shift of a row depends on its parity
+    x[row % 2, column], y[row] = along_x, along_y
     by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
-    result = np.empty((*x.shape, 3), dtype=complex)
-    for parity in (0, 1):  # the shift of a row depends on its parity
+    result = np.empty((rows, columns, 3), dtype=complex)
+    for parity in (0, 1):
         result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
-    return result.reshape(-1, 3)
+    return result[row, column]  # some places may be empty
 
 
 def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
@@ -176,7 +177,7 @@ def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
     first = packing.arrays["row"] == 0
     profile = np.ones(len(packing))
     if envelope.width:
-        columns = packing.arrays["column"].max() + 1
+        columns = packing.info["columns"]
         middle = along_x - columns * np.round(along_x / columns)
         profile = np.exp(-0.5 * (middle / (envelope.width * mode.vector.row_spacing)) ** 2)
     displacement = np.zeros((len(packing), 3))
