@@ -12,7 +12,7 @@ import time
 from benchmarks.problem import base_scene
 from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
-from granular_lmp.crystal.lattices import Shape, hexagonal
+from granular_lmp.crystal.lattices import Shape, packed
 
 HEAD = ("spheres", "s", "let go, s", "Newton steps", "all, s", "contacts a sphere", "largest force")
 
@@ -21,7 +21,7 @@ def row(spheres: int, spread: float) -> list[str]:
     """Return a line of the table: a square of periodic sheet, seed 1."""
     sphere = base_scene().sphere
     rows = 2 * round(spheres**0.5 / 2)
-    lattice = hexagonal(sphere, Shape(rows, round(spheres / rows), "periodic"))
+    lattice = packed(sphere, Shape(rows, round(spheres / rows), "periodic"))
     crystal, materials = imperfect(lattice, sphere, Disorder(radius=spread * sphere.overlap_ratio))
     begun, let_go = time.process_time(), 0.0
 

@@ -11,7 +11,6 @@ from typing import Any
 import ase
 import numpy as np
 
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
@@ -19,7 +18,7 @@ from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
-from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
 
@@ -132,7 +131,7 @@ def largest_step(scene: Scene) -> float:
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
     if scene.perfect:
-        top, kappa = highest_frequency(unit_lattice(sphere), sphere, physics), sphere.stiffness_ratio
+        top, kappa = highest_frequency(unit_contacts(scene), sphere, physics), sphere.stiffness_ratio
         drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
     else:
         contacts = crystal_of(scene).contacts

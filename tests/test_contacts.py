@@ -8,7 +8,7 @@ import pytest
 from ase.neighborlist import neighbor_list
 
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import Shape, chain_cell, hexagonal, hexagonal_cell, square_cell, unit_lattice
+from granular_lmp.crystal.lattices import LATTICES, Shape, packed, unit_cell, unit_lattice
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 from tests.test_sphere import SILICA
@@ -52,17 +52,17 @@ def test_a_missing_pair_would_be_seen() -> None:
     assert len(overlapping(smaller)[0]) < len(overlapping(crystal)[0])
 
 
-@pytest.mark.parametrize(("cell", "count"), [(hexagonal_cell, 3), (square_cell, 2), (chain_cell, 1)])
-def test_a_contact_of_a_lattice_is_found_once_in_any_supercell(cell, count: int) -> None:
+@pytest.mark.parametrize(("name", "count"), [("hexagonal", 3), ("square", 2), ("chain", 1)])
+def test_a_contact_of_a_lattice_is_found_once_in_any_supercell(name: str, count: int) -> None:
     for repeats in ((1, 1, 1), (1, 2, 1), (1, 3, 1)):
-        crystal = cell(SILICA).repeat(repeats)
+        crystal = unit_cell(SILICA, LATTICES[name]).repeat(repeats)
         contacts = find_contacts(crystal, [SILICA])
         assert len(contacts) == count * len(crystal)
         assert (contacts.per_sphere == 2 * count).all()
 
 
 def test_held_ends_leave_out_two_contacts_a_column() -> None:
-    assert len(find_contacts(hexagonal(SILICA, Shape(7, 5, "fixed")), [SILICA])) == 3 * 35 - 2 * 5
+    assert len(find_contacts(packed(SILICA, Shape(7, 5, "fixed")), [SILICA])) == 3 * 35 - 2 * 5
 
 
 def test_spheres_that_do_not_touch_have_no_contacts() -> None:
@@ -99,7 +99,7 @@ def test_a_constant_that_is_wrong_in_the_eleventh_digit_is_seen() -> None:
 
 def test_overlap_and_force_follow_from_the_positions_where_no_force_is_given() -> None:
     for sphere in (SILICA, PRESSED):
-        contacts = find_contacts(hexagonal_cell(sphere), [sphere])
+        contacts = find_contacts(unit_cell(sphere), [sphere])
         # A position near 1 R holds 1e-16 R, and the overlap is 5e-4 R and more
         np.testing.assert_allclose(contacts.overlap, sphere.static_overlap, rtol=1e-12)
         np.testing.assert_allclose(
@@ -109,7 +109,7 @@ def test_overlap_and_force_follow_from_the_positions_where_no_force_is_given() -
 
 def test_a_force_that_the_positions_do_not_have_is_refused() -> None:
     with pytest.raises(ValueError, match=r"contact_force = 1e-06: makes an overlap of .* of this crystal"):
-        find_contacts(hexagonal_cell(SILICA), [SILICA], 1e-6)
+        find_contacts(unit_cell(SILICA), [SILICA], 1e-6)
 
 
 def pair(materials: list[Sphere], radii: tuple[float, float], gap: float) -> ase.Atoms:

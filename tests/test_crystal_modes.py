@@ -10,12 +10,13 @@ import pytest
 
 from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.lattices import (
+    CHAIN,
+    SQUARE,
+    Lattice,
     Shape,
-    chain_cell,
-    hexagonal,
-    hexagonal_cell,
     lattice_constant,
-    square_cell,
+    packed,
+    unit_cell,
     unit_lattice,
 )
 from granular_lmp.crystal.modes import FULL, Physics, bloch_modes, effective_inertia, highest_frequency
@@ -82,7 +83,7 @@ def test_a_wrong_wave_vector_is_told_from_the_right_one() -> None:
 
 @pytest.mark.parametrize("repeats", [(2, 1, 1), (2, 2, 1), (3, 2, 1)])
 def test_a_supercell_holds_the_waves_of_the_unit_cell_folded(repeats: tuple[int, int, int]) -> None:
-    crystal = hexagonal_cell(SILICA).repeat(repeats)
+    crystal = unit_cell(SILICA).repeat(repeats)
     k = np.array([0.11, 0.23])
     corners = np.array([(i, j, 0) for i in range(repeats[0]) for j in range(repeats[1])])
     shifts = 2 * pi * corners @ np.linalg.inv(crystal.cell.array).T
@@ -92,7 +93,7 @@ def test_a_supercell_holds_the_waves_of_the_unit_cell_folded(repeats: tuple[int,
 
 
 def test_the_sheet_of_a_scene_is_a_supercell() -> None:
-    sheet = hexagonal(SILICA, Shape(4, 3, "periodic"))
+    sheet = packed(SILICA, Shape(4, 3, "periodic"))
     height, width = 4 * ROW_SPACING * lattice_constant(SILICA), 3 * lattice_constant(SILICA)
     k = [[2 * pi * i / width, 2 * pi * j / height] for i in range(3) for j in range(4)]
     folded = np.sort(frequencies(unit_lattice(SILICA), k).ravel())
@@ -103,7 +104,7 @@ def test_the_sheet_of_a_scene_is_a_supercell() -> None:
 
 
 def with_vacancy() -> Contacts:
-    crystal = hexagonal_cell(SILICA).repeat((4, 4, 1))
+    crystal = unit_cell(SILICA).repeat((4, 4, 1))
     del crystal[5]
     return at_rest(crystal)
 
@@ -137,7 +138,7 @@ def test_a_translation_of_a_crystal_with_a_vacancy_has_no_frequency() -> None:
 
 
 def test_a_vacancy_moves_frequencies() -> None:
-    full = frequencies(at_rest(hexagonal_cell(SILICA).repeat((4, 4, 1))), [0.0, 0.0])
+    full = frequencies(at_rest(unit_cell(SILICA).repeat((4, 4, 1))), [0.0, 0.0])
     assert abs(frequencies(with_vacancy(), [0.0, 0.0])[2] / full[2] - 1) > 1e-3
 
 
@@ -158,13 +159,13 @@ def test_square_lattice_along_an_axis(phase: float) -> None:
     across = two_by_two(g * s**2, g * s * c / sqrt(INERTIA), g * (c**2 + 4) / INERTIA)
     expected = np.sort([*across, s * sqrt(k)])
     for k_vector in ([0, phase], [phase, 0]):
-        found = frequencies(at_rest(square_cell(SILICA)), np.array(k_vector) / lattice_constant(SILICA))
+        found = frequencies(at_rest(unit_cell(SILICA, SQUARE)), np.array(k_vector) / lattice_constant(SILICA))
         np.testing.assert_allclose(found, expected, rtol=ROUNDED)
 
 
 def test_spheres_of_a_square_lattice_turn_as_gears() -> None:
     corner = np.array([pi, pi]) / lattice_constant(SILICA)
-    found, shapes = bloch_modes(at_rest(square_cell(SILICA)), SILICA, corner)
+    found, shapes = bloch_modes(at_rest(unit_cell(SILICA, SQUARE)), SILICA, corner)
     assert found[0] < 1e-12
     np.testing.assert_allclose(np.abs(shapes[0]), [0, 0, 1], rtol=0, atol=1e-12)
 
@@ -173,20 +174,20 @@ def test_spheres_of_a_square_lattice_turn_as_gears() -> None:
 def test_a_chain_is_a_spring_lattice_that_nothing_holds_sideways(phase: float) -> None:
     k, g = SILICA.normal_stiffness * PER_MASS, SILICA.shear_stiffness * PER_MASS
     s, c = 2 * np.sin(phase / 2), 2 * np.cos(phase / 2)
-    found = frequencies(at_rest(chain_cell(SILICA)), [0, phase / lattice_constant(SILICA)])
+    found = frequencies(at_rest(unit_cell(SILICA, CHAIN)), [0, phase / lattice_constant(SILICA)])
     assert found[0] < 1e-12
     np.testing.assert_allclose(found[1:], np.sort([s * sqrt(k), sqrt(g * (s**2 + c**2 / INERTIA))]), rtol=ROUNDED)
 
 
 def test_a_chain_that_is_pressed_together_buckles() -> None:
-    contacts = find_contacts(chain_cell(PRESSED), [PRESSED], PRESSED.contact_force)
+    contacts = find_contacts(unit_cell(PRESSED, CHAIN), [PRESSED], PRESSED.contact_force)
     with pytest.raises(CrystalError, match="the crystal is not stable: a mode has the squared frequency -"):
         bloch_modes(contacts, PRESSED, [0.0, 1.0])
 
 
 def test_a_chain_of_two_masses_has_a_band_gap() -> None:
     """ω² = k [1/m + 1/M ± √((1/m + 1/M)² − 4 sin²(ka)/(mM))], from √(2k/M) to √(2k/m) none at ka = π/2."""
-    crystal = chain_cell(SILICA).repeat((1, 2, 1))
+    crystal = unit_cell(SILICA, CHAIN).repeat((1, 2, 1))
     crystal.set_array("density", SILICA.density * np.array([1.0, 3.0]))
     contacts, k = at_rest(crystal), SILICA.normal_stiffness * PER_MASS
 
@@ -205,7 +206,7 @@ def test_a_chain_of_two_masses_has_a_band_gap() -> None:
 
 def test_unequal_spheres_of_a_chain_turn_as_gears_of_their_radii() -> None:
     small = 0.6
-    law = find_contacts(chain_cell(SILICA), [SILICA], 0.0)
+    law = find_contacts(unit_cell(SILICA, CHAIN), [SILICA], 0.0)
     curvature = 1 / (1 / 1 + 1 / small)  # Rc over R; equal spheres have 1/2
     # δ = (F/A)^{2/3} with F ~ Rc and A ~ √Rc
     overlap = law.overlap[0] * (2 * curvature) ** (1 / 3)
@@ -243,7 +244,7 @@ def test_a_crystal_that_is_not_flat_is_refused() -> None:
 
 def test_unequal_overlaps_of_a_sphere_shift_frequencies_by_less_than_their_spread() -> None:
     """With the arm R − δ/2 of each contact LAMMPS's equations have no energy, and their matrix is not symmetric."""
-    crystal = hexagonal_cell(SILICA).repeat((3, 3, 1))
+    crystal = unit_cell(SILICA).repeat((3, 3, 1))
     crystal.arrays["radius"] += np.random.default_rng(2).uniform(-1e-4, 1e-4, 9)
     contacts = replace(find_contacts(crystal, [SILICA]), contact_force=np.zeros(27))
     force = np.zeros((27, 27))
@@ -273,7 +274,7 @@ def test_unequal_overlaps_of_a_sphere_shift_frequencies_by_less_than_their_sprea
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_no_frequency_of_a_disordered_crystal_exceeds_its_bound(seed: int, physics: Physics) -> None:
     random = np.random.default_rng(seed)
-    crystal = hexagonal(SILICA, Shape(8, 7, "periodic"))
+    crystal = packed(SILICA, Shape(8, 7, "periodic"))
     del crystal[random.choice(len(crystal), 5, replace=False)]
     crystal.set_array("density", SILICA.density * random.uniform(0.5, 2, len(crystal)))
     contacts = at_rest(crystal)
@@ -283,7 +284,7 @@ def test_no_frequency_of_a_disordered_crystal_exceeds_its_bound(seed: int, physi
 
 
 def test_of_a_large_lattice_the_bound_is_the_top_of_the_spectrum() -> None:
-    contacts = at_rest(hexagonal(SILICA, Shape(40, 40, "periodic")))
+    contacts = at_rest(packed(SILICA, Shape(40, 40, "periodic")))
     highest = highest_frequency(unit_lattice(SILICA), SILICA)
     assert highest < frequency_bound(contacts, SILICA) < highest * (1 + 2e-3)
 
@@ -292,11 +293,13 @@ def test_of_a_large_lattice_the_bound_is_the_top_of_the_spectrum() -> None:
 def test_time_scale_of_the_hexagonal_lattice_is_that_of_the_sphere(sphere: Sphere) -> None:
     row = ROW_SPACING * sphere.lattice_constant
     np.testing.assert_allclose(time_scale(unit_lattice(sphere), row), sphere.time_scale, rtol=ROUNDED)
-    sheet = find_contacts(hexagonal(sphere, Shape(6, 5, "periodic")), [sphere], sphere.contact_force)
+    sheet = find_contacts(packed(sphere, Shape(6, 5, "periodic")), [sphere], sphere.contact_force)
     np.testing.assert_allclose(time_scale(sheet, row), sphere.time_scale, rtol=ROUNDED)
 
 
-@pytest.mark.parametrize("cell", [chain_cell, square_cell])
-def test_time_scale_of_chain_and_square_is_that_of_the_spring_chain(cell) -> None:
+@pytest.mark.parametrize("lattice", [CHAIN, SQUARE])
+def test_time_scale_of_chain_and_square_is_that_of_the_spring_chain(lattice: Lattice) -> None:
     expected = sqrt(SILICA.mass / (4 * SILICA.normal_stiffness))
-    np.testing.assert_allclose(time_scale(at_rest(cell(SILICA)), SILICA.lattice_constant), expected, rtol=ROUNDED)
+    np.testing.assert_allclose(
+        time_scale(at_rest(unit_cell(SILICA, lattice)), SILICA.lattice_constant), expected, rtol=ROUNDED
+    )

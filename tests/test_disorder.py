@@ -5,12 +5,12 @@ import pytest
 
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
-from granular_lmp.crystal.lattices import Shape, hexagonal
+from granular_lmp.crystal.lattices import Shape, packed
 from granular_lmp.errors import CrystalError
 from tests.test_sphere import SILICA
 
-SHEET = hexagonal(SILICA, Shape(60, 50, "periodic"))
-WALLED = hexagonal(SILICA, Shape(9, 6, "fixed"))
+SHEET = packed(SILICA, Shape(60, 50, "periodic"))
+WALLED = packed(SILICA, Shape(9, 6, "fixed"))
 
 
 def deviations(disorder: Disorder, name: str = "radius", mean: float = 1.0) -> np.ndarray:

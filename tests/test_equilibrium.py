@@ -16,7 +16,7 @@ from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.dissection import dissection
 from granular_lmp.crystal.equilibrium import BALANCED, Equilibrium, relax
-from granular_lmp.crystal.lattices import Shape, hexagonal
+from granular_lmp.crystal.lattices import Shape, packed
 from granular_lmp.crystal.potential import Pairs, Potential, box_load, displaced, potential_of
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
@@ -38,7 +38,7 @@ def spread(s: float, seed: int = 1, **other: float) -> Disorder:
 
 
 def disordered(s: float, rows: int = 12, columns: int = 10, seed: int = 1, ends: str = "periodic") -> Equilibrium:
-    return relax(*imperfect(hexagonal(SILICA, Shape(rows, columns, ends)), SILICA, spread(s, seed)))
+    return relax(*imperfect(packed(SILICA, Shape(rows, columns, ends)), SILICA, spread(s, seed)))
 
 
 def forces(rest: Equilibrium) -> np.ndarray:
@@ -71,7 +71,7 @@ def cluster(positions: list[list[float]], radius: list[float]) -> ase.Atoms:
 @pytest.mark.parametrize("ends", ["periodic", "fixed"])
 @pytest.mark.parametrize("sphere", [SILICA, HERTZ], ids=["adhesive", "compressed"])
 def test_a_perfect_lattice_is_returned_as_it_is(sphere: Sphere, ends: str) -> None:
-    lattice = hexagonal(sphere, Shape(20, 16, ends))
+    lattice = packed(sphere, Shape(20, 16, ends))
     rest = relax(*imperfect(lattice, sphere), load=box_load(lattice, sphere))
     assert not rest.displacement.any()
     assert not rest.strain.any()
@@ -95,7 +95,7 @@ def test_no_force_is_left_on_any_free_sphere_nor_on_the_box(s: float, ends: str)
 
 def test_a_summary_says_how_a_crystal_came_to_rest_in_what_json_holds() -> None:
     disorder = spread(0.8, seed=3, vacancies=0.02)
-    rest = relax(*imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, disorder))
+    rest = relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, disorder))
     summary = json.loads(json.dumps(rest.summary()))
     assert summary["disorder"] == {"radius": disorder.radius, "density": 0.0, "vacancies": 0.02, "seed": 3}
     assert summary["protocol"] == rest.protocol
@@ -111,12 +111,12 @@ def test_a_summary_says_how_a_crystal_came_to_rest_in_what_json_holds() -> None:
 
 
 def test_a_summary_of_a_crystal_that_was_not_drawn_has_no_disorder() -> None:
-    summary = relax(hexagonal(SILICA, Shape(6, 4, "periodic")), [SILICA]).summary()
+    summary = relax(packed(SILICA, Shape(6, 4, "periodic")), [SILICA]).summary()
     assert summary["disorder"] is summary["isolated"] is None
 
 
 def test_a_crystal_before_it_is_let_go_is_not_at_rest() -> None:
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.12))
+    crystal, materials = imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.12))
     potential = potential_of(crystal, materials, np.zeros(2), breathes=True)
     u, e = np.zeros((len(crystal), 2)), np.zeros(2)
     assert np.abs(potential.state(potential.pairs(u, e), u, e).force).max() > 0.1
@@ -132,7 +132,7 @@ def test_the_positions_at_rest_have_the_contacts_of_the_record() -> None:
 
 
 def test_a_box_that_stays_keeps_its_size_and_bears_a_load() -> None:
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.8))
+    crystal, materials = imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.8))
     rest = relax(crystal, materials, box="fixed")
     assert (rest.crystal.cell.array == crystal.cell.array).all()
     assert rest.residual <= BALANCED
@@ -141,7 +141,7 @@ def test_a_box_that_stays_keeps_its_size_and_bears_a_load() -> None:
 
 @pytest.mark.parametrize("ends", ["periodic", "fixed"])
 def test_a_compressed_crystal_bears_the_load_of_its_lattice(ends: str) -> None:
-    lattice = hexagonal(HERTZ, Shape(12, 10, ends))
+    lattice = packed(HERTZ, Shape(12, 10, ends))
     load = box_load(lattice, HERTZ)
     rest = relax(*imperfect(lattice, HERTZ, spread(0.4, vacancies=0.02)), load=load)
     assert rest.residual <= BALANCED
@@ -152,7 +152,7 @@ def test_a_compressed_crystal_bears_the_load_of_its_lattice(ends: str) -> None:
 
 def test_the_energy_never_rises_while_forces_are_balanced_and_ends_below_its_start() -> None:
     seen: list[tuple[str, float]] = []
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, spread(4.0))
+    crystal, materials = imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(4.0))
     relax(crystal, materials, progress=lambda stage, step, force, energy: seen.append((stage, energy)))
     balance = np.array([energy for stage, energy in seen if stage == "balance"])
     assert len(balance) > 3
@@ -214,7 +214,7 @@ def test_two_materials_rest_at_the_overlap_of_the_two() -> None:
 
 
 def test_a_crystal_elsewhere_comes_to_the_same_rest() -> None:
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.8))
+    crystal, materials = imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(0.8))
     moved = crystal.copy()
     moved.positions += [0.25, -0.5, 0.0]
     here, there = relax(crystal, materials), relax(moved, materials)
@@ -233,7 +233,7 @@ def test_the_same_seed_gives_the_same_rest_to_the_last_bit() -> None:
 
 
 def test_contacts_part_and_form_on_the_way() -> None:
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, spread(1.2))
+    crystal, materials = imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, spread(1.2))
     before, rest = find_contacts(crystal, materials), relax(crystal, materials)
     pairs = [set(zip(each.i.tolist(), each.j.tolist(), strict=True)) for each in (before, rest.contacts)]
     assert pairs[0] - pairs[1]
@@ -242,7 +242,7 @@ def test_contacts_part_and_form_on_the_way() -> None:
 
 def test_a_sphere_that_touches_nobody_is_counted_and_stays() -> None:
     small = Inclusion(spheres=[(5, 4)], radius=0.995 * SILICA.radius)
-    rest = relax(*imperfect(hexagonal(SILICA, Shape(12, 10, "periodic")), SILICA, inclusions=[small]))
+    rest = relax(*imperfect(packed(SILICA, Shape(12, 10, "periodic")), SILICA, inclusions=[small]))
     assert rest.loose == 1
     assert not rest.displacement[5 * 10 + 4].any()
     assert len(rest.contacts) == 3 * 120 - 6
@@ -251,7 +251,7 @@ def test_a_sphere_that_touches_nobody_is_counted_and_stays() -> None:
 def test_a_crystal_with_vacancies_stays_in_place_without_compression_and_relaxes_under_it() -> None:
     pressed = replace(SILICA, contact_force=0.1 * SILICA.pull_off_force)
     for sphere in (SILICA, pressed):
-        lattice = hexagonal(sphere, Shape(12, 10, "periodic"))
+        lattice = packed(sphere, Shape(12, 10, "periodic"))
         crystal, materials = imperfect(lattice, sphere, Disorder(vacancies=0.03))
         rest = relax(crystal, materials, load=box_load(lattice, sphere))
         assert len(crystal) == 116
@@ -265,7 +265,7 @@ def test_the_spread_over_the_overlap_alone_decides_how_many_contacts_there_are(s
     stiff = replace(SILICA, youngs_modulus=10 * SILICA.youngs_modulus)
     mean = []
     for sphere in (SILICA, stiff):
-        lattice = hexagonal(sphere, Shape(12, 10, "periodic"))
+        lattice = packed(sphere, Shape(12, 10, "periodic"))
         disorders = [Disorder(radius=s * sphere.overlap_ratio, seed=seed) for seed in range(1, 9)]
         rests = [relax(*imperfect(lattice, sphere, disorder)) for disorder in disorders]
         mean.append(np.mean([rest.contacts_per_sphere for rest in rests]))
@@ -291,7 +291,7 @@ def test_the_rest_is_stable() -> None:
 
 
 def test_stiffness_is_the_derivative_of_the_force() -> None:
-    crystal, materials = imperfect(hexagonal(SILICA, Shape(8, 6, "periodic")), SILICA, spread(0.4))
+    crystal, materials = imperfect(packed(SILICA, Shape(8, 6, "periodic")), SILICA, spread(0.4))
     potential = potential_of(crystal, materials, np.zeros(2), breathes=True)
     random = np.random.default_rng(3)
     u, e = random.uniform(-0.1, 0.1, (48, 2)), random.uniform(-1e-5, 1e-5, 2)
@@ -315,8 +315,8 @@ def test_newton_steps_end_in_crystals_whose_spheres_are_about_to_buckle(seed: in
 
 
 def test_the_order_of_the_factors_names_every_sphere_once() -> None:
-    contacts = find_contacts(hexagonal(SILICA, Shape(20, 16, "periodic")), [SILICA])
-    positions = hexagonal(SILICA, Shape(20, 16, "periodic")).positions[:, :2]
+    contacts = find_contacts(packed(SILICA, Shape(20, 16, "periodic")), [SILICA])
+    positions = packed(SILICA, Shape(20, 16, "periodic")).positions[:, :2]
     assert sorted(dissection(positions, contacts.i, contacts.j)) == list(range(320))
 
 
@@ -324,7 +324,7 @@ def test_the_order_of_the_factors_names_every_sphere_once() -> None:
 
 
 def test_crystals_that_cannot_come_to_rest_are_refused_by_name() -> None:
-    lattice = hexagonal(SILICA, Shape(6, 4, "periodic"))
+    lattice = packed(SILICA, Shape(6, 4, "periodic"))
     with pytest.raises(CrystalError, match=r"packing.relax = 'free': must be one of box, fixed"):
         relax(lattice, [SILICA], box="free")
     with pytest.raises(CrystalError, match="nothing presses the spheres together"):

@@ -10,7 +10,7 @@ import pytest
 from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import BALANCED, relax
 from granular_lmp.crystal.friction import carried_over, shear_forces, slipped, stiffest
-from granular_lmp.crystal.lattices import Shape, hexagonal
+from granular_lmp.crystal.lattices import Shape, packed
 from granular_lmp.crystal.let_go import SETTLED, let_go
 from granular_lmp.crystal.potential import Pairs, Potential, State, potential_of
 from granular_lmp.errors import CrystalError
@@ -35,7 +35,7 @@ def pair(overlap: float = 1.0) -> tuple[Potential, Pairs, State]:
 
 
 def sheet(s: float, seed: int = 1) -> tuple[ase.Atoms, tuple]:
-    lattice = hexagonal(SILICA, Shape(12, 10, "periodic"))
+    lattice = packed(SILICA, Shape(12, 10, "periodic"))
     return imperfect(lattice, SILICA, Disorder(radius=s * SILICA.overlap_ratio, seed=seed))
 
 
@@ -74,7 +74,7 @@ def test_a_contact_that_opens_forgets_its_slip() -> None:
 
 
 def test_shear_forces_push_and_turn_no_crystal_as_a_whole() -> None:
-    crystal = hexagonal(SILICA, Shape(6, 6, "periodic"))
+    crystal = packed(SILICA, Shape(6, 6, "periodic"))
     crystal.pbc = False
     potential, pairs, state = at_places(crystal)
     slip = np.random.default_rng(2).uniform(-0.1, 0.1, len(pairs.i))
@@ -89,7 +89,7 @@ def test_shear_forces_push_and_turn_no_crystal_as_a_whole() -> None:
 
 
 def test_no_vibration_is_faster_than_the_stiffness_that_bounds_the_time_step() -> None:
-    potential, pairs, state = at_places(hexagonal(SILICA, Shape(6, 6, "periodic")))
+    potential, pairs, state = at_places(packed(SILICA, Shape(6, 6, "periodic")))
     count, normal = len(state.u), (state.vector / state.length).T
     rows = np.zeros((2, len(pairs.i), 3 * count))
     for row, (i, j) in enumerate(zip(pairs.i, pairs.j, strict=True)):
@@ -106,7 +106,7 @@ def test_no_vibration_is_faster_than_the_stiffness_that_bounds_the_time_step() -
 
 
 def test_slips_stay_with_their_pairs_when_the_list_is_made_again() -> None:
-    _, pairs, _ = at_places(hexagonal(SILICA, Shape(8, 6, "periodic")))
+    _, pairs, _ = at_places(packed(SILICA, Shape(8, 6, "periodic")))
     slip = np.random.default_rng(1).uniform(-1, 1, len(pairs.i))
     fewer = np.arange(len(pairs.i)) % 5 != 2
     names = ("i", "j", "length", "overlap", "stiffness", "shear", "adhesion")
@@ -140,7 +140,7 @@ def test_a_little_friction_changes_a_crystal_a_little() -> None:
 
 
 def test_a_perfect_lattice_has_nothing_to_rub() -> None:
-    rest = relax(hexagonal(SILICA, Shape(8, 6, "periodic")), [SILICA], friction=0.3)
+    rest = relax(packed(SILICA, Shape(8, 6, "periodic")), [SILICA], friction=0.3)
     assert not rest.displacement.any()
     assert rest.protocol == "at rest as it is"
 
@@ -152,7 +152,7 @@ def test_a_friction_that_cannot_be_is_refused(friction: float) -> None:
 
 
 def test_friction_between_spheres_that_meet_twice_is_refused() -> None:
-    narrow = imperfect(hexagonal(SILICA, Shape(8, 2, "periodic")), SILICA, Disorder(radius=1e-4))
+    narrow = imperfect(packed(SILICA, Shape(8, 2, "periodic")), SILICA, Disorder(radius=1e-4))
     with pytest.raises(CrystalError, match="meet more than once across periodic faces"):
         relax(*narrow, friction=0.3)
     assert relax(*narrow).residual <= BALANCED

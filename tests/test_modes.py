@@ -10,7 +10,7 @@ from analysis import second_harmonic
 from analysis.theory import directions
 from analysis.theory.contact import Contact
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import lattice_constant, square_cell, unit_lattice
+from granular_lmp.crystal.lattices import lattice_constant, unit_cell, unit_lattice
 from granular_lmp.crystal.modes import (
     FULL,
     MODES,
@@ -137,8 +137,8 @@ def test_an_unknown_mode_is_refused() -> None:
 
 def test_names_are_refused_to_another_lattice_than_that_of_the_sphere() -> None:
     pressed = replace(SILICA, contact_force=SILICA.pull_off_force)
-    for lattice, sphere in ((LATTICE, pressed), (find_contacts(square_cell(SILICA), [SILICA]), SILICA)):
-        with pytest.raises(ValueError, match="not those of the sphere's hexagonal lattice"):
+    for lattice, sphere in ((LATTICE, pressed), (find_contacts(unit_cell(SILICA).repeat((1, 2, 1)), [SILICA]), SILICA)):
+        with pytest.raises(ValueError, match="not those of the sphere's hexagonal, square, chain lattice"):
             bloch_mode(lattice, sphere, WaveVector.of(1.0), "L")
 
 

@@ -9,7 +9,7 @@ from ase.visualize.plot import plot_atoms
 from matplotlib.figure import Figure
 
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import Shape, centre, hexagonal, lattice_constant
+from granular_lmp.crystal.lattices import Shape, centre, lattice_constant, packed
 from tests.test_sphere import SILICA
 
 pytestmark = pytest.mark.rounding  # matrices of an eigenvalue problem, sines and cosines
@@ -26,7 +26,7 @@ SHAPES = [
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(shape: Shape) -> None:
-    packing = hexagonal(SILICA, shape)
+    packing = packed(SILICA, shape)
     contacts = find_contacts(packing, [SILICA])
     assert (contacts.per_sphere[~packing.arrays["fixed"]] == 6).all()
     # The coordinates reach 174 R, whose last digit is 3e-14 R
@@ -35,7 +35,7 @@ def test_every_free_sphere_touches_six_neighbours_at_the_equilibrium_distance(sh
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Shape) -> None:
-    packing = hexagonal(SILICA, shape)
+    packing = packed(SILICA, shape)
     low = packing.get_celldisp().ravel()
     inside = (packing.positions - low) / packing.cell.lengths()
     assert inside.min() > 1e-3
@@ -44,7 +44,7 @@ def test_no_sphere_lies_on_or_beyond_a_face_of_the_cell(shape: Shape) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Shape) -> None:
-    packing = hexagonal(SILICA, shape)
+    packing = packed(SILICA, shape)
     assert len(packing) == shape.rows * shape.columns
     assert list(packing.pbc) == [True, shape.ends == "periodic", False]
     held = np.unique(packing.arrays["row"][packing.arrays["fixed"]]).tolist()
@@ -54,7 +54,7 @@ def test_arrays_number_rows_and_columns_and_hold_the_ends(shape: Shape) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_rows_go_along_y_and_the_centre_sphere_is_next_to_the_origin(shape: Shape) -> None:
-    packing = hexagonal(SILICA, shape)
+    packing = packed(SILICA, shape)
     height = packing.positions[:, 1] / (np.sqrt(3) / 2 * SPACING)
     np.testing.assert_allclose(height, packing.arrays["row"] - shape.centre_row, atol=1e-12)
     x, y, z = packing.positions[centre(packing)]
@@ -63,7 +63,7 @@ def test_rows_go_along_y_and_the_centre_sphere_is_next_to_the_origin(shape: Shap
 
 
 def test_ase_draws_and_writes_the_packing() -> None:
-    packing = hexagonal(SILICA, Shape(5, 3, "fixed"))
+    packing = packed(SILICA, Shape(5, 3, "fixed"))
     axes = Figure().subplots()
     plot_atoms(packing, axes, radii=packing.arrays["radius"])
     assert len(axes.patches) >= len(packing)

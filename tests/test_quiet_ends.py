@@ -110,6 +110,7 @@ def test_the_free_second_harmonic_and_the_spectrum_of_a_packet_reach_the_ends() 
         ({"packing.rows": "auto"}, r'packing\.rows = "auto": must be declared with absorb\.rows'),
         ({"wave.form": "running"}, r"would damp a wave that fills the packing"),
         ({"wave.form": "running", "packing.ends": "periodic", "packing.rows": 80}, "a periodic cell has no ends"),
+        ({"packing.lattice": "square"}, r'packing\.lattice = "square": must be "hexagonal" with absorb\.rows'),
         ({"absorb.reflection": 0.9}, r"absorb\.reflection = 0\.9: must be a number in \[1e-5, 0\.5\]"),
     ],
 )

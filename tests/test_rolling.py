@@ -10,7 +10,7 @@ from analysis.compare import main as compare
 from granular_lmp import build, run
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.crystal.contacts import find_contacts
-from granular_lmp.crystal.lattices import Shape, hexagonal, unit_lattice
+from granular_lmp.crystal.lattices import Shape, packed, unit_lattice
 from granular_lmp.crystal.modes import Physics, bloch_modes, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.errors import SceneError
@@ -66,7 +66,7 @@ def test_rolling_costs_nothing_where_all_spheres_turn_alike() -> None:
 
 def test_the_bound_of_a_sheet_holds_its_rolling_modes() -> None:
     sphere, stiff = PAPER.sphere, Physics(rolling=20 * K1)
-    sheet = find_contacts(hexagonal(sphere, Shape(12, 12, "periodic")), [sphere], 0.0)
+    sheet = find_contacts(packed(sphere, Shape(12, 12, "periodic")), [sphere], 0.0)
     top = highest_frequency(unit_lattice(sphere), sphere, stiff)
     assert top > 1.2 * highest_frequency(unit_lattice(sphere), sphere)
     # The zone's edge is sampled at 120 points, and the bound is 1e-3 above the top of the sheet
@@ -78,7 +78,7 @@ def test_no_rolling_mode_of_soft_spheres_lies_above_the_bound() -> None:
     sphere = replace(PAPER.sphere, youngs_modulus=5e7)
     assert sphere.overlap_ratio > 0.03
     stiff = Physics(rolling=20 * sphere.normal_stiffness)
-    sheet = find_contacts(hexagonal(sphere, Shape(8, 8, "periodic")), [sphere], 0.0)
+    sheet = find_contacts(packed(sphere, Shape(8, 8, "periodic")), [sphere], 0.0)
     frequencies, _ = bloch_modes(sheet, sphere, np.zeros(2), stiff)
     # Roundings of 1e-16 of a squared frequency; the arm of the roll makes 0.015
     assert frequency_bound(sheet, sphere, stiff) > frequencies.max() * (1 - 1e-12)

@@ -19,7 +19,7 @@ from analysis.theory import directions
 from analysis.theory.contact import Contact
 from analysis.theory.quasilinear import Sheet, component, evolve
 from granular_lmp import Record, Scene, run
-from granular_lmp.crystal.lattices import Shape, hexagonal, lattice_constant
+from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
@@ -54,7 +54,7 @@ def noise(sheet: Sheet) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize(("rows", "columns"), [(4, 3), (6, 4), (10, 5)])
 def test_the_sheet_is_that_of_the_deck(rows: int, columns: int) -> None:
     sphere = Sphere(5e-7, 7.3e10, SILICA, 0.063, 2200.0)
-    packing = hexagonal(sphere, Shape(rows=rows, columns=columns, ends="periodic"))
+    packing = packed(sphere, Shape(rows=rows, columns=columns, ends="periodic"))
     assert Sheet(rows, columns, SILICA).rest == pytest.approx(packing.positions[:, :2] / lattice_constant(sphere))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene
-from granular_lmp.crystal.lattices import Shape, hexagonal, lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, packed, unit_lattice
 from granular_lmp.crystal.modes import MODES, bloch_mode, bloch_modes
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 from granular_lmp.errors import SceneError
@@ -29,13 +29,13 @@ PULSE = PAPER.with_values(
 
 
 def fields_of(scene: Scene) -> Fields:
-    return initial_fields(scene, hexagonal(scene.sphere, scene.shape), mode_of(scene))
+    return initial_fields(scene, packed(scene.sphere, scene.shape), mode_of(scene))
 
 
 @pytest.mark.parametrize("name", MODES)
 def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
     # p, q = P, Q cos ϑ and φ = −f sin ϑ, ϑ = ξn − Ωτ + phase: the signs of the closed form
-    packing = hexagonal(SILICA, Shape(41, 3, "fixed"))
+    packing = packed(SILICA, Shape(41, 3, "fixed"))
     mode = bloch_mode(unit_lattice(SILICA), SILICA, WaveVector.of(0.9), name)
     fields = plane_wave(packing, mode, phase=0.4)
     theta = 0.9 * (packing.arrays["row"] - 20) + 0.4
@@ -47,7 +47,7 @@ def test_fields_are_those_of_the_travelling_wave(name: str) -> None:
 
 
 def test_held_rows_do_not_move() -> None:
-    packing = hexagonal(SILICA, Shape(9, 3, "fixed"))
+    packing = packed(SILICA, Shape(9, 3, "fixed"))
     fields = plane_wave(packing, bloch_mode(unit_lattice(SILICA), SILICA, WaveVector.of(0.9), "TR"))
     held = packing.arrays["fixed"]
     assert not fields.displacement[held].any()
@@ -56,7 +56,7 @@ def test_held_rows_do_not_move() -> None:
 
 @pytest.mark.parametrize("direction", [0.0, 20.0, -130.0])
 def test_the_phase_of_an_oblique_wave_is_that_of_the_positions(direction: float) -> None:
-    packing = hexagonal(SILICA, Shape(10, 7, "periodic"))
+    packing = packed(SILICA, Shape(10, 7, "periodic"))
     mode = bloch_mode(unit_lattice(SILICA), SILICA, WaveVector.of(1.1, direction), "TR")
     positions = packing.positions[:, :2] / lattice_constant(SILICA)
     centre = packing.arrays["row"].max() // 2 * 7 + 3
@@ -69,7 +69,7 @@ def test_the_phase_of_an_oblique_wave_is_that_of_the_positions(direction: float)
 
 def distances(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """From the middle of the envelope along and across the wave, in rows, of the nearest images."""
-    x, y = offsets(hexagonal(scene.sphere, scene.shape))
+    x, y = offsets(packed(scene.sphere, scene.shape))
     (along_x, along_y), offset = scene.vector.unit, scene.envelope.offset
     x, y = x + offset * along_x * ROW_SPACING, y + offset * along_y
     if scene.shape.ends == "periodic":
@@ -108,7 +108,7 @@ def test_a_pulse_is_a_gaussian_of_the_length_and_width_asked_for(changes: dict[s
 def test_a_pulse_holds_one_branch_and_runs_forward() -> None:
     scene = PULSE
     fields = fields_of(scene)
-    packing = hexagonal(scene.sphere, scene.shape)
+    packing = packed(scene.sphere, scene.shape)
     positions = np.column_stack(offsets(packing)) * [1, ROW_SPACING]
     shape, (i, j) = scene.shape, (2, -3)  # a wave vector at the side of the middle
     vector = WaveVector(

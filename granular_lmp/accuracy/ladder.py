@@ -14,13 +14,11 @@ costs one more run, and one that starts too fine ends early or wastes its last r
 
 from math import hypot, sqrt
 
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
-from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.problem import largest_step, prepare
-from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
 RUNGS = 4  # runs of the planned ladder: the last two answers then rest on three runs each
@@ -48,8 +46,7 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
-    doubled = WaveVector(2 * scene.vector.per_column, 2 * scene.vector.per_row)
-    free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", physics_of(scene))
+    free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
     return max(2 ** (1 / 3) * mode_of(scene).frequency, free.frequency)
 
 

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.errors import GranularError, SceneError
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
@@ -158,6 +157,6 @@ def _spacing(scene: Scene) -> float:
     n = np.arange(scene.shape.rows) - scene.shape.centre_row
     # The spacing jumps by factors of two, so it depends on the units of the deck
     units = units_for(scene.sphere.radius)
-    y = units.number(scene.sphere.lattice_constant, length=1) * ROW_SPACING * n[np.abs(n) <= reach]
+    y = units.number(scene.sphere.lattice_constant, length=1) * scene.lattice.row_spacing * n[np.abs(n) <= reach]
     size = units.number(scene.displacement_amplitude, length=1)
     return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)

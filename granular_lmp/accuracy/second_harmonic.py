@@ -15,11 +15,9 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
-from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 
 Floats = NDArray[np.float64]
 
@@ -57,9 +55,8 @@ def second_harmonic(record: Record) -> SecondHarmonic | None:
     moved = any(getattr(scene.effects, name) is True for name in _MOVED)
     if not scene.plane_along_y or moved or not len(tau) or tau[-1] > scene.echo_time:
         return None
-    doubled = WaveVector(2 * scene.vector.per_column, 2 * scene.vector.per_row)
     own = mode_of(scene).frequency
-    free = bloch_mode(unit_lattice(scene.sphere), scene.sphere, doubled, "L", physics_of(scene)).frequency
+    free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene)).frequency
     columns = [_response(tau, own, free, scene.wave.phase), np.cos(free * tau), np.sin(free * tau)]
     if scene.wave.mode == "L":  # with the slow drift of the fundamental, of order a² τ
         fundamental = [np.cos(own * tau), np.sin(own * tau)]

@@ -11,7 +11,7 @@ def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParse
     """Return the parser, and its commands."""
     parser = argparse.ArgumentParser(
         prog="granular-lmp",
-        description="Waves in hexagonal crystals of adhesive spheres, through LAMMPS.",
+        description="Waves in crystals of adhesive spheres, through LAMMPS.",
         epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")

@@ -136,9 +136,7 @@ def _effects(options: Options) -> int:
         size = {"rows": shape.rows, "columns": shape.columns, "spheres": shape.spheres, "steps": scene.time.steps}
         say_json({"name": scene.name, **size, "effects": effects})
         return 0
-    say(
-        f"{scene.name}: {shape.rows} rows x {shape.columns} columns = {shape.spheres} spheres, {scene.time.steps} steps"
-    )
+    say(f"{scene.name}: {shape.words} = {shape.spheres} spheres, {scene.time.steps} steps")
     say(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
     for effect in problem.effects:
         state = "on" if effect.on else "off"
@@ -151,13 +149,12 @@ def _effects(options: Options) -> int:
 
 
 def _modes(options: Options) -> int:
-    from granular_lmp.crystal.lattices import unit_lattice
-    from granular_lmp.crystal.modes import bloch_mode
-    from granular_lmp.scene.linear import physics_of
+    from granular_lmp.crystal.modes import bloch_mode, restored
+    from granular_lmp.scene.linear import physics_of, unit_contacts
 
     scene = scene_of(options)
-    lattice, physics = unit_lattice(scene.sphere), physics_of(scene)
-    found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in physics.modes]
+    lattice, physics = unit_contacts(scene), physics_of(scene)
+    found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in restored(lattice, physics)]
     hertz = 1 / scene.sphere.time_scale / (2 * pi)
     if options.json:
         say_json(

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.lattices import lattice_constant
+from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_path
 from granular_lmp.errors import CrystalError, SceneError
@@ -50,7 +50,6 @@ _SUBSPACE = {
 }
 # A negative ω², over the largest one, that is not rounding: the crystal buckles.
 _BUCKLING = 1e-9
-_SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 
 
 @dataclass(frozen=True)
@@ -106,11 +105,6 @@ class Physics:
     shear: bool = True
     rotation: bool = True
     rolling: float = 0.0
-
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Names of the modes of the lattice."""
-        return MODES if self.rotation else MODES[:2]
 
     @property
     def coordinates(self) -> list[int]:
@@ -254,9 +248,33 @@ def _solve(
 # --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
 
 
+def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
+    """Return the names of the waves along y that the contacts of a lattice of one sphere a cell restore.
+
+    TR is left out, as its frequency is 0, where the springs of the contacts are fewer than the freedoms of a transverse
+    wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear.
+    """
+    freedoms = [column for column in (_UX, _F) if column in physics.coordinates]
+    along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
+    normal, sideways, turn = _stretch_rows(lattice, along_y)
+    rows = [normal] + [sideways + turn] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
+    floppy = np.linalg.matrix_rank(np.vstack(rows)[:, freedoms]) < len(freedoms)
+    return ("L", *(("TR",) if not floppy else ()), *(("RT",) if physics.rotation else ()))
+
+
+def bears_compression(lattice: Contacts, *, shear: bool = True) -> bool:
+    """Return True if a lattice stays straight when its contacts are pressed together, False if it buckles.
+
+    It stays straight where a shift of rows along themselves stretches or shears contacts, even if spheres turn with it:
+    the stiffness F0/a that a compressed contact loses is far smaller (χ ≪ κ of `Sphere`). A resistance to rolling does
+    not hold long waves.
+    """
+    return "TR" in restored(lattice, Physics(shear, rotation=shear))
+
+
 @lru_cache(maxsize=256)  # one scene needs its mode many times: effects, guards, deck, accuracy
 def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
-    """Return the mode L, TR or RT of the hexagonal lattice at a wave vector, with the signs that `Mode` gives.
+    """Return the mode L, TR or RT of a lattice at a wave vector, with the signs that `Mode` gives.
 
     L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
     the wave has a mirror symmetry, L is purely longitudinal, and TR and RT do not move along k. In other directions all
@@ -268,17 +286,22 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     Raises
     ------
     SceneError
-        If the name is unknown, or is RT and spheres do not turn.
+        If the name is unknown, is RT and spheres do not turn, or is not `restored` by the contacts.
     ValueError
-        If the contacts are not those of the sphere's hexagonal lattice. The modes of other lattices have no names;
-        `bloch_modes` returns them all.
+        If the contacts are not those of a lattice of the sphere (`granular_lmp.crystal.lattices.unit_lattice`). The
+        modes of other crystals have no names; `bloch_modes` returns them all.
     """
-    if len(lattice) != 3 or np.abs(lattice.length / sphere.lattice_constant - 1).max() > _SAME_LATTICE:
-        raise ValueError(f"{len(lattice)} contacts: not those of the sphere's hexagonal lattice; see `unit_lattice`")
+    kind = lattice_of_contacts(lattice, sphere)
     if name not in MODES:
         raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(MODES)}")
-    if name not in physics.modes:
+    if name == "RT" and not physics.rotation:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
+    if name not in (there := restored(lattice, physics)):
+        cure = "effects.rolling_stiffness above 0" if physics.shear else "effects.shear, which is off"
+        raise SceneError(
+            f"wave.mode = {name!r}: has the frequency 0 in the {kind.name} lattice, as no contact resists it; must be "
+            f"{' or '.join(there)}, or needs {cure}"
+        )
     columns, index = _SUBSPACE[vector.axis][name] if vector.axis else (physics.coordinates, None)
     columns = [column for column in columns if column in physics.coordinates]
     frequencies, shapes = _solve(lattice, sphere, _wavevector(sphere, vector), physics, columns)
@@ -302,19 +325,20 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
 
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
-    """Return the amplitudes of the rolls ρ of the contacts of a sphere, (3,), in units of D0."""
+    """Return the amplitudes of the rolls ρ of the contacts of a sphere, (C,), in units of D0."""
     rows = _roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
     return rows @ np.array([mode.ux, mode.uy, mode.f])
 
 
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
-    """Return the highest frequency of the hexagonal lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
+    """Return the highest frequency of a lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
-    With rotation it is at Γ, where all spheres turn in phase, Ω² = 6κ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling.
-    Otherwise it lies on the edges Γ–M and M–K of the zone at a place that depends on ν; 120 points find it to 1e-4. For
-    other crystals use `granular_lmp.crystal.stability.frequency_bound`.
+    With rotation it is at Γ, where all spheres turn in phase, Ω² = 2zκ(1−η)/(Ĩ(κ+3)), unless contacts resist rolling;
+    z is the number of contacts a sphere: 3, 2, 1 in the hexagonal lattice, the square one and the chain. Otherwise it
+    lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on ν; 120 points
+    find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
-    edges = zone_path(60) / lattice_constant(sphere)
+    edges = zone_path(lattice_of_contacts(lattice, sphere).corners, 60) / lattice_constant(sphere)
     path = np.zeros((1, 2)) if physics.rotation else edges
     if physics.rolling:
         path = np.vstack([path, edges])
@@ -322,7 +346,7 @@ def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL
 
 
 def row_stretches(lattice: Contacts, ux: float, uy: float) -> tuple[NDArray, NDArray]:
-    """Return δN and δS of three contacts, (3,) each, between a row shifted by (ux, uy) and the next one at rest."""
+    """Return δN and δS of the contacts, (C,) each, between a row shifted by (ux, uy) and the next one at rest."""
     shift = np.array([ux, uy])
     return lattice.normals[:, :2] @ shift, lattice.tangents[:, 0, :2] @ shift
 

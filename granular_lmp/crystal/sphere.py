@@ -116,7 +116,10 @@ class Sphere:
 
     @property
     def time_scale(self) -> float:
-        """Unit of time t0 = √(m/(2(g1+3k1))), s, of τ (the paper misprints it as √(2m/(g1+3k1)))."""
+        """Unit of time t0 = √(m/(2(g1+3k1))), s, of τ (the paper misprints it as √(2m/(g1+3k1))).
+
+        A long L wave runs half a row of the hexagonal lattice in it. Scenes of other lattices have the same unit.
+        """
         return sqrt(self.mass / (2 * (self.shear_stiffness + 3 * self.normal_stiffness)))
 
     @property

@@ -1,18 +1,21 @@
-"""Wave vectors of the hexagonal lattice, as phase advances from column to column and from row to row.
+"""Wave vectors of a lattice, as phase advances from column to column and from row to row.
 
-Rows lie along x, columns a lattice constant a apart; rows are √3/2 a apart along y and shifted by half a column. A wave
-vector k is stored as its phase advances (k_x a, (√3/2) k_y a); a periodic cell holds 2π i/columns and 2π j/rows. The
-wave number is ξ = (√3/2)|k|a in every direction: rad per row for a wave along y, the paper's direction.
+Rows lie along x, columns a lattice constant a apart, and rows are h a apart along y: h = √3/2 in the hexagonal lattice,
+whose rows are shifted by half a column. A wave vector k is stored as its phase advances (k_x a, h k_y a); a periodic
+cell holds 2π i/columns and 2π j/rows. The wave number is ξ = h|k|a in every direction: rad per row for a wave along y,
+the paper's direction.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-ROW_SPACING = sqrt(3) / 2  # in lattice constants
+ROW_SPACING = sqrt(3) / 2  # of the hexagonal lattice, in lattice constants
 DIRECTIONS = {"x": 0.0, "y": 90.0}
 # Directions, in degrees, of the three pairs of edges of the first Brillouin zone, each at ξ = π
 _EDGES = (90.0, 30.0, -30.0)
@@ -29,42 +32,45 @@ class WaveVector:
     per_column : float
         Advance k_x a along x to the next sphere of the row.
     per_row : float
-        Advance (√3/2) k_y a along y to the next row.
+        Advance h k_y a along y to the next row.
+    row_spacing : float
+        Distance h of the rows, lattice constants.
     """
 
     per_column: float
     per_row: float
+    row_spacing: float = ROW_SPACING
 
     @classmethod
-    def of(cls, wavenumber: float, direction: float = 90.0) -> Self:
+    def of(cls, wavenumber: float, direction: float = 90.0, row_spacing: float = ROW_SPACING) -> Self:
         """Return the wave vector with ξ (rad per row spacing) and a direction in degrees from x towards y."""
         quarter, rest = divmod(direction, 90.0)
         if rest == 0:  # exactly along an axis, where cos 90° would leave 6e-17
             along_x, along_y = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(quarter) % 4]
-            return cls(along_x * wavenumber / ROW_SPACING, along_y * wavenumber)
+            return cls(along_x * wavenumber / row_spacing, along_y * wavenumber, row_spacing)
         angle = radians(direction)
-        return cls(wavenumber * cos(angle) / ROW_SPACING, wavenumber * sin(angle))
+        return cls(wavenumber * cos(angle) / row_spacing, wavenumber * sin(angle), row_spacing)
 
     @property
     def components(self) -> tuple[float, float]:
         """Components (k_x, k_y) in 1/a."""
-        return self.per_column, self.per_row / ROW_SPACING
+        return self.per_column, self.per_row / self.row_spacing
 
     @property
     def wavenumber(self) -> float:
         """Wave number ξ, rad per row spacing."""
-        return abs(self.per_row) if self.per_column == 0 else hypot(ROW_SPACING * self.per_column, self.per_row)
+        return abs(self.per_row) if self.per_column == 0 else hypot(self.row_spacing * self.per_column, self.per_row)
 
     @property
     def direction(self) -> float:
         """Direction in degrees from x towards y, in (−180, 180]."""
-        return degrees(atan2(self.per_row, ROW_SPACING * self.per_column))
+        return degrees(atan2(self.per_row, self.row_spacing * self.per_column))
 
     @property
     def unit(self) -> tuple[float, float]:
         """Unit vector k/|k|."""
         size = self.wavenumber
-        return ROW_SPACING * self.per_column / size, self.per_row / size
+        return self.row_spacing * self.per_column / size, self.per_row / size
 
     def along(self, ux: Value, uy: Value) -> Value:
         """Return the component of a vector along k: p of a displacement, u_y for k along y."""
@@ -83,7 +89,12 @@ class WaveVector:
 
     def snapped(self, rows: int, columns: int) -> "WaveVector":
         """Return the nearest wave vector of a periodic cell."""
-        return WaveVector(snapped(self.per_column, columns), snapped(self.per_row, rows))
+        return replace(self, per_column=snapped(self.per_column, columns), per_row=snapped(self.per_row, rows))
+
+    @property
+    def doubled(self) -> "WaveVector":
+        """Wave vector 2k of the second harmonic."""
+        return replace(self, per_column=2 * self.per_column, per_row=2 * self.per_row)
 
 
 def snapped(advance: float, count: int) -> float:
@@ -94,13 +105,14 @@ def snapped(advance: float, count: int) -> float:
 def zone_edge(direction: float) -> float:
     """Return the ξ at which the first Brillouin zone ends in a direction (degrees): π along y, 2π/√3 along x.
 
-    A wave vector beyond it is equivalent to a shorter one.
+    Along y it ends at π in every lattice of rows; in other directions this is the zone of the hexagonal lattice. A wave
+    vector beyond it is equivalent to a shorter one.
     """
     return pi / max(abs(cos(radians(direction - edge))) for edge in _EDGES)
 
 
-def zone_path(points: int) -> NDArray[np.float64]:
-    """Return wave vectors on the edges Γ–M and M–K of an irreducible twelfth of the zone, (2 points, 2), in 1/a."""
-    m, k = np.array([pi, pi / sqrt(3)]), np.array([4 * pi / 3, 0.0])
+def zone_path(corners: Sequence[tuple[float, float]], points: int) -> NDArray[np.float64]:
+    """Return wave vectors on the straight edges between corners of a zone, `points` an edge, (P, 2), in 1/a."""
+    ends = np.array(corners)
     share = np.linspace(0, 1, points)[:, None]
-    return np.vstack([share * m, m + share * (k - m)])
+    return np.vstack([start + share * (end - start) for start, end in pairwise(ends)])

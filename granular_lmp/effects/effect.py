@@ -15,11 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, restored, row_stretches
 from granular_lmp.effects.guard import Guard
 from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import Auto
@@ -167,8 +166,9 @@ class Case:
     @property
     def decay_rate(self) -> float:
         """Decay rate of the wave's amplitude by the dashpots of the contacts, per τ."""
-        sphere = self.scene.sphere
-        return decay_rate(unit_lattice(sphere), sphere, self.mode, self.viscosity, shear=self.on.get("shear", True))
+        return decay_rate(
+            unit_contacts(self.scene), self.scene.sphere, self.mode, self.viscosity, shear=self.on.get("shear", True)
+        )
 
     @property
     def amplitude_left(self) -> float:
@@ -177,8 +177,8 @@ class Case:
 
     def frequency_shift(self, physics: Physics) -> str:
         """Return a description of the change in the wave's frequency in a lattice with the given physics."""
-        if self.scene.wave.mode == "RT":
-            return "there is no RT wave"
+        if (name := self.scene.wave.mode) not in restored(unit_contacts(self.scene), physics):
+            return f"there is no {name} wave"
         full, less = self.mode_with(Physics(rolling=self.rolling)).frequency, self.mode_with(physics).frequency
         return f"the frequency is {less:.4g} per tau instead of {full:.4g}: {abs(less / full - 1):.2%} off"
 

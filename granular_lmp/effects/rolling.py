@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import Physics, contact_rolls
 from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
 
 
@@ -25,7 +25,7 @@ def called_for(case: Case) -> Finding:
         return Finding(False, 0.0, "N/m of rolling stiffness: spheres roll freely")
     if effects.rolling_friction == 0:  # refused below, where the effect is not forced off
         return Finding(True, np.inf, "no cap of the rolling force is declared")
-    rolls = contact_rolls(unit_lattice(sphere), sphere, case.mode)
+    rolls = contact_rolls(unit_contacts(case.scene), sphere, case.mode)
     force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
     cap = effects.rolling_friction * (1 + case.adhesive_share) / 1.5  # cap of a contact at rest, in k1 Δ0
     ratio = force * case.scene.wave.amplitude / cap

@@ -9,15 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Physics, contact_stretches
+from granular_lmp.crystal.modes import Physics, bears_compression, contact_stretches
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
+from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
 
 
 def called_for(case: Case) -> Finding:
-    _, shear = contact_stretches(unit_lattice(case.scene.sphere), case.scene.sphere, case.mode)
+    lattice, sphere = unit_contacts(case.scene), case.scene.sphere
+    _, shear = contact_stretches(lattice, sphere, case.mode)
     largest = float(np.max(np.abs(shear)))
+    if sphere.contact_force and not bears_compression(lattice, shear=False):
+        return Finding(True, sphere.contact_force, "N press a lattice together that would buckle without shear forces")
+    if largest <= NOTHING and not case.scene.uniform_rows:
+        return Finding(True, largest, "D0, but where the spheres of a row do not move alike contacts are sheared")
     return Finding(
         largest > NOTHING, largest, f"D0 is the shear displacement of the contact sheared most by {case.wave_words}"
     )

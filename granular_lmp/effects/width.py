@@ -3,7 +3,6 @@
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.shape import FEWEST_COLUMNS
 
 GUARD = Guard(
     title="row_spread",
@@ -22,9 +21,11 @@ GUARD = Guard(
 
 
 def called_for(case: Case) -> Finding:
-    columns = float(case.scene.shape.columns)
+    columns, fewest = float(case.scene.shape.columns), case.scene.lattice.fewest_columns
+    if not case.scene.lattice.endless_rows:
+        return Finding(False, columns, "column: a chain has no other")
     if case.scene.uniform_rows:
-        return Finding(False, columns, f"columns; {FEWEST_COLUMNS} stand for any number where all of a row move alike")
+        return Finding(False, columns, f"columns; {fewest} stand for any number where all of a row move alike")
     return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")
 
 
@@ -33,7 +34,7 @@ def loss(case: Case) -> str:
 
 
 def declared(scene: Scene) -> bool:
-    return scene.shape.columns > FEWEST_COLUMNS or not scene.uniform_rows
+    return scene.shape.columns > scene.lattice.fewest_columns or not scene.uniform_rows
 
 
 WIDTH = Effect("width", called_for, cost="columns", loss=loss, guard=GUARD, switch="packing.columns", declared=declared)

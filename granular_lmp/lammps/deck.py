@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
-from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
@@ -167,9 +166,7 @@ def written_text(problem: Problem) -> str:
 def _title(scene: Scene) -> str:
     shape = scene.shape
     differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
-    return (
-        f"{scene.name}: {scene.wave_words}, {shape.rows} rows x {shape.columns} columns, {shape.ends} ends{differing}"
-    )
+    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.ends} ends{differing}"
 
 
 def _data(problem: Problem, units: Units) -> DataFile:
@@ -237,7 +234,7 @@ _LATTICE = """\
 # --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
 units        <style>
 dimension    2
-boundary     p <along_y> p
+boundary     <along_x> <along_y> p
 atom_style   <atom_style>
 atom_modify  map array
 comm_modify  vel yes
@@ -433,6 +430,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         # Checkpoints coincide with lines of the thermo table, so that no look falls between the two
         "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
         "checkpoints": " ".join(CHECKPOINTS),
+        "along_x": "p" if scene.lattice.endless_rows else "f",
         "columns": str(scene.shape.columns),
         "mass_column": "" if scene.perfect else " mass",
         "centre": str(centre(problem.crystal) + 1),
@@ -463,7 +461,7 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
     scene, end = problem.scene, quiet_end_of(problem.scene)
     if end is None:
         return {}
-    row = scene.sphere.lattice_constant * ROW_SPACING
+    row = scene.sphere.lattice_constant * scene.lattice.row_spacing
     inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # of the last row without damping
     return {
         "quiet_rows": str(end.rows),
@@ -485,7 +483,8 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
     law: dict[str, Any] = {"friction": "${friction}"}
     for effect in selection.EFFECTS:
         law |= effect.law(scene, problem.on[effect.name])
-    friction, first = scene.effects.friction, scene.shape.centre_row * scene.shape.columns + 1
+    friction = scene.effects.friction
+    centre_row = 1 + np.flatnonzero(problem.crystal.arrays["row"] == scene.shape.centre_row)
     return {
         "contact": contact.pair(
             {
@@ -499,7 +498,7 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
-        "centre_row": f"{first}:{first + scene.shape.columns - 1}",
+        "centre_row": f"{centre_row[0]}:{centre_row[-1]}",
     }
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import force_law
-from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard, contact_lines
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import SLIDING_FORCE
@@ -120,7 +119,7 @@ def _inside(scene: Scene) -> list[str]:
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
     far = (quiet_rows(scene.time.duration * crystal_of(scene).swiftness) - 1) // 2
-    row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * ROW_SPACING, length=1)
+    row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * scene.lattice.row_spacing, length=1)
     return [
         "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
         f"variable     reach equal {row!r}*(1.5+{far - 2.5}*(1-v_tau/(v_duration+(v_duration==0))))",

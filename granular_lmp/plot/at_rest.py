@@ -6,7 +6,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import CenteredNorm
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import hexagonal
+from granular_lmp.crystal.lattices import packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
@@ -108,7 +108,7 @@ def _names(crystal: ase.Atoms, i: NDArray[np.int64], j: NDArray[np.int64]) -> ND
 
 def _empty_places(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.float64]:
     """Return the places of the lattice without a sphere, (M, 2), in radii, in the cell as it has breathed."""
-    lattice, atoms = hexagonal(scene.sphere, scene.shape), crystal.atoms
+    lattice, atoms = packed(scene.sphere, scene.shape), crystal.atoms
     there = np.zeros((scene.shape.rows, scene.shape.columns), dtype=bool)
     there[atoms.arrays["row"], atoms.arrays["column"]] = True
     scale = atoms.cell.lengths()[:2] / lattice.cell.lengths()[:2]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from granular_lmp.crystal.lattices import lattice_constant
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, title
 from granular_lmp.runs.record import Record
@@ -266,7 +266,7 @@ class _Crystal:
         self.drawn = np.flatnonzero((first <= row) & (row < first + count))
         self.stretch = amplitude * factor
         self.colouring, self.vector = colouring, scene.vector
-        self.copies = -(-FEWEST_DRAWN // shape.columns)
+        self.copies = -(-FEWEST_DRAWN // shape.columns) if shape.lattice.endless_rows else 1
         width = shape.columns * lattice_constant(scene.sphere)
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
         self.rest = (snapshots.rest[self.drawn] + beside).reshape(-1, 2)
@@ -290,7 +290,7 @@ class _Crystal:
         self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
 
-        spacing = ROW_SPACING * lattice_constant(scene.sphere)
+        spacing = shape.lattice.row_spacing * lattice_constant(scene.sphere)
         low, high = self.rest.min(axis=0) - 1.2 - reach, self.rest.max(axis=0) + 1.2 + reach
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], ylabel="row")
         ends = (first - shape.centre_row, first + count - 1 - shape.centre_row)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.crystal.modes import bloch_mode, restored
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import RunFolderError
 from granular_lmp.scene.linear import mode_of, physics_of
@@ -96,11 +96,12 @@ def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
     vector, physics = scene.vector, physics_of(scene)
     edge = zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
+    names = restored(lattice, physics)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    along = [WaveVector.of(xi, vector.direction) for xi in wavenumbers]
-    modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in physics.modes] for each in along]
-    for index, name in enumerate(physics.modes):
+    along = [WaveVector.of(xi, vector.direction, vector.row_spacing) for xi in wavenumbers]
+    modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in names] for each in along]
+    for index, name in enumerate(names):
         if vector.axis:
             axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **BRANCH_STYLES[name])  # type: ignore[arg-type]
         else:

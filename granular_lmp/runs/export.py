@@ -47,7 +47,7 @@ def write_extxyz(particles: Snapshots, path: Path) -> None:
     unit = scene.wave.amplitude * sphere.static_overlap
     lattice = " ".join(repr(float(x)) for x in np.asarray(crystal.cell).ravel())
     origin = " ".join(repr(float(x)) for x in crystal.get_celldisp().ravel())
-    walls = "F" if scene.shape.ends == "fixed" else "T"
+    periodic = " ".join("T" if each else "F" for each in crystal.pbc)
     scales = f"R_m={sphere.radius!r} D0_m={unit!r} t0_s={sphere.time_scale!r}"
     with path.open("w", encoding="utf-8") as stream:
         for each in (particles[k] for k in range(len(particles))):
@@ -59,7 +59,7 @@ def write_extxyz(particles: Snapshots, path: Path) -> None:
             numbers = np.column_stack([np.ones(len(rest)), *columns.values()]).tolist()
             stream.write(
                 f"{len(rest)}\n"
-                f'Lattice="{lattice}" Origin="{origin}" pbc="T {walls} F" '
+                f'Lattice="{lattice}" Origin="{origin}" pbc="{periodic}" '
                 f"Properties=species:S:1:pos:R:3:id:I:1:radius:R:1{kinds} tau={each.tau!r} {scales}\n"
             )
             for number, (place, row) in enumerate(zip(position.tolist(), numbers, strict=True), 1):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import __version__
-from granular_lmp.crystal.lattices import centre
+from granular_lmp.crystal.lattices import HEXAGONAL, centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
 from granular_lmp.lammps.outputs import LOG, read_log
@@ -36,7 +36,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
         **crystal_at_rest(problem.at_rest),
-        "epsilon": sphere.nonlinearity(scene.wave.amplitude),
+        **({"epsilon": sphere.nonlinearity(scene.wave.amplitude)} if scene.lattice == HEXAGONAL else {}),
         "Delta0_m": sphere.static_overlap,
         "t0_s": sphere.time_scale,
         "overlap_ratio": sphere.overlap_ratio,

@@ -13,9 +13,11 @@ import numpy as np
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
-from granular_lmp.crystal.lattices import Shape, centre, hexagonal, unit_lattice
+from granular_lmp.crystal.lattices import CHAIN, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import CrystalError
+from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.scene import Scene
 
 
@@ -68,7 +70,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
     if scene.perfect:
-        return CrystalAtRest(hexagonal(scene.sphere, scene.shape), (scene.sphere,), unit_lattice(scene.sphere))
+        return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), unit_contacts(scene))
     packing = scene.packing
     key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
     if key not in _KEPT:
@@ -86,7 +88,7 @@ def places(scene: Scene) -> ase.Atoms:
 def _imperfect(
     sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...]
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
-    lattice = hexagonal(sphere, shape)
+    lattice = packed(sphere, shape)
     return imperfect(lattice, sphere, disorder, inclusions, recorded=centre(lattice))
 
 
@@ -100,6 +102,20 @@ def _relaxed(
     progress: Progress | None,
 ) -> CrystalAtRest:
     crystal, materials = _imperfect(sphere, shape, disorder, inclusions)
-    load = box_load(hexagonal(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
+    load = box_load(packed(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
     rest = relax(crystal, materials, box=box, load=load, friction=friction, progress=progress)
+    if shape.lattice == CHAIN:
+        _require_whole(rest, shape)
     return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)
+
+
+def _require_whole(rest: Equilibrium, shape: Shape) -> None:
+    """Raise a CrystalError if spheres of a chain that are next to each other do not touch at rest."""
+    row = rest.lattice.arrays["row"]
+    neighbours = int(np.count_nonzero(np.diff(row) == 1))
+    neighbours += shape.ends == "periodic" and row[0] == 0 and row[-1] == shape.rows - 1
+    if (parted := neighbours - len(rest.contacts)) > 0:
+        raise CrystalError(
+            f"the chain at rest is parted at {parted} of {neighbours} contacts: spheres that are too small for their "
+            "places in the lattice do not reach their neighbours; let radii differ less"
+        )

@@ -11,7 +11,7 @@ from itertools import pairwise
 from math import hypot, pi
 from typing import Any
 
-from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
 from granular_lmp.crystal.modes import Physics, bloch_mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
@@ -25,7 +25,9 @@ _SAME = 1e-9  # relative: a bisected zero is closer by far, and a jump between b
 
 
 @lru_cache(maxsize=32)
-def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, degrees: float) -> tuple[float, ...]:
+def wavenumbers_at(
+    hertz: float, sphere: Sphere, physics: Physics, mode: str, degrees: float, kind: Lattice = HEXAGONAL
+) -> tuple[float, ...]:
     """Return the wave numbers at which a mode has a frequency, ascending, in rad per row.
 
     Parameters
@@ -38,6 +40,7 @@ def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, de
         "L", "TR" or "RT".
     degrees : float
         Direction of the wave, from x towards y.
+    kind : Lattice
 
     Raises
     ------
@@ -45,10 +48,10 @@ def wavenumbers_at(hertz: float, sphere: Sphere, physics: Physics, mode: str, de
         For a frequency outside the band of the mode in that direction; the text names the band. Also for one that
         lies between two branches that bear the name of the mode.
     """
-    lattice, unit = unit_lattice(sphere), 2 * pi * sphere.time_scale
+    lattice, unit = unit_lattice(sphere, kind), 2 * pi * sphere.time_scale
 
     def above(wavenumber: float) -> float:
-        vector = WaveVector.of(wavenumber, degrees)
+        vector = WaveVector.of(wavenumber, degrees, kind.row_spacing)
         return bloch_mode(lattice, sphere, vector, mode, physics).frequency / unit - hertz
 
     edge = zone_edge(degrees)
@@ -128,6 +131,13 @@ def without_wavevector(tables: Mapping[str, Any]) -> Mapping[str, Any]:
     wave = tables.get("wave")
     if not isinstance(wave, Mapping) or "wavevector" not in wave:
         return tables
+    packing = tables.get("packing")
+    lattice = packing.get("lattice", HEXAGONAL.name) if isinstance(packing, Mapping) else HEXAGONAL.name
+    if lattice != HEXAGONAL.name:
+        raise SceneError(
+            f'wave.wavevector = {shown(wave["wavevector"])}: is for packing.lattice = "{HEXAGONAL.name}" only; in '
+            "others waves run along y, give wave.wavenumber"
+        )
     pair, rest = wave["wavevector"], {key: value for key, value in wave.items() if key != "wavevector"}
     for key in ("wavenumber", "frequency", "direction"):
         if key in rest:

@@ -18,11 +18,11 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, unit_lattice
+from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets
 from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
-from granular_lmp.scene.linear import physics_of
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.scene.linear import physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sections import Envelope
 
@@ -104,7 +104,7 @@ def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     """Return the sum of the module's equation over the wave vectors of the packing, taken as a periodic cell."""
     envelope, (x, y) = scene.envelope, mode.vector.unit
     per_column, per_row = _around(mode.vector, envelope, scene.shape)  # κ
-    kx, ky = ROW_SPACING * per_column[:, None], per_row[None, :]  # rad per row
+    kx, ky = mode.vector.row_spacing * per_column[:, None], per_row[None, :]  # rad per row
     along, across = x * kx + y * ky, x * ky - y * kx
     exponent = (envelope.length * along) ** 2 + (envelope.width * across) ** 2
     inside = exponent <= FARTHEST**2
@@ -129,7 +129,7 @@ def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Float
     """Return the differences in phase advance, per column and per row, of the wave vectors that may contribute."""
     x, y = (abs(part) for part in vector.unit)
     narrow = [1 / size if size else 0.0 for size in (envelope.length, envelope.width)]  # rad per row
-    reach = [np.hypot(narrow[0] * x, narrow[1] * y) / ROW_SPACING, np.hypot(narrow[0] * y, narrow[1] * x)]
+    reach = [np.hypot(narrow[0] * x, narrow[1] * y) / vector.row_spacing, np.hypot(narrow[0] * y, narrow[1] * x)]
     most = [
         min(int(FARTHEST * far * count / (2 * pi)), (count - 1) // 2)
         for far, count in zip(reach, (shape.columns, shape.rows), strict=True)
@@ -146,8 +146,8 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
     """
     sphere = scene.sphere
-    k = vectors / [1, ROW_SPACING] / lattice_constant(sphere)
-    frequencies, shapes = bloch_modes(unit_lattice(sphere), sphere, k, physics_of(scene))
+    k = vectors / [1, mode.vector.row_spacing] / lattice_constant(sphere)
+    frequencies, shapes = bloch_modes(unit_contacts(scene), sphere, k, physics_of(scene))
     likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]
     sign = np.where(np.take_along_axis(likeness, best, axis=-1) < 0, -1, 1)
@@ -160,14 +160,15 @@ def _sum_of_waves(
 ) -> NDArray[np.complex128]:
     """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x."""
     along_x, along_y = offsets(packing)
-    rows, columns = packing.arrays["row"], packing.arrays["column"]
-    x = along_x.reshape(rows.max() + 1, columns.max() + 1)
-    y = along_y.reshape(x.shape)[:, 0]
+    row, column = packing.arrays["row"], packing.arrays["column"]
+    rows, columns = packing.info["rows"], packing.info["columns"]
+    x, y = np.zeros((2, columns)), np.zeros(rows)  # the shift of a row depends on its parity
+    x[row % 2, column], y[row] = along_x, along_y
     by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
-    result = np.empty((*x.shape, 3), dtype=complex)
-    for parity in (0, 1):  # the shift of a row depends on its parity
+    result = np.empty((rows, columns, 3), dtype=complex)
+    for parity in (0, 1):
         result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
-    return result.reshape(-1, 3)
+    return result[row, column]  # some places may be empty
 
 
 def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
@@ -176,9 +177,9 @@ def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
     first = packing.arrays["row"] == 0
     profile = np.ones(len(packing))
     if envelope.width:
-        columns = packing.arrays["column"].max() + 1
+        columns = packing.info["columns"]
         middle = along_x - columns * np.round(along_x / columns)
-        profile = np.exp(-0.5 * (middle / (envelope.width * ROW_SPACING)) ** 2)
+        profile = np.exp(-0.5 * (middle / (envelope.width * mode.vector.row_spacing)) ** 2)
     displacement = np.zeros((len(packing), 3))
     displacement[first, 1 if mode.name == "L" else 0] = (1 if mode.name == "L" else -1) * profile[first]
     return Fields(displacement, np.zeros_like(displacement))

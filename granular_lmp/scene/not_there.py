@@ -44,10 +44,11 @@ NOT_THERE = (
         "substrate 3d dimension dimensions layers layer depth z bilayer",
     ),
     NotThere(
-        "lattices other than the hexagonal one",
-        "a scene is made of rows of a hexagonal lattice",
-        "a deck of your own; `granular_lmp.crystal` has the contacts and the modes of any crystal",
-        "lattice square chain honeycomb cubic",
+        "lattices other than hexagonal, square and chain",
+        "a scene is made of rows, each of equally spaced spheres",
+        "`packing.lattice` for those three, a deck of your own for others; `granular_lmp.crystal` has the contacts and "
+        "the modes of any crystal",
+        "square chain honeycomb kagome cubic",
     ),
     NotThere(
         "non-spherical grains",

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from granular_lmp.crystal.wavevector import ROW_SPACING
 from granular_lmp.scene.scene import Scene
 
 
@@ -14,4 +13,4 @@ def position_rounding(scene: Scene, lattice_constants: float) -> float:
 
 def farthest_rounding(scene: Scene) -> float:
     """Return the `position_rounding` of the farthest row, in D0."""
-    return position_rounding(scene, scene.shape.rows / 2 * ROW_SPACING)
+    return position_rounding(scene, scene.shape.rows / 2 * scene.lattice.row_spacing)

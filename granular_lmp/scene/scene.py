@@ -15,9 +15,9 @@ from typing import Any, Self
 
 import granular_lmp
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
@@ -155,9 +155,9 @@ class Scene(Document):
         wave, material, effects = records["wave"], records["material"], records["effects"]
         if wave.frequency is None:
             return records
-        sphere = at_rest(material, records["packing"], effects)
+        sphere, lattice = at_rest(material, records["packing"], effects), LATTICES[records["packing"].lattice]
         validation.check_sphere(material, sphere, effects, wave.amplitude)
-        return records | {"wave": replace(wave, wavenumber=_wavenumbers(wave, sphere, effects)[0])}
+        return records | {"wave": replace(wave, wavenumber=_wavenumbers(wave, sphere, effects, lattice)[0])}
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared."""
@@ -206,6 +206,16 @@ class Scene(Document):
         """D0 = a Δ0, m: the amplitude of the wave's displacement."""
         return self.wave.amplitude * self.sphere.static_overlap
 
+    @property
+    def lattice(self) -> Lattice:
+        """Lattice of the packing."""
+        return LATTICES[self.packing.lattice]
+
+    @property
+    def declared_vector(self) -> WaveVector:
+        """Wave vector as declared."""
+        return self.wave.vector(self.lattice)
+
     @cached_property
     def shape(self) -> Shape:
         """Rows, columns and ends of the packing with every "auto" decided."""
@@ -214,23 +224,24 @@ class Scene(Document):
             packing.rows,
             packing.columns,
             packing.ends,
-            self.wave.vector,
+            self.declared_vector,
             self.time.duration,
             room=self._room,
             driven=self.wave.form == "driven",
+            lattice=self.lattice,
         )
 
     @property
     def _room(self) -> Room:
         """Room for the envelope: with its offset between walls, with the distance it travels in a periodic cell."""
-        envelope, (x, y) = self.envelope, self.wave.vector.unit
-        rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.wave.vector))
+        envelope, (x, y) = self.envelope, self.declared_vector.unit
+        rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.declared_vector))
         way = FASTEST_ROWS_PER_TAU * self.time.duration if envelope.length else 0.0
         way *= 2 if self.wave.form == "standing" else 1  # its two halves run apart and must not meet again
         return Room(
             strip=rows + 2 * abs(envelope.offset),
             rows=rows + way * abs(y),
-            columns=columns + way * abs(x) * ROW_SPACING,
+            columns=columns + way * abs(x) * self.lattice.row_spacing,
             along=envelope.length > 0,
         )
 
@@ -238,8 +249,8 @@ class Scene(Document):
     def vector(self) -> WaveVector:
         """Wave vector that is used: as declared between fixed ends, else the nearest one of the periodic cell."""
         if self.shape.ends == "fixed":
-            return self.wave.vector
-        return self.wave.vector.snapped(self.shape.rows, self.shape.columns)
+            return self.declared_vector
+        return self.declared_vector.snapped(self.shape.rows, self.shape.columns)
 
     @property
     def wavenumber(self) -> float:
@@ -275,7 +286,7 @@ class Scene(Document):
     @property
     def layered(self) -> bool:
         """True if the spheres of a row are equal, so that a plane wave along y moves them alike."""
-        return not self._random and all(each.rows for each in self.inclusion)
+        return not self.lattice.endless_rows or not self._random and all(each.rows for each in self.inclusion)
 
     @property
     def plane_along_y(self) -> bool:
@@ -290,7 +301,7 @@ class Scene(Document):
 
     @property
     def uniform_rows(self) -> bool:
-        """True if all spheres of a row move alike, so that 3 columns stand for any number."""
+        """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
         return self.layered and self.vector.axis == "y" and self.envelope.width == 0
 
     @property
@@ -318,8 +329,9 @@ class Scene(Document):
         if self.wave.frequency is not None:
             said.append(self._frequency_remark())
         if AUTO in (self.packing.rows, self.packing.columns, self.packing.ends):
-            said.append(f"the packing is {shape.rows} rows x {shape.columns} columns, {shape.ends} ends")
-        moved = self.vector.per_column - self.wave.vector.per_column, self.vector.per_row - self.wave.vector.per_row
+            said.append(f"the packing is {shape.words}, {shape.ends} ends")
+        declared = self.declared_vector
+        moved = self.vector.per_column - declared.per_column, self.vector.per_row - declared.per_row
         if max(map(abs, moved)) > EXACT:
             said.append(self._snap_remark())
         if self.time.tolerance is None and self.time.step < self.time.timestep * (1 - 1e-9):
@@ -330,7 +342,7 @@ class Scene(Document):
         return said
 
     def _frequency_remark(self) -> str:
-        others = ", ".join(f"{xi:.6g}" for xi in _wavenumbers(self.wave, self.sphere, self.effects)[1:])
+        others = ", ".join(f"{xi:.6g}" for xi in _wavenumbers(self.wave, self.sphere, self.effects, self.lattice)[1:])
         return f"wave.frequency {self.wave.frequency!r} Hz is that of wave.wavenumber {self.wave.wavenumber!r}" + (
             f"; the smallest is taken, {others} has it too" if others else ""
         )
@@ -339,7 +351,7 @@ class Scene(Document):
         vector, rows, columns = self.vector, self.shape.rows, self.shape.columns
         in_rows = round(vector.per_row * rows / (2 * pi))
         in_columns = round(vector.per_column * columns / (2 * pi))
-        if self.wave.vector.axis == "y":
+        if self.declared_vector.axis == "y":
             return (
                 f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
                 f"2 pi {abs(in_rows)}/{rows}, which fits the periodic cell{self._how_far}"
@@ -353,7 +365,7 @@ class Scene(Document):
     @property
     def _how_far(self) -> str:
         """Return a warning if the wave that is used differs much from the declared one, else an empty string."""
-        (x, y), (declared_x, declared_y) = self.vector.components, self.wave.vector.components
+        (x, y), (declared_x, declared_y) = self.vector.components, self.declared_vector.components
         share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)
         return f"; that is {share:.0%} away: take more rows or columns" if share > FAR else ""
 
@@ -366,8 +378,10 @@ class Scene(Document):
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
+        validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
+        validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)
@@ -380,10 +394,10 @@ def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:
     return replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
 
 
-def _wavenumbers(wave: Wave, sphere: Sphere, effects: Effects) -> tuple[float, ...]:
+def _wavenumbers(wave: Wave, sphere: Sphere, effects: Effects, lattice: Lattice) -> tuple[float, ...]:
     """Return where the declared frequency is that of the mode, ascending, rad per row."""
     assert wave.frequency is not None
-    return wavenumbers_at(wave.frequency, sphere, effects.physics, wave.mode, wave.degrees)
+    return wavenumbers_at(wave.frequency, sphere, effects.physics, wave.mode, wave.degrees, lattice)
 
 
 def _default(item: Field[Any]) -> Any:

@@ -59,8 +59,6 @@ class Rule:
         Allowed range of a number.
     words : tuple of str
         Allowed words, beside numbers and switches or alone.
-    because : str
-        Reason for the end of the interval, for the error message.
     """
 
     kind: type
@@ -68,7 +66,6 @@ class Rule:
     meaning: str
     interval: Interval | None = None
     words: tuple[str, ...] = ()
-    because: str = ""
 
     @property
     def note(self) -> str:
@@ -81,7 +78,7 @@ class Rule:
         words = [f'"{word}"' for word in self.words]
         if self.kind is str:
             return "one of " + ", ".join(words)
-        return ", or ".join([self._allowed_values + self.because, *words])
+        return ", or ".join([self._allowed_values, *words])
 
     @property
     def _allowed_values(self) -> str:
@@ -171,9 +168,9 @@ def number(
     return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
 
 
-def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), because: str = "", **default: Any) -> Any:
+def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), **default: Any) -> Any:
     """Return a dataclass field for a whole number."""
-    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, because)}, **default)
+    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words)}, **default)
 
 
 def choice(meaning: str, options: tuple[str, ...], **default: Any) -> Any:

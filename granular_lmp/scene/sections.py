@@ -9,11 +9,12 @@ from math import ceil, floor, hypot, pi
 from typing import Any
 
 from granular_lmp.crystal.equilibrium import BOXES
+from granular_lmp.crystal.lattices import HEXAGONAL, LATTICES, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
-from granular_lmp.crystal.wavevector import DIRECTIONS, ROW_SPACING, WaveVector, zone_edge
+from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, switch
-from granular_lmp.scene.shape import FEWEST_COLUMNS, Auto
+from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
 SHEAR_LAWS = ("secant", "incremental")
@@ -24,18 +25,11 @@ NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all ot
 
 @dataclass(frozen=True)
 class Packing:
-    """Hexagonal packing: rows along y, columns along x, where it is periodic."""
+    """Packing of a lattice: rows along y, columns along x, where it is periodic unless it is a chain."""
 
+    lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
     rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
-    columns: int | Auto = count(
-        "along x, periodic",
-        FEWEST_COLUMNS,
-        1_000_000,
-        words=(AUTO,),
-        because=" (with 1 or 2 columns a sphere touches two images of the same neighbour, which share one shear "
-        "history in LAMMPS)",
-        default=AUTO,
-    )
+    columns: int | Auto = count("along x: at least 3, in a chain 1", 1, 1_000_000, words=(AUTO,), default=AUTO)
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
@@ -73,10 +67,9 @@ class Wave:
         """Direction in degrees from x towards y."""
         return DIRECTIONS[self.direction] if isinstance(self.direction, str) else self.direction
 
-    @property
-    def vector(self) -> WaveVector:
-        """Wave vector as declared."""
-        return WaveVector.of(self.wavenumber, self.degrees)
+    def vector(self, lattice: Lattice) -> WaveVector:
+        """Return the wave vector as declared, in a lattice."""
+        return WaveVector.of(self.wavenumber, self.degrees, lattice.row_spacing)
 
 
 def _size(meaning: str) -> Any:
@@ -113,7 +106,7 @@ class Envelope:
         """Return the standard deviation along y in rows and along x in columns for a wave vector."""
         x, y = vector.unit
         rows, columns = hypot(self.length * y, self.width * x), hypot(self.length * x, self.width * y)
-        return rows, columns * ROW_SPACING
+        return rows, columns * vector.row_spacing
 
 
 FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18

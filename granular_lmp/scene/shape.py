@@ -1,8 +1,8 @@
 """The size of a packing: rows, columns and ends that a scene leaves to "auto".
 
 The time of a run is proportional to spheres times steps, so "auto" takes the fewest spheres that give the same answer.
-A plane wave along y moves all spheres of a row alike: 3 columns, the fewest that LAMMPS simulates correctly, stand for
-any number. Between fixed ends the walls must be farther from the centre than the wave travels; a periodic cell has no
+A plane wave along y moves all spheres of a row alike: the fewest columns that LAMMPS simulates correctly stand for any
+number. Between fixed ends the walls must be farther from the centre than the wave travels; a periodic cell has no
 walls, but carries only phase advances of 2πk/rows and 2πk/columns.
 """
 
@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal
 
-from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
-# A long wave of the L mode runs ½ row per τ (Ω = sin(ξ/2)); no branch of the lattice is faster.
+# A long wave of the L mode runs ½ row per τ in the hexagonal lattice (Ω = sin(ξ/2)), and no branch of it is faster. In
+# the square lattice and in the chain none runs more than 0.41 rows per τ
 FASTEST_ROWS_PER_TAU = 0.5
-FEWEST_COLUMNS = 3
 # An "auto" periodic cell is the smallest with a 2πk/N this close to the phase advance, rad.
 SNAP = 1e-3
 LARGEST_CELL = 200  # rows or columns, in addition to those of an envelope
@@ -50,15 +50,16 @@ def decide(
     *,
     room: Room = NO_ROOM,
     driven: bool = False,
+    lattice: Lattice = HEXAGONAL,
 ) -> Shape:
     """Return rows, columns and ends of a packing with every "auto" decided.
 
-    ``columns = "auto"`` is 3, the fewest that LAMMPS simulates correctly, for a plane wave along y, in which all
-    spheres of a row move alike; in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed
-    ends ``rows = "auto"`` is the fewest whose echo reaches the centre after the run, and in a periodic cell the fewest
-    that carry the wave to 1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell
-    is periodic if one with fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave
-    that is not along y gets a periodic cell; a driven wave and a packet along y get fixed ends.
+    ``columns = "auto"`` is `Lattice.fewest_columns` for a plane wave along y, in which all spheres of a row move alike;
+    in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed ends ``rows = "auto"`` is the
+    fewest whose echo reaches the centre after the run, and in a periodic cell the fewest that carry the wave to
+    1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell is periodic if one with
+    fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave that is not along y gets a
+    periodic cell; a driven wave and a packet along y get fixed ends.
 
     Parameters
     ----------
@@ -72,14 +73,16 @@ def decide(
         Room for the envelope.
     driven : bool
         True if the first row is the source.
+    lattice : Lattice
 
     Returns
     -------
     Shape
     """
-    fewest_rows, fewest_columns = ceil(room.rows), max(FEWEST_COLUMNS, ceil(room.columns))
+    fewest_rows, fewest_columns = ceil(room.rows), max(lattice.fewest_columns, ceil(room.columns))
     quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
-    even = range(max(4, fewest_rows + fewest_rows % 2), fewest_rows + LARGEST_CELL + 1, 2)
+    period = lattice.row_period
+    cells = range(max(4, fewest_rows + -fewest_rows % period), fewest_rows + LARGEST_CELL + 1, period)
     if ends == AUTO and driven:
         ends = "fixed"
     if ends == AUTO and vector.axis != "y":
@@ -89,16 +92,18 @@ def decide(
     if ends == AUTO and room.along:
         ends = "fixed"
     if ends == AUTO:
-        cell = smallest_cell(vector.per_row, EXACT, even)
+        cell = smallest_cell(vector.per_row, EXACT, cells)
         exact = abs(snapped(vector.per_row, cell) - vector.per_row) <= EXACT
         ends = "periodic" if exact and cell < quiet else "fixed"
         if ends == "periodic":
             rows = cell
     if rows == AUTO:
-        rows = quiet if ends == "fixed" else smallest_cell(vector.per_row, SNAP, even)
+        rows = quiet if ends == "fixed" else smallest_cell(vector.per_row, SNAP, cells)
+    if columns == AUTO and not lattice.endless_rows:
+        columns = 1
     if columns == AUTO:
         columns = smallest_cell(vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1))
-    return Shape(int(rows), int(columns), ends)
+    return Shape(int(rows), int(columns), ends, lattice)
 
 
 def echo_time(rows: int, *, driven: bool = False) -> float:

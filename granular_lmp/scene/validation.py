@@ -7,8 +7,9 @@ import sys
 from collections.abc import Sequence
 from math import ceil, pi
 
-from granular_lmp.crystal.disorder import Inclusion
-from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, SQUARE, Lattice, Shape, unit_lattice
+from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
@@ -52,6 +53,68 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
         raise SceneError(f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
 
 
+def check_lattice(
+    shape: Shape, packing: Packing, wave: Wave, envelope: Envelope, effects: Effects, sphere: Sphere
+) -> None:
+    """Check that columns, direction and envelope are those of the lattice, and that it does not buckle."""
+    lattice, columns = shape.lattice, shape.columns
+    if columns > 1 and not lattice.endless_rows:
+        raise SceneError(f'packing.columns = {columns}: must be 1 or "auto" with packing.lattice = "{lattice.name}"')
+    if columns < lattice.fewest_columns:
+        raise SceneError(
+            f'packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "auto" (with 1 or 2 columns a '
+            "sphere touches two images of the same neighbour, which share one shear history in LAMMPS)"
+        )
+    if lattice != HEXAGONAL and wave.degrees != 90:
+        raise SceneError(
+            f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"; other '
+            "directions are for the hexagonal lattice"
+        )
+    if envelope.width and not lattice.endless_rows:
+        raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
+    if packing.contact_force and not bears_compression(unit_lattice(sphere, lattice), shear=effects.physics.shear):
+        loose = "square lattice where effects.shear is off" if lattice == SQUARE else "chain"
+        raise SceneError(
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a {loose}, which would buckle: nothing "
+            "holds it sideways"
+        )
+
+
+def check_arrangement(
+    lattice: Lattice,
+    packing: Packing,
+    material: Sphere,
+    disorder: Disorder,
+    inclusions: tuple[Inclusion, ...],
+) -> None:
+    """Check that spheres that differ do not press a lattice out of its arrangement as they come to rest.
+
+    Spheres come to rest without friction. A square lattice resists no shear then, so every contact must be at rest
+    where it is; a chain resists no shift sideways, so it must not be compressed.
+    """
+    sized = {"disorder.radius": disorder.radius} if disorder.radius else {}
+    for number, inclusion in enumerate(inclusions, start=1):
+        own = inclusion.of_material | ({} if inclusion.radius is None else {"radius": inclusion.radius})
+        sized |= {f"inclusion {number}: {key}": value for key, value in own.items() if value != getattr(material, key)}
+    for key, value in sized.items():
+        if lattice == SQUARE:
+            raise SceneError(
+                f'{key} = {value!r}: must be that of all spheres with packing.lattice = "square", which has no shear '
+                "stiffness without friction and would collapse as it comes to rest"
+            )
+        if lattice == CHAIN and packing.relax == "fixed":
+            raise SceneError(
+                f'packing.relax = "fixed": must be "box" with {key} = {value!r} in a chain, which would buckle in a '
+                "box that stays"
+            )
+    empty = disorder.vacancies > 0 or any(each.vacancy for each in inclusions)
+    if lattice == SQUARE and packing.contact_force and empty:
+        raise SceneError(
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a square lattice with vacancies, into "
+            "which its spheres would be pressed"
+        )
+
+
 def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
     """Check that the wave vector is in the Brillouin zone, and that direction, form, envelope and ends agree."""
     edge = zone_edge(wave.degrees)
@@ -64,12 +127,13 @@ def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -
         _check_drive(wave, envelope, packing, shape)
     elif envelope.ramp != Envelope.ramp:
         raise SceneError(f'envelope.ramp = {envelope.ramp!r}: is for wave.form = "driven" only')
-    if wave.vector.axis != "y" and shape.ends == "fixed":
+    axis = wave.vector(shape.lattice).axis
+    if axis != "y" and shape.ends == "fixed":
         raise SceneError(
             f'wave.direction = {wave.direction!r}: must be "y" between fixed ends; other directions need '
             'packing.ends = "periodic" or "auto"'
         )
-    if wave.vector.axis is None and (envelope.length > 0) != (envelope.width > 0):
+    if axis is None and (envelope.length > 0) != (envelope.width > 0):
         raise SceneError(
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
             f"both above in wave.direction = {wave.direction!r}, along which nothing fits a periodic cell"
@@ -120,6 +184,8 @@ def check_absorb(absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelop
         return
     if shape.ends != "fixed":
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
+    if shape.lattice != HEXAGONAL:
+        raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" with absorb.rows above 0')
     if packing.rows == AUTO:
         raise SceneError(
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
@@ -134,7 +200,7 @@ def check_absorb(absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelop
 
 def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, vector: WaveVector) -> None:
     """Check that the packing is a lattice, has room for the envelope, and carries the wave vector."""
-    rows, columns, declared = shape.rows, shape.columns, wave.vector
+    rows, columns, declared = shape.rows, shape.columns, wave.vector(shape.lattice)
     missed = {
         "rows": abs(vector.per_row - declared.per_row) if packing.rows == AUTO else 0.0,
         "columns": abs(vector.per_column - declared.per_column) if packing.columns == AUTO else 0.0,
@@ -148,7 +214,7 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             )
     if shape.ends == "fixed" and rows % 2 == 0:
         raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
-    if shape.ends == "periodic" and rows % 2:
+    if shape.ends == "periodic" and rows % shape.lattice.row_period:
         raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
     if rows * columns > MOST_SPHERES:
         raise SceneError(

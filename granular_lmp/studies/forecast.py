@@ -79,15 +79,16 @@ def forecast(problem: Problem) -> Forecast:
 def _seconds(scene: Scene, steps: int) -> tuple[float, str]:
     spheres, small = scene.shape.spheres, scene
     if spheres > _LARGEST:
+        columns = _CELL if scene.lattice.endless_rows else 1
         small = scene.with_values(
             {
-                **{"packing.rows": _CELL, "packing.columns": _CELL, "packing.ends": "periodic"},
+                **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
                 **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
                 **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
             }
         )
     rate, overhead = speed(small)
-    cell = "this scene" if small is scene else f"a cell of {_CELL} x {_CELL} of its spheres"
+    cell = "this scene" if small is scene else f"a cell of {small.shape.words}"
     start = overhead * spheres / small.shape.spheres
     return start + spheres * steps / rate, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.ladder import build
-from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
+from granular_lmp.crystal.lattices import HEXAGONAL, lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.deck import Deck
@@ -86,7 +86,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        If the scene has fixed ends, its columns are not a multiple of 3, or its records are too few or too far apart.
+        If the lattice is not hexagonal, the scene has fixed ends, its columns are not a multiple of 3, or its records
+        are too few or too far apart.
     RunFolderError
         If the folder exists (without `force`).
     EffectError
@@ -117,6 +118,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
 def _refuse_unfit(scene: Scene) -> None:
     """Raise SceneError if the sheet cannot show its branches from Γ to M and K."""
     time, shape = scene.time, scene.shape
+    if shape.lattice != HEXAGONAL:
+        raise SceneError(f'packing.lattice = {scene.packing.lattice!r}: must be "hexagonal" for a sheet that is kicked')
     if shape.ends != "periodic":
         raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
     if shape.columns % 3:  # the rows of a periodic cell are even
