@@ -416,11 +416,11 @@ def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_pa
     head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
     for again in ([], ["100 0 3e-12"]):  # the checkpoint came after the cut, or before it
         (tmp_path / "log").write_text("\n".join([head, "0 0 1e-12", "50 0 2e-12", "100 0 3"]))
-        assert read_log(tmp_path / "log")[0]["Step"].tolist() == [0, 50]
+        assert read_log(tmp_path / "log").table["Step"].tolist() == [0, 50]
         mend_log(tmp_path / "log")
         with (tmp_path / "log").open("a") as stream:
             stream.write("\n".join([head, *again, "150 0 4e-12", end, ""]))
-        table, _ = read_log(tmp_path / "log")
+        table = read_log(tmp_path / "log").table
         assert table["Step"].tolist() == [0, 50, *(100 for _ in again), 150]
         assert table["v_spread"].max() == 4e-12
 
@@ -430,7 +430,7 @@ def test_what_a_continuation_writes_again_replaces_what_the_log_had_of_it(tmp_pa
     head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
     lines = [head, "0 0 1e-12", "50 0 2e-12", "100 0 3e-12", head, "50 0 4e-12", "100 0 5e-12", "150 0 6e-12", end, ""]
     (tmp_path / "log").write_text("\n".join(lines))
-    table, _ = read_log(tmp_path / "log")
+    table = read_log(tmp_path / "log").table
     # Twice step 50: with the extremes until the checkpoint, and with those from there on
     assert table["Step"].tolist() == [0, 50, 50, 100, 150]
     assert table["v_spread"].tolist() == [1e-12, 2e-12, 4e-12, 5e-12, 6e-12]
@@ -438,11 +438,12 @@ def test_what_a_continuation_writes_again_replaces_what_the_log_had_of_it(tmp_pa
 
 def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
-    table, seconds = read_log(tmp_path / "run" / "log.lammps")
+    log = read_log(tmp_path / "run" / "log.lammps")
+    table = log.table
     guards = [column for name in ("slip", "open", "spread") for column in (f"v_{name}", f"v_{name}_at")]
     assert list(table) == ["Step", "v_tau", *guards, "v_overlap", "v_mu"]
     assert table["Step"][-1] == 40
-    assert seconds > 0
+    assert log.loop > 0
 
 
 def test_the_status_is_valid_json_without_nan(small: Scene, tmp_path: Path) -> None:

@@ -5,11 +5,13 @@ import io
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 
-from granular_lmp.cli.output import remark
+from granular_lmp.cli.output import remark, say_profile
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import GranularError, RunFolderError
+from granular_lmp.runs.phases import collected
 
 _STDERR = 2  # its descriptor
 
@@ -19,11 +21,17 @@ def main(argv: list[str] | None = None) -> int:
     _open_streams()
     # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    started = time.perf_counter()
     try:
         options = parsers()[0].parse_args(argv)
         _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
-        return command(options)
+        with collected() as seconds:
+            try:
+                return command(options)
+            finally:
+                if options.profile:
+                    say_profile(seconds, time.perf_counter() - started)
     except GranularError as error:
         remark(f"granular-lmp: error: {error.in_options()}")
         return error.exit_status
