@@ -1,6 +1,7 @@
 """How a command begins and ends: its standard streams, its errors in one line, its exit status."""
 
 import argparse
+import gc
 import io
 import os
 import signal
@@ -14,6 +15,13 @@ from granular_lmp.errors import GranularError, RunFolderError
 from granular_lmp.runs.phases import collected
 
 _STDERR = 2  # its descriptor
+
+
+def program() -> int:
+    """Run the command of this process; returns its exit status."""
+    status = main()
+    gc.freeze()  # the interpreter would search numpy for circles before it ends: a tenth of a short command
+    return status
 
 
 def main(argv: list[str] | None = None) -> int:
