@@ -17,6 +17,7 @@ from granular_lmp import Record, Scene, build, run
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.lammps import installation
+from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
@@ -164,13 +165,12 @@ def test_a_record_that_is_cut_short_or_not_finite_is_a_failed_run(
     assert read_status(tmp_path / "run")["status"] == "failed"
 
 
-def started(folder: Path, size: int, *words: str, prologue: str = "") -> "subprocess.Popen[str]":
+def started(folder: Path, size: int, *words: str) -> "subprocess.Popen[str]":
     """A long run as its own process, once its dump has `size` bytes."""
     changes = ("time.allow_echo=true", "packing.rows=21", *words)
     arguments = ["run", "tr_nonresonant", "-o", str(folder)]
     arguments += [word for change in changes for word in (("--set", change) if "=" in change else (change,))]
-    lines = ("import sys", "from granular_lmp.lammps import deck", prologue, "from granular_lmp.cli import main")
-    code = "\n".join([*lines, f"sys.exit(main({arguments!r}))"])
+    code = f"import sys\nfrom granular_lmp.cli import main\nsys.exit(main({arguments!r}))"
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 30
     while not ((folder / "dump.centre").exists() and (folder / "dump.centre").stat().st_size > size):
@@ -196,6 +196,7 @@ def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: l
     assert np.isfinite(record.q).all()
 
 
+OFTEN = 63 * 500 / SPEED / 60  # minutes: some hundred steps of 63 spheres on one rank, twice as many on two
 LONG = 2500.0  # τ, 50000 steps of 63 spheres: most of a second, to be stopped in its first tenth
 
 
@@ -224,9 +225,7 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
 def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(switch: list[str], tmp_path: Path) -> None:
-    process = started(
-        tmp_path / "run", 60_000, f"time.duration={LONG}", *switch, prologue="deck.CHECKPOINT_INTERVAL = 63 * 1003"
-    )
+    process = started(tmp_path / "run", 60_000, f"time.duration={LONG}", f"output.checkpoint={OFTEN}", *switch)
     children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
     process.kill()
     process.communicate(timeout=30)

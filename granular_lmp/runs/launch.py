@@ -21,6 +21,7 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.outputs import (
@@ -102,7 +103,8 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
                 clear(folder)
                 # The scene of a run has every "auto" decided
                 write_files(folder, {**deck.files(), SCENE: [deck.scene.to_toml()]})
-            job = Job(folder, deck.input_name, LOG, lock, _step_reporter(options.progress, deck.scene), _columns(deck))
+            report = _step_reporter(options.progress, deck.scene)
+            job = Job(folder, deck.input_name, LOG, lock, report, _columns(deck), _on_ranks(deck, options.ranks))
             return execute(deck, job, route, info, seconds, judge)
 
 
@@ -150,7 +152,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
             mend(folder)
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
-        job = Job(folder, name, "none", lock, _step_reporter(progress, deck.scene), _columns(deck))
+        report = _step_reporter(progress, deck.scene)
+        job = Job(folder, name, "none", lock, report, _columns(deck), _on_ranks(deck, info["ranks"]))
         return execute(deck, job, route, info, seconds, judge)
 
 
@@ -212,6 +215,11 @@ def _columns(deck: Deck) -> tuple[str, ...]:
     return tuple(columns(deck.problem.guards, deck.scene))
 
 
+def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
+    """Return the words that override what a deck says for one rank."""
+    return () if ranks == 1 else ("-var", "checkpoint", str(steps_between(deck.scene, ranks)))
+
+
 def execute(
     deck: Deck, job: Job, route: Route, info: dict[str, Any], seconds: Seconds, judge: Judge | None = None
 ) -> Record:
@@ -261,15 +269,19 @@ def execute(
 def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
     """Return the record of a run, finished or not, and write it to ``trajectory.csv``.
 
-    Only a run that was stopped, or continued, has dumps to be mended; to look costs more than to read them.
+    Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read them.
     """
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
-    if stopped:
-        mend(folder)
     try:
-        record = Record.from_dump(folder, scene)
+        record = None if stopped else Record.from_dump(folder, scene)
+    except RunFolderError:
+        record = None
+    try:
+        if record is None:
+            mend(folder)
+            record = Record.from_dump(folder, scene)
     except RunFolderError as error:
         raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)

@@ -50,6 +50,8 @@ class Job:
         Callback for progress, called with the time step.
     columns : tuple of str
         Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
+    variables : tuple of str
+        Words that override variables of the deck: ``-var``, name, value.
     """
 
     folder: Path
@@ -58,11 +60,12 @@ class Job:
     lock: int
     report_step: Callable[[int], None]
     columns: tuple[str, ...] = ()
+    variables: tuple[str, ...] = ()
 
     @property
     def switches(self) -> list[str]:
         """Command-line switches for the program and the module."""
-        return ["-log", self.log, "-screen", "none", "-nocite"]
+        return ["-log", self.log, "-screen", "none", "-nocite", *self.variables]
 
 
 Route = Callable[[Job], None]
