@@ -290,11 +290,18 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
 
 
+@lru_cache(maxsize=64)  # the effects of one scene ask five times
 def contact_stretches(lattice: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
-    """Return the amplitudes of δN and δS of the contacts of a sphere, (3,) each, in units of D0, all in phase."""
+    """Return the amplitudes of δN and δS of the contacts of a sphere, (3,) each, in units of D0, all in phase.
+
+    The arrays are read-only.
+    """
     normal, sideways, turn = _stretch_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
     shape = np.array([mode.ux, mode.uy, mode.f])
-    return normal @ shape, (sideways + turn) @ shape
+    stretches = normal @ shape, (sideways + turn) @ shape
+    for each in stretches:
+        each.setflags(write=False)
+    return stretches
 
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
@@ -303,6 +310,7 @@ def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
     return rows @ np.array([mode.ux, mode.uy, mode.f])
 
 
+@lru_cache(maxsize=64)  # the same for all runs of a sweep
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the highest frequency of the hexagonal lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 
