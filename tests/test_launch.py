@@ -16,10 +16,10 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.lammps import installation
+from granular_lmp.lammps import installation, outputs
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import mend_dump, mend_log, read_centre, read_dump, read_log
+from granular_lmp.lammps.outputs import DUMP_COLUMNS, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.record import read_status, write_status
@@ -394,6 +394,18 @@ def test_a_dump_of_other_columns_or_another_number_of_spheres_is_refused(tmp_pat
         read_dump(tmp_path / "dump", 2, ["id", "x"])
     with pytest.raises(RunFolderError, match="nowhere: not a LAMMPS dump: .*No such file"):
         read_dump(tmp_path / "nowhere", 2, ["id", "x"])
+
+
+def test_the_record_of_the_centre_is_read_at_once_as_snapshot_by_snapshot(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    slow = {name: values.reshape(-1) for name, values in read_dump(dump, 1, *DUMP_COLUMNS).items()}
+    text = dump.read_text()
+    at_once = outputs._even_table(text)
+    assert at_once is not None
+    assert {name: values.tolist() for name, values in at_once.items()} == {k: v.tolist() for k, v in slow.items()}
+    for other in (text[:-1], text.replace("ux", "xu"), text.replace("\n1\n", "\n2\n"), text.replace(" 0 ", " ", 1), ""):
+        assert outputs._even_table(other) is None  # left to the reader that says what is wrong
 
 
 def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path) -> None:
