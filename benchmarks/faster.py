@@ -267,7 +267,7 @@ def _run(variant: Variant, scene: Scene, folder: Path) -> Outcome:
     script.write_text(text, encoding="utf-8")
     command = [*lmp_command(variant.ranks), "-in", script.name, "-log", LOG, "-screen", "none"]
     subprocess.run(command, cwd=folder, check=True, stdin=subprocess.DEVNULL)
-    _, loop = read_log(folder / LOG)
+    loop = read_log(folder / LOG).loop
     dump = read_centre(folder / DUMP)
     metre = units_for(scene.sphere.radius).number(1.0, length=1)
     p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)

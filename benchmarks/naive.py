@@ -58,7 +58,7 @@ def solve(folder: Path) -> Solution:
     (folder / "in.naive").write_text(deck, encoding="utf-8")
     command = [*lmp_command(1), "-in", "in.naive", "-screen", "none"]
     subprocess.run(command, cwd=folder, check=True, stdin=subprocess.DEVNULL)
-    _, loop = read_log(folder / "log.lammps")
+    loop = read_log(folder / "log.lammps").loop
     rest = start.position[start.centre]
     p, q = centre_signals(base, _positions(folder / "dump.all", start.centre + 1, (2, 3)) - rest)
     digits = centre_signals(base, _positions(folder / "dump.digits", start.centre + 1, (1, 2)) - rest)

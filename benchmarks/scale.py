@@ -74,7 +74,7 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
     ended = time.perf_counter()
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
-    _, loop = read_log(folder / "run" / LOG)
+    loop = read_log(folder / "run" / LOG).loop
     dump = read_centre(folder / "run" / DUMP)
     metre = units_for(scene.sphere.radius).number(1.0, length=1)
     p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)

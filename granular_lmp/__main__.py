@@ -2,7 +2,7 @@
 
 import sys
 
-from granular_lmp.cli import main
+from granular_lmp.cli import program
 
 if __name__ == "__main__":  # mpi4py.futures reads this file in every rank
-    sys.exit(main())
+    sys.exit(program())

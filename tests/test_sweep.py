@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 
 from granular_lmp import Record, Scene, run
-from granular_lmp.accuracy import tolerance
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import Problem
@@ -180,7 +179,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, amplitude: float 
             raise error
         return deck_of(problem)
 
-    monkeypatch.setattr(tolerance, "deck_of", broken)
+    monkeypatch.setattr(launch, "deck_of", broken)
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ from granular_lmp.accuracy.tolerance import refine, resume
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs import routes
+from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
 from tests.stand_in import status_of
@@ -134,7 +135,7 @@ class Stepped:
         info = {
             "steps": scene.time.steps,
             "samples": len(p),
-            "wall_seconds": dict.fromkeys(("total", "loop", "other"), 0.0),
+            "wall_seconds": wall_seconds({}, {}),
         }
         return Record(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)
 

@@ -75,7 +75,7 @@ KEYS = frozenset(
         "effects": "adhesion shear rotation tracking sliding damping contact_opening "
         "rolling twisting shear_law friction viscosity restitution "
         "rolling_stiffness rolling_viscosity rolling_friction",
-        "output": "particles",
+        "output": "particles checkpoint",
         "disorder": "seed",
     }.items()
     for key in keys.split()

@@ -6,6 +6,7 @@ machine of four cores `analysis.compare` of one run then took 41 s of processor 
 """
 
 from collections.abc import Callable
+from math import hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ Array = NDArray[Any]  # floats or complex numbers
 Derivative = Callable[[Array], Array]
 
 STAGES = TABLEAU.n_stages
+ERRORS = np.stack([TABLEAU.E5, TABLEAU.E3])
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
 
 
@@ -69,21 +71,23 @@ def dop853(
 
 
 def _sum(weights: Array, slopes: Array) -> Array:
-    """Return Σ_i weights_i slopes_i."""
-    numbers = slopes[: len(weights)].reshape(len(weights), -1).view(np.float64)  # a complex number is two
-    total: Array = np.einsum("i,ij->j", weights, numbers)
-    return total.view(slopes.dtype).reshape(slopes.shape[1:])
+    """Return Σ_i weights_i slopes_i, for each row of weights (…, S)."""
+    stages = weights.shape[-1]
+    numbers = slopes[:stages].reshape(stages, -1).view(np.float64)  # a complex number is two
+    total: Array = np.einsum("...i,ij->...j", weights, numbers)
+    return total.view(slopes.dtype).reshape(weights.shape[:-1] + slopes.shape[1:])
 
 
 def _norm(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+    numbers = values.reshape(-1).view(np.float64)
+    return sqrt(np.einsum("i,i", numbers, numbers) / values.size)
 
 
 def _error(slopes: Array, scale: Array) -> float:
     """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
-    fifth, third = _norm(_sum(TABLEAU.E5, slopes) / scale), _norm(_sum(TABLEAU.E3, slopes) / scale)
-    both = np.hypot(fifth, 0.1 * third)
-    return float(fifth**2 / both) if both else 0.0
+    fifth, third = map(_norm, _sum(ERRORS, slopes) / scale)
+    both = hypot(fifth, 0.1 * third)
+    return fifth**2 / both if both else 0.0
 
 
 def _first_step(derivative: Derivative, y: Array, slope: Array, rtol: float, atol: float) -> float:
@@ -107,11 +111,8 @@ def _between(
     """Return the states at the places x in (0, 1] of a step, by the interpolation of order 7."""
     for row, weights in enumerate(TABLEAU.A_EXTRA, STAGES + 1):
         slopes[row] = derivative(y + step * _sum(weights[:row], slopes))
-    rise = after - y
-    terms = [rise, step * slopes[0] - rise, 2 * rise - step * (slopes[STAGES] + slopes[0])]
-    terms += [step * _sum(weights, slopes) for weights in TABLEAU.D]
-    x = places.reshape(-1, *[1] * y.ndim)
-    total = np.zeros((len(places), *y.shape), dtype=y.dtype)
-    for power, term in reversed(list(enumerate(terms))):
-        total = (total + term) * (1 - x if power % 2 else x)
-    return y + total
+    rise, first, last = after - y, step * slopes[0], step * slopes[STAGES]
+    terms = np.stack([rise, first - rise, 2 * rise - first - last, *step * _sum(TABLEAU.D, slopes)])
+    # x, x(1−x), x²(1−x), …
+    factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
+    return y + _sum(np.cumprod(factors, axis=-1), terms)

@@ -20,12 +20,13 @@ from granular_lmp.accuracy.ladder import MOST_RUNGS, RUNGS, first_step, with_ste
 from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
-from granular_lmp.lammps.deck import Deck, deck_of
+from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
 from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import (
     STATUS,
     TRAJECTORY,
@@ -102,20 +103,13 @@ def run(
     below it the rounding of positions dominates (docs/accuracy.md).
     """
     options = launch.Options(launcher, ranks, force, progress)
-    if isinstance(what, Deck):
-        return _with_budget(launch.launch(what, folder, options))
-    if what.time.tolerance is None:
-        return _with_budget(launch.launch(deck_of(prepare(what)), folder, options))
+    if isinstance(what, Deck) or what.time.tolerance is None:
+        return launch.launch(what, folder, options, _budget)
     return _to_tolerance(what, folder, options)
 
 
-def _with_budget(record: Record) -> Record:
-    """Return the record of one run with its error budget, which is also written to ``run.json``."""
-    assert record.folder is not None
-    info = record.info | {"error_budget": error_budget(record.scene, record.signals)}
-    with writable(record.folder):
-        write_status(record.folder, info)
-    return replace(record, info=info)
+def _budget(record: Record) -> dict[str, Any]:
+    return {"error_budget": error_budget(record.scene, record.signals)}
 
 
 def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
@@ -144,7 +138,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     info = read_status(folder)
     if "tolerance" not in info:
-        return _with_budget(launch.resume(folder, progress=progress))
+        return launch.resume(folder, progress=progress, judge=_budget)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
     refuse_other_scene(folder, info)
@@ -159,7 +153,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
             return Record.load(place)
         if any((place / name).is_file() for name in CHECKPOINTS):
             return launch.resume(place, progress=part)
-        return launch.launch(deck_of(prepare(scene)), place, replace(started, progress=part))
+        return launch.launch(scene, place, replace(started, progress=part))
 
     with locked(folder):
         return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
@@ -180,7 +174,7 @@ def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> 
 
     def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
         # Forced, because the folder may exist and hold files of the user
-        return launch.launch(deck_of(prepare(scene)), place, replace(options, force=True, progress=part))
+        return launch.launch(scene, place, replace(options, force=True, progress=part))
 
     with locked(folder, make=True, force=options.force):
         clear(folder)
@@ -260,17 +254,24 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
         "extrapolated_from": [run.scene.time.step for run in records[-3:]],
         "refinements": refinements,
         "steps": sum(run["steps"] for run in runs),
-        "wall_seconds": {
-            key: sum(run["wall_seconds"][key] or 0.0 for run in runs) for key in ("total", "loop", "other")
-        },
+        "wall_seconds": _all_seconds(runs),
         "status": "finished",
         "message": "",
     }
     with writable(folder):
         record.write_csv(folder / TRAJECTORY)
         digest = scene_digest((folder / TRAJECTORY).read_text(encoding="utf-8"))
-        write_status(folder, record.info | info | outcome | {"trajectory_sha256": digest})
-    return Record.load(folder)
+        found_out = record.info | info | outcome | {"trajectory_sha256": digest}
+        write_status(folder, found_out)
+    return replace(record, scene=scene, info=found_out, folder=folder)
+
+
+def _all_seconds(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return ``wall_seconds`` of all runs together."""
+    together: dict[str, Any] = {}
+    for run in runs:
+        together = wall_seconds(together, run["wall_seconds"].get("phases", {}))
+    return together
 
 
 def _worst(found: dict[str, float]) -> str:

@@ -1,17 +1,27 @@
 """How a command begins and ends: its standard streams, its errors in one line, its exit status."""
 
 import argparse
+import gc
 import io
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 
-from granular_lmp.cli.output import remark
+from granular_lmp.cli.output import remark, say_profile
 from granular_lmp.cli.parser import parsers
 from granular_lmp.errors import GranularError, RunFolderError
+from granular_lmp.runs.phases import collected
 
 _STDERR = 2  # its descriptor
+
+
+def program() -> int:
+    """Run the command of this process; returns its exit status."""
+    status = main()
+    gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
+    return status
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -19,11 +29,17 @@ def main(argv: list[str] | None = None) -> int:
     _open_streams()
     # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    started = time.perf_counter()
     try:
         options = parsers()[0].parse_args(argv)
         _refuse_deleted_folder()
         command: Callable[[argparse.Namespace], int] = options.command
-        return command(options)
+        with collected() as seconds:
+            try:
+                return command(options)
+            finally:
+                if options.profile:
+                    say_profile(seconds, time.perf_counter() - started)
     except GranularError as error:
         remark(f"granular-lmp: error: {error.in_options()}")
         return error.exit_status

@@ -1,9 +1,10 @@
 """What a command prints: its answer on standard output; notes, warnings and the progress bar on standard error."""
 
 import json
+import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -31,6 +32,19 @@ def remark(line: str, end: str = "\n") -> None:
     """Write a line beside the answer; it is dropped where it cannot be written, for it is no reason to stop."""
     with suppress(OSError):
         print(line, end=end, file=sys.stderr, flush=True)
+
+
+def say_profile(seconds: Mapping[str, float], total: float) -> None:
+    """Write the wall seconds of each phase beside the answer, in the order in which they began, and what is left.
+
+    The processor seconds are those of this process since the system started it, and of programs that it ran.
+    """
+    rest = {"rest": total - sum(seconds.values()), "total": total}
+    for name, spent in {**seconds, **rest}.items():
+        remark(f"{name:13}{spent:9.4f} s")
+    used = os.times()
+    own, programs = used.user + used.system, used.children_user + used.children_system
+    remark(f"processor    {own:9.4f} s, and {programs:.4f} s of programs")
 
 
 @contextmanager

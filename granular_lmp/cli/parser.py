@@ -15,6 +15,9 @@ def parsers() -> "tuple[argparse.ArgumentParser, Commands[argparse.ArgumentParse
         epilog="SCENE is a TOML file, a folder that holds scene.toml, or the name of a folder of lammps_inputs.",
     )
     parser.add_argument("--version", action="version", version=f"granular-lmp {__version__}")
+    parser.add_argument(
+        "--profile", action="store_true", help="before COMMAND: say on standard error where its time went, by phase"
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for group in (scene_commands, run_commands, study_commands, view_commands, machine_commands):
         group.add_to(commands)

@@ -15,6 +15,7 @@ from granular_lmp.cli.arguments import (
     scene_of,
 )
 from granular_lmp.cli.output import interruptible, remark, say
+from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
     from granular_lmp.runs.record import Record
@@ -39,9 +40,10 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
 
 def _run(options: Options) -> int:
-    from granular_lmp.accuracy.tolerance import run
-
-    scene = scene_of(options)
+    with phase("imports"):
+        from granular_lmp.accuracy.tolerance import run
+    with phase("scene"):
+        scene = scene_of(options)
     folder = options.output or f"runs/{scene.name}"
     launcher = "lmp" if options.lmp else "module"
     with interruptible() as progress:
@@ -50,7 +52,8 @@ def _run(options: Options) -> int:
 
 
 def _resume(options: Options) -> int:
-    from granular_lmp.accuracy.tolerance import resume
+    with phase("imports"):
+        from granular_lmp.accuracy.tolerance import resume
 
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)

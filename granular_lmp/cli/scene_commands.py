@@ -14,6 +14,8 @@ from granular_lmp.cli.arguments import (
 )
 from granular_lmp.cli.output import say, say_json
 
+WORTH_RANKS = 10_000  # spheres from which several ranks were measured
+
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
@@ -102,6 +104,11 @@ def _check(options: Options) -> int:
     say(f"spheres   {found.spheres}")
     say(f"steps     {found.steps}{runs}; {found.records} records, {found.snapshots} snapshots")
     say(f"time      {seconds}{found.basis}")
+    for ranks, how in ((4, ""), (64, ", extrapolated")):
+        bounds = found.on(ranks)
+        if bounds and found.spheres >= WORTH_RANKS:
+            say(f"{f'on {ranks}':10}{bounds[0]:.2g} to {bounds[1]:.2g} s{how}")
+    say(f"restart   a checkpoint about every {found.checkpoint:.3g} minutes")
     say(f"memory    about {found.memory / 1e6:.0f} MB")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")
     say(f"guards    {', '.join(problem.guards) or 'none'}")

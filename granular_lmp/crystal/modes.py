@@ -313,15 +313,20 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
 
 
+@lru_cache(maxsize=4)  # the effects of one scene ask five times
 def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
-    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is.
+    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is. The
+    arrays are read-only.
     """
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
     normal = moved * (contacts.normals[:, :2] @ shape)
-    return normal, moved * (contacts.tangents[:, 0, :2] @ shape) - 2 * np.cos(half_phase) * mode.f
+    shear = moved * (contacts.tangents[:, 0, :2] @ shape) - 2 * np.cos(half_phase) * mode.f
+    for each in (normal, shear):
+        each.setflags(write=False)
+    return normal, shear
 
 
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
@@ -330,6 +335,7 @@ def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
     return rows @ np.array([mode.ux, mode.uy, mode.f])
 
 
+@lru_cache(maxsize=64)  # the same for all runs of a sweep
 def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> float:
     """Return the highest frequency of a lattice, rad/t0: velocity Verlet is stable for Δτ < 2/Ω.
 

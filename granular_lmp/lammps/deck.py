@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import contact, guards
+from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
@@ -32,8 +32,6 @@ from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
-
-CHECKPOINT_INTERVAL = 1e8  # spheres times steps: half a minute on one core
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,6 +213,7 @@ variable duration  index <duration>  # tau
 variable data      index data.<name>
 variable dump      index <dump>
 <particles_variables>
+variable checkpoint index <checkpoint_steps>  # steps between checkpoints, here for one core
 if "<refused>" then "print 'ERROR: this deck is of one wave in one lattice: <names> is no variable of it'" "quit 1"
 print "<said>"
 
@@ -308,8 +307,8 @@ _GUARDS = """\
 <guards>"""
 
 _RECORD = """\
-# --- record of the centre sphere, all digits; a checkpoint every <checkpoint> particle-steps
-restart      <checkpoint_steps> <checkpoints>
+# --- record of the centre sphere, all digits; a checkpoint about every <checkpoint> minutes
+restart      ${checkpoint} <checkpoints>
 group        centre id <centre>
 <read_angle>
 dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
@@ -407,7 +406,6 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
     """Return the contents of the slots: the lines of the effects, and the numbers of the scene."""
     scene = problem.scene
     sphere, time = scene.sphere, scene.time
-    lines = guards.line_interval(scene)
     all_seen = scene.output.particles > 0
     plain = {
         "title": _title(scene),
@@ -426,9 +424,8 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "dump": DUMP,
         "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen else "centre",
-        "checkpoint": f"{CHECKPOINT_INTERVAL:.0e}",
-        # Checkpoints coincide with lines of the thermo table, so that no look falls between the two
-        "checkpoint_steps": str(ceil(CHECKPOINT_INTERVAL / scene.shape.spheres / lines) * lines),
+        "checkpoint": f"{minutes_between(scene):.3g}",
+        "checkpoint_steps": str(steps_between(scene)),
         "checkpoints": " ".join(CHECKPOINTS),
         "along_x": "p" if scene.lattice.endless_rows else "f",
         "columns": str(scene.shape.columns),

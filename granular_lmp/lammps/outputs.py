@@ -1,10 +1,12 @@
 """The files of a run folder: their names, and how to read and mend the dumps and logs of LAMMPS."""
 
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
+from math import isfinite
 from pathlib import Path
 from typing import TextIO
 
@@ -31,6 +33,8 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
+LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
+_SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
 
 
 @contextmanager
@@ -131,7 +135,30 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
     RunFolderError
         As `read_dump`.
     """
-    return {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: not a LAMMPS dump: {error}") from error
+    even = _even_table(text)
+    return even or {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
+
+
+def _even_table(dump: str) -> dict[str, NDArray[np.float64]] | None:
+    """Return what `read_centre` does, faster; None unless all snapshots are whole and of one sphere."""
+    *lines, end = dump.split("\n")
+    length = _LINES_BEFORE_ATOMS + 1
+    heads = [set(lines[at::length]) for at in (0, 3, 8)]
+    if end or len(lines) % length or heads[:2] != [{_SNAPSHOT.decode().strip()}, {"1"}] or len(heads[2]) != 1:
+        return None
+    names, rows = heads[2].pop().split()[2:], [line.split() for line in lines[length - 1 :: length]]
+    if names not in DUMP_COLUMNS or {*map(len, rows)} != {len(names)}:
+        return None
+    try:
+        values = np.fromiter(map(float, chain.from_iterable(rows)), dtype=float).reshape(-1, len(names))
+        steps = np.fromiter(map(int, lines[1::length]), dtype=float)
+    except ValueError:
+        return None
+    return {"step": steps} | dict(zip(names, values.T, strict=True))
 
 
 @dataclass(frozen=True)
@@ -208,12 +235,32 @@ def mend_log(path: str | Path) -> None:
     os.truncate(path, text.rfind(b"\n") + 1)
 
 
-def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
-    """Return the thermo table of the last run in a LAMMPS log by column name, and the seconds of its time loop.
+@dataclass(frozen=True)
+class RunLog:
+    """What a LAMMPS log says of its last run.
+
+    Attributes
+    ----------
+    table : dict of str to array
+        Thermo table by column.
+    loop : float
+        Wall seconds of the time loop; nan if none has ended.
+    sections : dict of str to float
+        The same by LAMMPS's own sections, ``loop.pair`` to ``loop.other``, on average of the ranks; empty if no time
+        loop has ended.
+    """
+
+    table: dict[str, NDArray[np.float64]]
+    loop: float
+    sections: dict[str, float]
+
+
+def read_log(path: str | Path) -> RunLog:
+    """Read a LAMMPS log.
 
     Runs with the same columns (a run and its continuations) form one table, in which the step of a checkpoint stands
-    twice: with the extremes before it, and with those after it. The seconds are nan if no time loop has ended. An
-    incomplete last line is left out.
+    twice: with the extremes before it, and with those after it. Their seconds add up. An incomplete last line is left
+    out.
 
     Raises
     ------
@@ -224,11 +271,11 @@ def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
     seconds: dict[tuple[str, ...], float] = {}
     names: tuple[str, ...] = ()
     try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").split("\n")[:-1]
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     inside = False
-    for line in lines:
+    for line in text.split("\n")[:-1]:
         words = line.split()
         if words[:1] == ["Step"]:
             names, inside = tuple(words), True
@@ -246,4 +293,12 @@ def read_log(path: str | Path) -> tuple[dict[str, NDArray[np.float64]], float]:
             tables[names].append(row)
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
-    return dict(zip(names, table.T, strict=True)), seconds.get(names, float("nan"))
+    loop = seconds.get(names, float("nan"))
+    return RunLog(dict(zip(names, table.T, strict=True)), loop, _sections(text, loop) if isfinite(loop) else {})
+
+
+def _sections(log: str, loop: float) -> dict[str, float]:
+    sections = dict.fromkeys(LOOP_SECTIONS, 0.0)
+    for name, seconds in _SECTION.findall(log):  # the preload of one step has none
+        sections[f"loop.{name.lower()}"] += float(seconds)
+    return sections | {"loop.other": loop - sum(sections.values())}

@@ -18,11 +18,12 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.lammps.deck import Deck, deck_of, said_variables, written_text
-from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, replace_text, writable
+from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import Job, execute
-from granular_lmp.runs.manifest import description
+from granular_lmp.runs.launch import Job, execute, mend
+from granular_lmp.runs.manifest import description, wall_seconds
+from granular_lmp.runs.phases import collected
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
@@ -93,15 +94,12 @@ def adopt(
         raise RunFolderError(f"{dump}: missing; the record is made from it")
     _refuse_other_beginning(source, dump.name, problem)
     deck = _deck(source, declared, problem)
-    _, loop = read_log(source / LOG)  # all of the time that is known
-    info = description(deck, "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
-    info["wall_seconds"] = {"total": loop}
+    info = description(deck, deck.edits(), "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
+    info["wall_seconds"] = wall_seconds({}, read_log(source / LOG).sections)  # all of the time that is known
     place = Path(folder or f"runs/{declared.name}").absolute()
     with locked(place, make=True, force=force) as lock:
         clear(place)
-        deck.write(place, force=True)
-        with writable(place):
-            replace_text(place / SCENE, deck.scene.to_toml())
+        write_files(place, {**deck.files(), SCENE: [deck.scene.to_toml()]})
 
         def copy(job: Job) -> None:
             with writable(place):
@@ -110,8 +108,10 @@ def adopt(
                 for name, there in {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts"}.items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)
+            mend(place)
 
-        return execute(deck, Job(place, deck.input_name, LOG, lock, lambda step: None), copy, info)
+        with collected() as seconds:
+            return execute(deck, Job(place, deck.input_name, LOG, lock, lambda step: None), copy, info, seconds)
 
 
 def _scene(source: Path) -> Scene:

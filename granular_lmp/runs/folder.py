@@ -90,12 +90,12 @@ def clear(folder: Path) -> None:
         if (folder / name).exists():
             raise RunFolderError(f"{folder}: holds {study} ({name}); choose another folder")
     deck = [pattern.format(name) for name in _scene_name(folder) for pattern in _DECK]
+    written = {name + end for name in (*deck, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
     with writable(folder):
-        for name in (*deck, *_FILES):
-            (folder / name).unlink(missing_ok=True)
-            (folder / f"{name}.part").unlink(missing_ok=True)  # a draft that a killed run left
-        for inner in folder.glob(f"*{PER_SAMPLE}"):
-            if re.fullmatch(rf"\d+{PER_SAMPLE}", inner.name) and inner.is_dir() and not inner.is_symlink():
+        for inner in [*folder.iterdir()]:
+            if inner.name in written:
+                inner.unlink()
+            elif re.fullmatch(rf"\d+{PER_SAMPLE}", inner.name) and inner.is_dir() and not inner.is_symlink():
                 clear(inner)
                 if not any(inner.iterdir()):
                     inner.rmdir()

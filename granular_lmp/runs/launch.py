@@ -5,9 +5,9 @@ record is the same to the last bit.
 """
 
 import os
-import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import nan
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -21,6 +21,7 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.outputs import (
@@ -31,22 +32,24 @@ from granular_lmp.lammps.outputs import (
     SCENE,
     SNAPSHOTS,
     STATUS,
+    RunLog,
     mend_dump,
     mend_log,
     read_log,
-    replace_text,
     writable,
     write_files,
 )
 from granular_lmp.problem import prepare
-from granular_lmp.runs.agreement import refuse_other_scene
+from granular_lmp.runs.agreement import Signals, refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.manifest import description, outcome, triggered
+from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
+from granular_lmp.runs.phases import Seconds, collected, phase, split
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
+Judge = Callable[[Record], dict[str, Any]]
 LAUNCHERS = ("module", "lmp")
 
 
@@ -78,29 +81,37 @@ class Options:
         return self.launcher == "lmp" or self.ranks > 1
 
 
-def launch(deck: Deck, folder: str | Path, options: Options) -> Record:
-    """Run a deck in `folder`, which is created, and return the record of the centre sphere.
+def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judge | None = None) -> Record:
+    """Run the deck of a scene with a time step, or a deck, in `folder`, which is created, and return its record.
+
+    `judge` returns more entries of ``run.json`` from the record of a run that did not fail.
 
     Raises
     ------
-    RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
+    SceneError, RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
         As in `granular_lmp.run`.
     """
-    # Missing programs and libraries are reported before a file is written
-    route = route_of(options.program, options.ranks)
-    info = description(deck, "lmp" if options.program else "module", options.ranks)
-    folder = Path(folder).absolute()
-    with locked(folder, make=True, force=options.force) as lock:
-        clear(folder)
-        deck.write(folder, force=True)
-        with writable(folder):
-            replace_text(folder / SCENE, deck.scene.to_toml())  # the scene of a run has every "auto" decided
-        job = Job(folder, deck.input_name, LOG, lock, _step_reporter(options.progress, deck.scene), _columns(deck))
-        return execute(deck, job, route, info)
+    with collected() as seconds:
+        with phase("build"):
+            deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
+            info = description(deck, edits, "lmp" if options.program else "module", options.ranks)
+        # Missing programs and libraries are reported before a file is written
+        route = route_of(options.program, options.ranks)
+        folder = Path(folder).absolute()
+        with locked(folder, make=True, force=options.force) as lock:
+            with phase("write"):
+                clear(folder)
+                # The scene of a run has every "auto" decided
+                write_files(folder, {**deck.files(), SCENE: [deck.scene.to_toml()]})
+            report = _step_reporter(options.progress, deck.scene)
+            job = Job(folder, deck.input_name, LOG, lock, report, _columns(deck), _on_ranks(deck, options.ranks))
+            return execute(deck, job, route, info, seconds, judge)
 
 
-def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
+def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge | None = None) -> Record:
     """Continue an interrupted or killed run from its last checkpoint on the same route and ranks.
+
+    `judge` is that of `launch`.
 
     Raises
     ------
@@ -117,7 +128,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """
     folder = Path(folder).absolute()
     read_status(folder)  # raises if the folder holds no run
-    with locked(folder) as lock:
+    with collected() as seconds, locked(folder) as lock:
         info = read_status(folder)
         if info.get("status") == "finished":
             raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
@@ -128,7 +139,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         if "edited" in info:
             raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
         refuse_other_scene(folder, info)
-        deck = deck_of(prepare(Scene.load(folder / SCENE)))
+        with phase("build"):
+            deck = deck_of(prepare(Scene.load(folder / SCENE)))
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
@@ -137,11 +149,12 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-            _mend(folder)
+            mend(folder)
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
-        job = Job(folder, name, "none", lock, _step_reporter(progress, deck.scene), _columns(deck))
-        return execute(deck, job, route, info)
+        report = _step_reporter(progress, deck.scene)
+        job = Job(folder, name, "none", lock, report, _columns(deck), _on_ranks(deck, info["ranks"]))
+        return execute(deck, job, route, info, seconds, judge)
 
 
 def _how_to_continue(folder: Path) -> str:
@@ -202,59 +215,86 @@ def _columns(deck: Deck) -> tuple[str, ...]:
     return tuple(columns(deck.problem.guards, deck.scene))
 
 
-def execute(deck: Deck, job: Job, route: Route, info: dict[str, Any]) -> Record:
-    """Run an input in its folder, collect its record, and write the outcome to ``run.json``."""
-    folder, started = job.folder, time.perf_counter()
-    with writable(folder):
+def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
+    """Return the words that override what a deck says for one rank."""
+    return () if ranks == 1 else ("-var", "checkpoint", str(steps_between(deck.scene, ranks)))
+
+
+def execute(
+    deck: Deck, job: Job, route: Route, info: dict[str, Any], seconds: Seconds, judge: Judge | None = None
+) -> Record:
+    """Run an input in its folder, collect its record, and write the outcome to ``run.json``.
+
+    `seconds` collects the phases of the run (`granular_lmp.runs.phases`); all that was collected so far belongs to it.
+    """
+    folder = job.folder
+    with phase("write"), writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     failure: BaseException | None = None
     try:
-        route(job)
+        with phase("deck"):  # the route times the start of LAMMPS, and the log the loop
+            route(job)
     except KeyboardInterrupt:
         failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {_how_to_continue(folder)}")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         failure = error
     try:
-        with writable(folder):
-            record = _collect(folder, deck.scene)
-        info = info | outcome(folder, record, time.perf_counter() - started, info)
-        failure = failure or _defect(record, job, list(info["guards"]))
+        with phase("read"), writable(folder):
+            record = _collect(folder, deck.scene, stopped=failure is not None or job.log != LOG)
+            log = read_log(folder / LOG) if (folder / LOG).exists() else RunLog({}, nan, {})
+            found = outcome(folder, record, log.table, info)
+            failure = failure or _defect(record, log.table, job, list(found["guards"]))
+        before = info.get("wall_seconds", {})
+        split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
+        info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
         messages = triggered(info)
         if messages and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(messages)}")
+        if judge is not None and failure is None:
+            info |= judge(record)
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
+    info = info | {"status": status, "message": str(failure or "")}
     with writable(folder):
-        write_status(folder, info | {"status": status, "message": str(failure or "")})
+        write_status(folder, info)
     if failure is not None:
         raise failure
     job.report_step(deck.scene.time.steps)
     for name in (*CHECKPOINTS, CONTACTS):  # contacts are kept only if they failed the run
         (folder / name).unlink(missing_ok=True)
-    return Record.load(folder)
+    return replace(record, info=info)
 
 
-def _collect(folder: Path, scene: Scene) -> Record:
-    """Return the record of a run, finished or not, and write it to ``trajectory.csv``."""
+def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
+    """Return the record of a run, finished or not, and write it to ``trajectory.csv``.
+
+    Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read them.
+    """
     if not (folder / DUMP).exists():
         empty = np.empty(0)
         return Record(empty, empty, empty, empty, scene, folder=folder)
-    _mend(folder)
     try:
-        record = Record.from_dump(folder, scene)
+        record = None if stopped else Record.from_dump(folder, scene)
+    except RunFolderError:
+        record = None
+    try:
+        if record is None:
+            mend(folder)
+            record = Record.from_dump(folder, scene)
     except RunFolderError as error:
         raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
     record.write_csv(folder / TRAJECTORY)
     return record
 
 
-def _mend(folder: Path) -> None:
+def mend(folder: Path) -> None:
+    """Mend the dumps of a run folder: `mend_dump`."""
     for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS))):
         mend_dump(path)
 
 
-def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
+def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> LammpsError | None:
     """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
@@ -263,12 +303,10 @@ def _defect(record: Record, job: Job, guards: list[str]) -> LammpsError | None:
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
-    table, _ = read_log(job.folder / LOG)
-    time_ = record.scene.time
-    looks = np.append(np.arange(0, time_.steps, line_interval(record.scene)), time_.steps)
-    missed = np.setdiff1d(looks, table.get("Step", []))
+    steps = record.scene.time.steps
+    missed = sorted({*range(0, steps, line_interval(record.scene)), steps} - {*table.get("Step", ())})
     absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
-    if len(missed) or absent:
-        lack = f"step {missed[0]}" if len(missed) else f"the guard {absent[0]}"
+    if missed or absent:
+        lack = f"step {missed[0]}" if missed else f"the guard {absent[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
     return None

@@ -1,6 +1,7 @@
 """The contents of ``run.json``: the description of a run before its start, and its outcome."""
 
 import platform
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,16 @@ from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
-from granular_lmp.lammps.outputs import LOG, read_log
+from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS
 from granular_lmp.problem import Problem
-from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.agreement import Signals, scene_digest
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import CrystalAtRest
 from granular_lmp.scene.scene import Scene
 
 
-def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
-    """Return the entries of ``run.json`` that are known before the run."""
+def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
+    """Return the entries of ``run.json`` that are known before the run; `edits` are those of the deck."""
     problem, scene, sphere, time_ = deck.problem, deck.scene, deck.scene.sphere, deck.scene.time
     return {
         "name": scene.name,
@@ -43,7 +44,7 @@ def description(deck: Deck, launcher: str, ranks: int) -> dict[str, Any]:
         "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
-        **({"edited": edits} if (edits := deck.edits()) else {}),
+        **({"edited": edits} if edits else {}),
     }
 
 
@@ -71,13 +72,19 @@ def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
     }
 
 
-def outcome(folder: Path, record: Record, seconds: float, before: dict[str, Any]) -> dict[str, Any]:
-    """Return the entries of ``run.json`` after the run, or after a part of it that continues the one in `before`."""
-    table, loop = read_log(folder / LOG) if (folder / LOG).exists() else ({}, float("nan"))
-    total = seconds + before.get("wall_seconds", {}).get("total", 0.0)
+def wall_seconds(before: Mapping[str, Any], phases: Mapping[str, float]) -> dict[str, Any]:
+    """Return ``wall_seconds`` of ``run.json`` from the phases of a run, or of a part that continues one in `before`."""
+    earlier = before.get("phases", {})
+    both = {name: earlier.get(name, 0.0) + phases.get(name, 0.0) for name in [*earlier, *phases]}
+    total = before.get("total", 0.0) + sum(phases.values())
+    loop = sum(both[name] for name in LOOP_SECTIONS) if set(LOOP_SECTIONS) <= set(both) else None
+    return {"total": total, "loop": loop, "other": None if loop is None else total - loop, "phases": both}
+
+
+def outcome(folder: Path, record: Record, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
+    """Return the entries of ``run.json`` after the run from its record and its thermo table."""
     return {
         "samples": len(record.tau),
-        "wall_seconds": {"total": total, "loop": _finite(loop), "other": _finite(total - loop)},
         "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
         # Extremes over all spheres, also those that cannot affect the record
         "elsewhere": {

@@ -24,6 +24,7 @@ from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, Ru
 from granular_lmp.lammps.guards import words_between_runs
 from granular_lmp.lammps.installation import lammps_module, lmp_command
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
+from granular_lmp.runs.phases import phase
 
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
@@ -49,6 +50,8 @@ class Job:
         Callback for progress, called with the time step.
     columns : tuple of str
         Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
+    variables : tuple of str
+        Words that override variables of the deck: ``-var``, name, value.
     """
 
     folder: Path
@@ -57,11 +60,12 @@ class Job:
     lock: int
     report_step: Callable[[int], None]
     columns: tuple[str, ...] = ()
+    variables: tuple[str, ...] = ()
 
     @property
     def switches(self) -> list[str]:
         """Command-line switches for the program and the module."""
-        return ["-log", self.log, "-screen", "none", "-nocite"]
+        return ["-log", self.log, "-screen", "none", "-nocite", *self.variables]
 
 
 Route = Callable[[Job], None]
@@ -94,13 +98,15 @@ def route_of(program: bool, ranks: int) -> Route:
     files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
         raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
-    return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
+    with phase("start"):
+        return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
 
 
 def _run_module(module: Any, job: Job) -> None:
     with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
         try:
-            instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
+            with phase("start"):
+                instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
         except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
             raise LammpsMissingError(
                 f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
@@ -223,10 +229,9 @@ def _stop(process: "subprocess.Popen[str]") -> None:
 
 def _step_in_log(folder: Path) -> int | None:
     try:
-        table, _ = read_log(folder / LOG)
+        steps = read_log(folder / LOG).table.get("Step")
     except RunFolderError:
         return None
-    steps = table.get("Step")
     return int(steps[-1]) if steps is not None and len(steps) else None
 
 

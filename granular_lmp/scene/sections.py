@@ -204,6 +204,15 @@ class Output:
     """Output of a run in addition to the record of the centre sphere."""
 
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
+    checkpoint: float | Auto = number(
+        "minutes",
+        "between two checkpoints; auto: they take 1 % of the run at most",
+        0,
+        1e5,
+        open_low=True,
+        words=(AUTO,),
+        default=AUTO,
+    )
 
 
 # The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the

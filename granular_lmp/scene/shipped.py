@@ -1,14 +1,13 @@
 """The scenes, collisions and decks that come with the package."""
 
 import tomllib
-from importlib.resources import files
 from pathlib import Path
 from shutil import copytree
 
 from granular_lmp.errors import RunFolderError
 
 # In a checkout this is a link to the folder beside the package. It is a path because LAMMPS opens files by name
-SHIPPED = Path(str(files("granular_lmp") / "lammps_inputs"))
+SHIPPED = Path(__file__).parents[1] / "lammps_inputs"
 
 
 def copy_shipped(folder: str | Path) -> list[str]:

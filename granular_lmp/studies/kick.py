@@ -102,7 +102,7 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     dump = " ".join([SHEET_DUMP, *SHEET_COLUMNS])
     text = _INPUT_TEXT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
     run_files(folder, deck.files() | {SCENE: [scene.to_toml()], INPUT: [text]}, INPUT, force=force)
-    log = read_log(folder / LOG)[0]
+    log = read_log(folder / LOG).table
     for column, limit, what in _LINEAR:
         if log.get(column, np.zeros(1)).max() >= limit:
             raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")

@@ -39,13 +39,13 @@ def table_of(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> li
     return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
 
 
-def refuse_other_point(folder: Path) -> None:
+def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
     """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
 
-    A scene that cannot be read is left to `Record.load`.
+    `scene` is that scene if it has been read. One that cannot be read is left to `Record.load`.
     """
     try:
-        scene = Scene.load(folder / SCENE)
+        scene = scene or Scene.load(folder / SCENE)
     except SceneError:
         return
     name = concrete_hash(scene)
@@ -64,15 +64,15 @@ def row_of(folder: Path) -> Point:
     RunFolderError
         When it holds the run of another scene: to run it again would destroy that.
     """
-    info = info_of(folder)
+    info, record = info_of(folder), None
+    if info.get("status") == "finished":
+        try:
+            record = Record.load(folder)
+        except GranularError as error:  # its files are damaged
+            info |= {"status": "failed", "message": str(error)}
     if info:
-        refuse_other_point(folder)
-    if info.get("status") != "finished":
-        return summary_of(info, None)
-    try:
-        return summary_of(info, Record.load(folder))
-    except GranularError as error:  # its files are damaged
-        return summary_of(info | {"status": "failed", "message": str(error)}, None)
+        refuse_other_point(folder, record.scene if record else None)
+    return summary_of(info, record)
 
 
 def summary_of(info: dict[str, Any], record: Record | None) -> Point:

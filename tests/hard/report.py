@@ -22,7 +22,7 @@ Tested elsewhere: restart and ranks in `tests/test_launch.py`, contact law and c
 input, broken decks, kills, full disks and honest status in `tests/hard/test_*.py`.
 
 Two limits are known: `**` as a word of a deck aborts LAMMPS itself, and the process with it (an uncaught `std::stol`);
-and a run that is killed before its first checkpoint, at 1e8 particle-steps, starts anew.
+and a run that is killed before its first checkpoint, by default after about half a minute, starts anew.
 
 Units: lengths in D0, times in τ; spheres of the paper. "The works" is what the secant law, which has no potential, and
 LAMMPS's lever arm do on the wave (`tests/hard/ledger.py`).

@@ -18,10 +18,10 @@ import pytest
 from analysis import compare
 from analysis.figures import figure3
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, LammpsError, RunFolderError
+from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, STATUS
 from granular_lmp.problem import Problem
@@ -51,7 +51,7 @@ def broken(monkeypatch: pytest.MonkeyPatch, scene: Scene, *edits: Edit) -> None:
             text = text.replace(old, new)
         return replace(deck, input_text=text)
 
-    monkeypatch.setattr(tolerance, "deck_of", edited)
+    monkeypatch.setattr(launch, "deck_of", edited)
 
 
 def one_line(capsys: pytest.CaptureFixture[str]) -> str:
@@ -160,7 +160,7 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
 
     fails_at("description")  # before the folder is touched
     assert {path: path.read_bytes() for path in (tmp_path / "run").iterdir()} == before
-    for step in ("replace_text", "execute"):  # while the deck is written, and when the run begins
+    for step in ("write_files", "execute"):  # while the deck is written, and when the run begins
         fails_at(step)
         refused(tmp_path / "run")
 
@@ -318,20 +318,14 @@ def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
 # --- a run killed ---
 
 Reached = Callable[[Path], bool]
-OFTEN = """
-import sys
-from granular_lmp.lammps import deck
-deck.CHECKPOINT_INTERVAL = 24 * 997
-from granular_lmp.cli import main
-sys.exit(main({words!r}))
-"""
+COMMAND = "import sys\nfrom granular_lmp.cli import main\nsys.exit(main({words!r}))"
 # 40 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
-WHOLE: dict[str, Any] = {"time.duration": 2000.0, "time.sample": 0.5}
+WHOLE: dict[str, Any] = {"time.duration": 2000.0, "time.sample": 0.5, "output.checkpoint": 24 * 997 / SPEED / 60}
 
 
 def run_and_kill(scene: Path, folder: Path, reached: Reached, *route: str) -> None:
     """A run killed, with the LAMMPS that it started, as soon as something is so of its folder."""
-    command = [sys.executable, "-c", OFTEN.format(words=["run", str(scene), "-o", str(folder), *route])]
+    command = [sys.executable, "-c", COMMAND.format(words=["run", str(scene), "-o", str(folder), *route])]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         while not reached(folder) and process.poll() is None:
             time.sleep(0.001)
@@ -422,7 +416,6 @@ def test_a_run_killed_after_a_checkpoint_is_not_finished_and_resumes_to_the_same
 
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
-    monkeypatch.setattr("granular_lmp.lammps.deck.CHECKPOINT_INTERVAL", 24 * 997)
     broken(monkeypatch, scene, (END, "run 10000"))
     with pytest.raises(LammpsError, match="1001 records instead of 4001"):
         run(scene, folder)
