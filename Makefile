@@ -10,6 +10,7 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
+# make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -30,7 +31,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves gallery test processors stability guards impact cost bench scale \
+.PHONY: paper figures spectrum dispersion waves gallery test processors stability guards impact witness cost bench scale \
     decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -173,3 +174,11 @@ rooms: .venv/ready
 
 clean:
 	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+
+# A sheet whose radii spread by 0.2 static overlaps
+witness: .venv/ready
+	$(BIN)/granular-lmp sweep tr_periodic -o runs/witness --force --over time.timestep=0.4,0.2,0.1,0.05 \
+	    --set packing.rows=100 --set packing.columns=100 --set wave.wavenumber=0.8168140899 --set wave.amplitude=0.05 \
+	    --set disorder.radius=5e-5 --set disorder.density=0.1 --set disorder.vacancies=0.01 \
+	    --set time.duration=20 --set time.sample=10 --set output.particles=10
+	$(BIN)/python -m analysis.figures.witness runs/witness -o figures/witness.png
