@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.compare import notes
+from analysis.compare import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import DeckError, RunFolderError
@@ -63,8 +63,10 @@ def test_a_run_of_an_edited_deck_is_another_run_and_says_so(small: Scene, tmp_pa
     assert np.abs(pushed.q - plain.q).max() > 0
     assert "edited" not in plain.info
     assert pushed.info["edited"] == [f"+ {PUSH}"]
-    assert any("its deck was edited, which no theory knows of; lines that differ: 1" in note for note in notes(pushed))
-    assert not any("edited" in note for note in notes(plain))
+    assert any(
+        "its deck was edited, which no theory knows of; lines that differ: 1" in note for note in compare(pushed).notes
+    )
+    assert not any("edited" in note for note in compare(plain).notes)
 
 
 def test_an_edited_run_is_not_resumed_without_its_edits(small: Scene, tmp_path: Path) -> None:

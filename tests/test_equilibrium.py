@@ -368,7 +368,7 @@ def moved_in_lammps(crystal: ase.Atoms, folder: Path, tau: float) -> float:
             comm_modify vel yes
             read_data {data}
             neighbor 50.0 bin
-            {contact.pair({(0, 0): contact.model(SILICA, NANO, friction=1.0)})}
+            {contact.pair(contact.model(SILICA, NANO, friction=1.0))}
             compute moved all displace/atom
             fix plane all enforce2d
             fix move all nve/sphere disc

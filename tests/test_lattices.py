@@ -415,7 +415,7 @@ def test_a_run_moves_as_the_network_to_the_error_of_its_step(lattice: str, mode:
     scene = scene_of(lattice, mode, wave__amplitude=0.2, output__particles=5.0)
     scene = scene.with_values({f"effects.{name}": True for name in ("shear", "rotation", "tracking")})
     _, folder = record_of(scene)
-    network, state = read_network(folder / "dump.particles", 0.0022, Material(73e3, 0.17, 63.0))  # units nano
+    network, state = read_network(folder / "dump.particles", [Material(73e3, 0.17, 63.0)], density=0.0022)  # units nano
     assert np.isinf(network.cell[0]) == (lattice == "chain")
     times = scene.sphere.time_scale * 1e9 * scene.time.sample * np.arange(scene.time.samples + 1)
     centre = scene.shape.centre_row * scene.shape.columns + scene.shape.columns // 2

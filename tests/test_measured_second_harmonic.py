@@ -138,9 +138,9 @@ def test_the_points_of_the_spectrum_are_written_as_numbers(swept: Sweep, tmp_pat
     assert spectrum_main([str(swept.folder), "-o", str(tmp_path / "s.png"), "--csv", str(csv_path)]) == 0
     with csv_path.open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [(row["mode"], float(row["wavenumber"])) for row in rows] == sorted(
+    assert [(row["wave.mode"], float(row["wave.wavenumber"])) for row in rows] == sorted(
         (row["wave.mode"], row["wavenumber_used"]) for row in swept.rows
     )
     for row in rows:
-        ratio = float(row["amplitude"]) / float(row["theory"])
+        ratio = float(row["generated"]) / float(row["theory"])
         assert ratio - 1 == pytest.approx(float(row["deviation"]), abs=1e-14)

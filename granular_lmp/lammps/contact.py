@@ -105,14 +105,19 @@ def _rolling(units: Units, stiffness: float, viscosity: float, friction: float) 
     return f"sds {spring!r} {dashpot!r} {friction!r}"
 
 
-def pair(contacts: Mapping[tuple[int, int], str]) -> str:
+def pair(contact: str) -> str:
+    """Return the commands that give all contacts between spheres a `model`."""
+    return f"pair_style   granular\npair_coeff   * * {contact}"
+
+
+def pairs(contacts: Mapping[tuple[int, int], str]) -> str:
     """Return the commands that give the contacts between materials m ≤ n, counted from 0, each a `model`.
 
     The free spheres of material m have the type 2m + 1, the held ones 2m + 2. LAMMPS's own mixing would give another
     shear modulus (`granular_lmp.crystal.contacts`), so every pair of materials is written out.
     """
     if len(contacts) == 1:
-        return f"pair_style   granular\npair_coeff   * * {contacts[0, 0]}"
+        return pair(contacts[0, 0])
     types = {m: f"{2 * m + 1}*{2 * m + 2}" for _, m in contacts}
     lines = (f"pair_coeff   {types[m]} {types[n]} {contact}" for (m, n), contact in contacts.items())
     return "\n".join(["pair_style   granular", *lines])

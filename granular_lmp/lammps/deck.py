@@ -483,7 +483,7 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
     friction = scene.effects.friction
     centre_row = 1 + np.flatnonzero(problem.crystal.arrays["row"] == scene.shape.centre_row)
     return {
-        "contact": contact.pair(
+        "contact": contact.pairs(
             {
                 (m, n): contact.model(equivalent(materials[m], materials[n]), units, **law)
                 for m, n in combinations_with_replacement(range(len(materials)), 2)

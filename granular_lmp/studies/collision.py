@@ -217,7 +217,7 @@ neighbor     {radius / 10!r} bin
 timestep     {step!r}
 
 # --- contact
-{contact.pair({(0, 0): commands(sphere)})}
+{contact.pair(commands(sphere))}
 {plane}
 # --- motion, and a record of every body with all digits
 fix          move all nve/sphere
