@@ -80,7 +80,7 @@ class Problem:
 
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, and for each effect that is forced off."""
-        return [*self.declared.remarks(), *warnings(self.effects)]
+        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects)]
 
     def stepped(self, scene: Scene) -> "Problem":
         """Return the problem of the same scene with another time step."""

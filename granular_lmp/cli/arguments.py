@@ -82,11 +82,10 @@ def scene_of(options: Options) -> "Scene":
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(changes_of(options))
-    if not scene.perfect:
-        crystal_of(scene, progress_of_rest)
-        if sys.stderr.isatty():
-            remark("\r\033[K", end="")  # wipe the line
-    for note in scene.remarks():
+    crystal = crystal_of(scene, progress_of_rest)
+    if not scene.perfect and sys.stderr.isatty():
+        remark("\r\033[K", end="")  # wipe the line
+    for note in [*scene.remarks(), *crystal.remarks()]:
         remark(f"note: {note}")
     for warning in warnings(select(scene)):
         remark(f"warning: {warning}")

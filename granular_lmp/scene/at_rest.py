@@ -43,6 +43,17 @@ class CrystalAtRest:
     contacts: Contacts
     equilibrium: Equilibrium | None = None
 
+    def remarks(self) -> list[str]:
+        """Return a sentence for spheres that were left out, and for those that touch no other at rest."""
+        if self.equilibrium is None:
+            return []
+        isolated, loose = self.equilibrium.lattice.info["isolated"], self.equilibrium.loose
+        said = {
+            f"{isolated} spheres that vacancies leave without a neighbour are left out": isolated,
+            f"{loose} spheres touch no other at rest, and stay where they are until they are hit": loose,
+        }
+        return [words for words, count in said.items() if count]
+
     @property
     def swiftness(self) -> float:
         """Bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
