@@ -24,6 +24,12 @@ whatever the branches, on the average over angles. With the area A = √3/2 of a
 
 which is q^{d+1} of Rayleigh scattering in d = 2 (Klemens' ω⁴ in d = 3). `long_wave` is the first.
 
+**One heavy sphere** of the mass (and moment of inertia) 1 + ε is solved to all orders: the T matrix of a defect that is
+one site is T = Ω²Mε [1 − G Ω²Mε]⁻¹ with G = (1/N) Σ e' e'†/(Ω'² − Ω² − i0), 3 × 3. By the optical theorem the wave
+loses the flux through a width (the cross-section of two dimensions)
+
+    W = A Im(e†T e)/(Ω |v_g|),        long waves: W → Γ of the above with σ² → ε², 2Γ A/|v_g|.
+
 **Sum over the zone.** δ is a Gaussian of standard deviation `width`, and the principal value its Hilbert transform, so
 the error is of order (width/Ω)², and a sum over a grid whose frequencies are no farther apart than the width is
 converged to rounding. Both are parameters, and tests double them.
@@ -48,6 +54,7 @@ from analysis.theory.directions import branch_index
 from analysis.theory.springs import springs
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 CELL = np.sqrt(0.75)  # area of a sphere's cell, in lattice constants squared
 GRID = 512  # converges widths down to 0.006: 2π(2/√3)/512 times the largest group speed, 0.43
@@ -95,23 +102,72 @@ def scattered(
 
     Raises ValueError for a width that the frequency or the grid does not allow.
     """
+    frequency, mode = _mode(name, wavevector_of(wavenumber, direction), contact)
+    resolvent = _resolvent(frequency, contact, width, grid)
+    _, shapes, norms = _zone(contact, grid)
+    parts = springs(contact).mass * mode * shapes
+    # Of k' and −k' the products of translation and rotation cancel: in the gauge φ = i f their signs are opposite
+    overlap = (parts[..., :2].sum(axis=-1) ** 2 + parts[..., 2] ** 2) / norms
+    energy = frequency**4 * np.mean(overlap * resolvent, axis=0)
+    by_branch = energy.imag / (2 * frequency)
+    return Scattered(frequency, float(by_branch.sum()), by_branch, float(-energy.real.sum() / (2 * frequency)))
+
+
+def impurity_width(
+    name: str,
+    wavenumber: float,
+    mass_ratio: float,
+    contact: Contact,
+    *,
+    direction: float = 90.0,
+    width: float = WIDTH,
+    grid: int = GRID,
+) -> float:
+    """Return the width W, in lattice constants, whose flux one sphere of another density scatters.
+
+    Parameters
+    ----------
+    mass_ratio : of the sphere to the others, positive.
+    name, wavenumber, contact, direction, width, grid : as of `scattered`.
+
+    Raises ValueError for a mass ratio that is not positive, and as `scattered`.
+    """
+    if not 0 < mass_ratio < np.inf:
+        raise ValueError(f"mass_ratio = {mass_ratio!r} must be positive and finite")
     k = wavevector_of(wavenumber, direction)
+    frequency, mode = _mode(name, k, contact)
+    resolvent = _resolvent(frequency, contact, width, grid)
+    _, shapes, norms = _zone(contact, grid)
+    moving = springs(contact).coordinates
+    weights = (resolvent / norms)[..., None] * shapes
+    green = np.einsum("kjc,kjd->cd", weights, shapes)[:moving, :moving] / len(shapes)
+    green[:2, 2:] = green[2:, :2] = 0.0  # as in `scattered`
+    defect = (mass_ratio - 1) * frequency**2 * np.diag(springs(contact).mass[:moving])
+    matrix = defect @ np.linalg.inv(np.eye(moving) - green @ defect)
+    lost = float((mode[:moving] @ matrix @ mode[:moving]).imag)
+    return float(CELL * lost / (frequency * group_speed(name, wavenumber, contact, direction=direction)))
+
+
+def _mode(name: str, k: Floats, contact: Contact) -> tuple[float, Floats]:
+    """Return frequency and shape (3,) with e†Me = 1, in the real gauge."""
     branch = int(branch_index(name, k, contact))
     frequencies, shapes = real_modes(k, springs(contact))
-    frequency, mass = float(frequencies[branch]), springs(contact).mass
+    return float(frequencies[branch]), shapes[branch] / np.sqrt(shapes[branch] ** 2 @ springs(contact).mass)
+
+
+def _resolvent(frequency: float, contact: Contact, width: float, grid: int) -> Complexes:
+    """Return 1/(Ω'² − Ω² − i0) of the modes of the zone, (K, J), with 1/(Ω' − Ω − i0) under a Gaussian.
+
+    That is i√(π/2)/width · w((Ω − Ω')/(√2 width)), with Faddeeva's function w.
+    """
     if not 3.0 / grid <= width <= frequency / 5.0:
         raise ValueError(
             f"width = {width!r} must be from 3/grid = {3.0 / grid:.3g} to a fifth of the wave's frequency, "
             f"{frequency / 5.0:.3g}: finer grids allow smaller widths"
         )
-    others, shapes_of_others, norms = _zone(contact, grid)
-    mode = shapes[branch] / np.sqrt(shapes[branch] ** 2 @ mass)
-    overlap = (shapes_of_others @ (mass * mode)) ** 2 / norms
-    # 1/(Ω' − Ω − i0) under a Gaussian: i√(π/2)/width · w((Ω − Ω')/(√2 width)), Faddeeva's function
-    resolvent = 1j * np.sqrt(np.pi / 2) / width * wofz((frequency - others) / (np.sqrt(2) * width))
-    energy = frequency**4 * np.mean(overlap * resolvent / (others + frequency), axis=0)
-    by_branch = energy.imag / (2 * frequency)
-    return Scattered(frequency, float(by_branch.sum()), by_branch, float(-energy.real.sum() / (2 * frequency)))
+    others, _, _ = _zone(contact, grid)
+    smooth = 1j * np.sqrt(np.pi / 2) / width * wofz((frequency - others) / (np.sqrt(2) * width))
+    return np.asarray(smooth / (others + frequency))
 
 
 @lru_cache(maxsize=2)
@@ -136,6 +192,13 @@ def long_wave(name: str, wavenumber: float, contact: Contact) -> float:
         raise ValueError(f"name = {name!r} must be L or TR: other waves are not long at low frequency")
     frequency = speeds[name] * 2 / np.sqrt(3) * wavenumber
     return float(CELL * frequency**3 * sum(speed**-2 for speed in speeds.values()) / 16)
+
+
+def group_speed(name: str, wavenumber: float, contact: Contact, *, direction: float = 90.0) -> float:
+    """Return |dΩ/dk| along k, in lattice constants per t0; arguments as of `scattered`."""
+    k, step = wavevector_of(wavenumber, direction), 1e-4 * wavevector_of(1.0, direction)
+    above, below = (_mode(name, each, contact)[0] for each in (k + step, k - step))
+    return abs(above - below) / float(2 * np.hypot(*step))
 
 
 def sound_speed(name: str, contact: Contact) -> float:
