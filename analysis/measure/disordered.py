@@ -10,26 +10,30 @@ as a detector wider than the crystal would see it. Its strength is the root of t
 |⟨C₂⟩|² − var(C₂)/n, which has no bias by what n seeds leave of the incoherent part; √⟨|C₂|²⟩ is the whole part at 2k.
 
 **Attenuation.** Γ and the shift of frequency are fitted (`analysis.measure.coherent.decay`) to C₁(τ) e^{iΩτ}, averaged
-over the seeds, with Ω of the perfect sheet: what is left turns slowly, so a few samples do.
+over the seeds, with Ω of the perfect sheet: what is left turns slowly, so a few samples do. C₁ = (C_u + iC_v/Ω)/2 of
+displacements and velocities is what runs along k; without, the wave scattered straight back would beat with it.
 
 Standard errors are those of the jackknife over seeds, in which what seeds share is no error: the finite cell, the step.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
 
-from analysis.measure.coherent import decay, project
+from analysis import second_harmonic as closed
+from analysis.measure.coherent import decay
+from analysis.measure.sheets import fields_of
+from analysis.second_harmonic import ModeName
 from analysis.theory import catalogue
 from analysis.theory.bloch import wavevector_of
-from analysis.theory.choice import contact_of, traits_of
+from analysis.theory.choice import contact_of, linear_mode, traits_of
 from analysis.theory.contact import Contact
-from analysis.theory.directions import mode
-from analysis.theory.quasilinear import Sheet
+from analysis.theory.quasilinear import Sheet, component, in_frame
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -41,10 +45,15 @@ MEASURED = (
 ) - {catalogue.OBLIQUE}
 
 
+# Deviates are Gaussian, drawn again beyond 3: their variance is 1 − 6 exp(−9/2)/(√(2π) erf(3/√2))
+CUT_VARIANCE = 0.97334
+
+
 class Key(NamedTuple):
     """What the seeds of one point share.
 
-    spread is s = σ 2R/Δ0 of the radii, density their relative deviation; prestress is 1 under compression alone.
+    spread is s = σ 2R/Δ0 of the radii, density the relative deviation of densities; prestress is 1 under compression
+    alone.
     """
 
     mode: str
@@ -53,20 +62,30 @@ class Key(NamedTuple):
     density: float
     prestress: float
 
+    @property
+    def variance(self) -> float:
+        """Return the relative variance of the densities that are drawn."""
+        return CUT_VARIANCE * self.density**2
+
 
 class Waves(NamedTuple):
-    """Coherent amplitudes over n seeds at T times: C of e^{ik·r} or e^{2ik·r}, (n, T), in D0."""
+    """Coherent amplitudes C (n, T) of n seeds at T times, in D0; and Ω and the contact of the perfect sheet."""
 
     tau: Floats
     amplitudes: Complexes
+    frequency: float
+    contact: Contact
 
 
-@dataclass(frozen=True)
-class Value:
+class Value(NamedTuple):
     """A number and its standard error."""
 
     value: float
     error: float
+
+    def __truediv__(self, unit: float) -> "Value":
+        """Return both in another unit."""
+        return Value(self.value / unit, self.error / unit)
 
 
 def refuse(record: Record) -> None:
@@ -108,48 +127,68 @@ def second_harmonics(records: Iterable[Record]) -> dict[Key, Waves]:
 
     Raises ValueError for a run without its other sign (`wave.phase` 0 and π).
     """
-    pairs: dict[Key, dict[int, list[Record]]] = defaultdict(lambda: defaultdict(list))
-    for record in records:
-        pairs[key_of(record)][record.scene.disorder.seed].append(record)
     found = {}
-    for key, seeds in sorted(pairs.items()):
+    for key, seeds in _grouped(records).items():
         parts = []
-        for seed, runs in sorted(seeds.items()):
+        for seed, runs in seeds.items():
             signs = sorted(np.cos(run.scene.wave.phase) for run in runs)
             if len(runs) != 2 or not np.allclose(signs, [-1, 1], atol=1e-9):
                 raise ValueError(f"{runs[0].folder}: seed {seed} needs two runs, with wave.phase = 0 and pi")
-            taus, fields = zip(*map(_displacements, runs), strict=True)
-            parts.append(coherent(runs[0], (fields[0] + fields[1]) / 2)[1][:, 0])
-        found[key] = Waves(taus[0], np.array(parts))
+            fields = [fields_of(run.snapshots()) for run in runs]
+            parts.append(coherent(runs[0], (fields[0] + fields[1]) / 2, 2)[:, 0])
+        found[key] = _waves(runs[0], parts)
     return found
 
 
-def fundamentals(records: Iterable[Record]) -> dict[Key, tuple[Waves, Contact]]:
-    """Return C₁(τ), along k for L and across for the others, of every run, and the contact."""
-    found: dict[Key, list[tuple[Floats, Complexes, Contact]]] = defaultdict(list)
+def fundamentals(records: Iterable[Record]) -> dict[Key, Waves]:
+    """Return C₁(τ) of what runs along k of every run, its component along k for L and across for the others."""
+    found = {}
+    for key, seeds in _grouped(records).items():
+        parts = []
+        for (run,) in seeds.values():
+            moved = 0 if key.mode == "L" else 1
+            particles = run.snapshots()
+            shape = coherent(run, fields_of(particles))[:, moved]
+            rate = coherent(run, fields_of(particles, "velocity", "spin"))[:, moved]
+            parts.append((shape + 1j * rate / _frequency(run)) / 2)
+        found[key] = _waves(run, parts)
+    return found
+
+
+def _grouped(records: Iterable[Record]) -> dict[Key, dict[int, list[Record]]]:
+    groups: dict[Key, dict[int, list[Record]]] = defaultdict(lambda: defaultdict(list))
     for record in records:
-        tau, field = _displacements(record)
-        component = 0 if record.scene.wave.mode == "L" else 1
-        found[key_of(record)].append((tau, coherent(record, field)[0][:, component], contact_of(record)))
-    return {
-        key: (Waves(runs[0][0], np.array([each[1] for each in runs])), runs[0][2]) for key, runs in sorted(found.items())
-    }
+        groups[key_of(record)][record.scene.disorder.seed].append(record)
+    return {key: dict(sorted(seeds.items())) for key, seeds in sorted(groups.items())}
 
 
-def _displacements(record: Record) -> tuple[Floats, Floats]:
-    particles = record.snapshots()
-    return particles.tau, particles.stack("displacement")
+def _waves(record: Record, parts: list[Complexes]) -> Waves:
+    return Waves(record.snapshots().tau, np.array(parts), _frequency(record), contact_of(record))
 
 
-def coherent(record: Record, field: Floats) -> Complexes:
-    """Return the amplitudes (2, T, 2) at k and 2k, along and across, of a field (T, N, 2) on the sheet of a run.
+def _frequency(record: Record) -> float:
+    """Return Ω of the perfect sheet as velocity Verlet has it, (2/h) arcsin(Ωh/2) with the step h of the run."""
+    name: ModeName = record.scene.wave.mode  # type: ignore[assignment]  # checked by the scene
+    frequency = linear_mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
+    step = record.scene.time.step
+    return float(2 / step * np.arcsin(frequency * step / 2))
 
-    Phases are those at the places in the lattice, from which spheres at rest are a few Δ0 away.
+
+def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
+    """Return the amplitudes (T, 3) of e^{ink·r}, n = `harmonic`, along k, across and of Rθ, of fields (T, N, 3).
+
+    Phases are those at the places in the lattice, from which spheres at rest are a few Δ0 away; the cell holds whole
+    waves, so this is the discrete Fourier transform.
+
+    Raises ValueError where nk and −nk are one wave vector of the lattice.
     """
     shape, sphere = record.scene.shape, record.scene.sphere
     places = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio).rest
     places = places - places[shape.centre_row * shape.columns + shape.columns // 2]
-    return project(places, field, wavevector_of(record.scene.wavenumber, record.scene.direction).tolist()).amplitudes
+    k = harmonic * wavevector_of(record.scene.wavenumber, record.scene.direction)
+    if np.allclose(np.exp(2j * places @ k), 1, atol=1e-6):
+        raise ValueError(f"{record.folder}: {harmonic}k is half a reciprocal wave vector: its wave has no direction")
+    return in_frame(component(fields, places, k), k)
 
 
 def jackknife(estimate: Callable[[Complexes], ArrayLike], samples: Complexes) -> tuple[Floats, Floats]:
@@ -187,21 +226,56 @@ def measured(waves: Waves, estimate: Callable[[Complexes], float] = strength) ->
     return Value(float(value), float(error))
 
 
-def resonance(wavenumbers: ArrayLike, strengths: ArrayLike) -> tuple[float, float, float]:
-    """Return position, height and full width at half power of a resonance: a parabola through 1/strength².
+class Resonance(NamedTuple):
+    """A resonance beside the closed form of equal spheres: its shift in ξ, its height and width over theirs."""
 
-    Raises ValueError unless there are four points, all positive, around a maximum.
+    shift: Value
+    height: Value
+    width: Value
+
+
+def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
+    """Return where a resonance lies, how high and wide it is: the closed form is shifted, scaled and stretched to it.
+
+        strength(ξ) = h T(ξ_r + (ξ − ξ_r − shift)/w),    T: strength of the closed form, ξ_r: its resonance
+
+    by least squares.
+
+    Parameters
+    ----------
+    shape : C₂ by wave number ξ, of the same seeds each.
+    amplitude : D0/Δ0.
+
+    Raises ValueError for fewer than four wave numbers, or if one has other seeds.
     """
-    x, y = np.asarray(wavenumbers, float), np.asarray(strengths, float)
-    if len(x) < 4 or x.shape != y.shape or np.any(y <= 0):
-        raise ValueError(f"{len(x)} strengths must be four or more, all positive")
-    centre = x.mean()
-    # Weights y²: what is far down, where a line is no Lorentzian, counts less
-    c, b, a = np.polynomial.polynomial.polyfit(x - centre, y**-2.0, 2, w=y**2)
-    place, floor = -b / (2 * a) if a else np.inf, c - b**2 / (4 * a) if a else 0.0
-    if not (a > 0 and floor > 0 and x.min() < centre + place < x.max()):
-        raise ValueError("there is no maximum among the strengths")
-    return float(centre + place), float(floor**-0.5), float(2 * np.sqrt(floor / a))
+    xi, waves = np.array(list(shape)), list(shape.values())
+    if len(xi) < 4 or len({each.amplitudes.shape for each in waves}) > 1:
+        raise ValueError(f"{len(xi)} wave numbers must be four or more, of as many seeds each")
+    constants, tau = waves[0].contact.secant_ratios, waves[0].tau
+    place = closed.resonance(constants)
+    if place is None:
+        raise ValueError("the closed form has no resonance for these spheres")
+    fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
+    template = CubicSpline(fine, [perfect_strength(float(each), constants, amplitude, tau) for each in fine])
+
+    def fit(samples: Complexes) -> Floats:
+        strengths = [strength(samples[:, i]) for i in range(len(xi))]
+
+        def off(x: Floats) -> Floats:
+            return np.asarray(x[1] * template(place + (xi - place - x[0]) / x[2]) / max(strengths) - scaled)
+
+        scaled = np.array(strengths) / max(strengths)
+        return np.asarray(least_squares(off, [0.0, 0.8, 1.1], x_scale=[0.02, 1.0, 1.0]).x)
+
+    values, errors = jackknife(fit, np.stack([each.amplitudes for each in waves], axis=1))
+    return Resonance(*(Value(float(value), float(error)) for value, error in zip(values, errors, strict=True)))
+
+
+def perfect_strength(wavenumber: float, constants: closed.Ratios, amplitude: float, tau: Floats) -> float:
+    """Return the strength of C₂ of a TR wave in the closed form, from p at r = 0 of two waves: phase 0 and π/4."""
+    mode = closed.mode("TR", wavenumber, constants)
+    parts = [closed.second_harmonic(mode, constants, amplitude, tau, phase=phase) for phase in (0.0, np.pi / 4)]
+    return float(np.sqrt(np.mean(np.sum(np.square(parts), axis=0))))
 
 
 def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> Value:
@@ -223,15 +297,13 @@ def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> 
     )
 
 
-def attenuation(key: Key, waves: Waves, contact: Contact, after: float = 0.0) -> tuple[Value, Value]:
-    """Return Γ and the shift of frequency of a wave, in 1/t0, from the samples at τ ≥ after."""
-    name = key.mode
-    frequency = mode(name, key.wavenumber, 90.0, contact).frequency  # type: ignore[arg-type]  # checked by the scene
+def attenuation(waves: Waves, after: float = 0.0) -> tuple[Value, Value]:
+    """Return Γ and the shift of frequency of fundamentals, in 1/t0, from the samples at τ ≥ after."""
     late = waves.tau >= after
     tau = waves.tau[late]
 
     def fit(amplitudes: Complexes) -> list[float]:
-        found = decay(tau, amplitudes.mean(axis=0) * np.exp(1j * frequency * tau))
+        found = decay(tau, amplitudes.mean(axis=0) * np.exp(1j * waves.frequency * tau))
         return [found.rate, found.frequency]
 
     (rate, shift), errors = jackknife(fit, waves.amplitudes[:, late])
