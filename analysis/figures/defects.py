@@ -187,14 +187,14 @@ def draw(found: Sequence[Scattering]) -> Figure:
     for row, each in zip(panels, found, strict=True):
         shown = int(np.argmin(np.abs(each.tau - 0.75 * each.tau[-1])))
         largest = np.percentile(np.abs(each.field[shown]), 99.5)
-        for axes, component, label in ((row[0], 0, "across k"), (row[1], 1, "along k")):
+        for axes, component, label in ((row[0], 0, "across $k$"), (row[1], 1, "along $k$")):
             image = axes.scatter(
                 *each.places.T, c=each.field[shown, :, component], s=7, cmap="RdBu", vmin=-largest, vmax=largest,
                 marker="h", linewidths=0, rasterized=True,
             )  # fmt: skip
             axes.plot(0, 0, "k.", markersize=3)
             axes.set(aspect="equal", xlabel="x (lattice constants)")
-            axes.set_title(f"{each.name}: displacement {label}", fontsize="medium")
+            axes.set_title(f"{each.name}: {label}", fontsize="medium")
         row[0].set_ylabel("y, along the wave")
         figure.colorbar(image, ax=list(row[:2]), label=rf"scattered / $D_0$, $\tau$ = {each.tau[shown]:g}", shrink=0.8)
         _energy(row[2], each)

@@ -69,26 +69,23 @@ class Found:
         return max(counts, key=lambda xi: counts[xi])
 
     def over_spread(self, wavenumber: float, prestress: float) -> dict[float, Waves]:
-        """Return the second harmonics of one wave number by s > 0."""
-        return {
-            key.spread: waves
-            for key, waves in self.harmonics.items()
-            if (key.wavenumber, key.prestress) == (wavenumber, prestress) and key.spread > 0
-        }
-
-    def over_wavenumber(self, spread: float) -> dict[float, Waves]:
-        """Return the second harmonics of one spread around the resonance, under adhesion, by wave number."""
-        return {
-            key.wavenumber: waves
-            for key, waves in self.harmonics.items()
-            if (key.spread, key.prestress) == (spread, 0.0) and key.wavenumber < RESONANCE
-        }
+        """Return the second harmonics of one wave number by s > 0, of the cell with most seeds."""
+        found: dict[float, Waves] = {}
+        for key, waves in self.harmonics.items():
+            if (key.wavenumber, key.prestress) == (wavenumber, prestress) and key.spread > 0:
+                there = found.get(key.spread)
+                if there is None or len(there.amplitudes) < len(waves.amplitudes):
+                    found[key.spread] = waves
+        return dict(sorted(found.items()))
 
     @property
     def shapes(self) -> dict[float, dict[float, Waves]]:
-        """Return the resonances with four wave numbers or more, by s."""
-        found = {spread: self.over_wavenumber(spread) for spread in sorted({key.spread for key in self.harmonics})}
-        return {spread: waves for spread, waves in found.items() if len(waves) >= 4}
+        """Return the resonances by s, under adhesion, in cells with four wave numbers or more."""
+        cells: dict[tuple[float, tuple[int, int]], dict[float, Waves]] = {}
+        for key, waves in self.harmonics.items():
+            if key.prestress == 0 and key.wavenumber < RESONANCE:
+                cells.setdefault((key.spread, key.cell), {})[key.wavenumber] = waves
+        return {spread: waves for (spread, _), waves in sorted(cells.items()) if len(waves) >= 4}
 
     def perfect(self, wavenumber: float) -> Waves:
         """Return the second harmonic of the perfect crystal.
@@ -257,20 +254,22 @@ def _attenuation(axes: Axes, found: Found) -> None:
         xi, rate, error = np.transpose(rows)
         fine = np.geomspace(0.25, 2.6, 12)
         axes.errorbar(xi, rate, error, fmt="o", color=COLOURS[name], markersize=4, label=f"{name}, LAMMPS")
-        axes.plot(fine, [scattered(name, each, contact).rate for each in fine], color=COLOURS[name], label="Born")
+        axes.plot(
+            fine, [scattered(name, each, contact).rate for each in fine], color=COLOURS[name], label=f"{name}, Born"
+        )
         axes.plot(
             fine,
             [long_wave(name, each, contact) for each in fine],
             ":",
             color=COLOURS[name],
-            label=r"long waves, $q^3$",
+            label=rf"{name}, long waves, $q^3$",
         )
     axes.set(
         xscale="log", yscale="log", xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"$\Gamma t_0/\sigma_\rho^2$"
     )
     axes.set_xticks([0.3, 0.5, 1, 2], ["0.3", "0.5", "1", "2"])
     axes.minorticks_off()
-    axes.legend(frameon=False, fontsize="small", ncols=2)
+    axes.legend(frameon=False, fontsize="small")
 
 
 def _sound(axes: Axes, found: Found) -> None:
@@ -350,7 +349,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
         if not waves:
             continue
         value, error = np.transpose([measured(each) for each in waves.values()]) / perfect
-        seen = value > 2 * error  # a coherent part below its error is none
+        seen = value > 3 * error  # no coherent part is seen where it may be chance
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
         axes.errorbar(np.array(list(waves))[seen], value[seen], error[seen], fmt=f"{mark}-", **marks, label=name)
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
@@ -360,7 +359,7 @@ def _antiresonance(axes: Axes, found: Found) -> None:
     floor = strength(found.perfect(places[0]).amplitudes) / perfect
     axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
     axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
-    axes.set_ylabel("second harmonic / that at the resonance of equal spheres")
+    axes.set_ylabel("second harmonic / resonance of equal spheres")
     axes.legend(frameon=False, fontsize="small")
 
 

@@ -53,7 +53,7 @@ class Key(NamedTuple):
     """What the seeds of one point share.
 
     spread is s = σ 2R/Δ0 of the radii, density the relative deviation of densities; prestress is 1 under compression
-    alone.
+    alone; rows and columns are the crystal's.
     """
 
     mode: str
@@ -61,6 +61,7 @@ class Key(NamedTuple):
     spread: float
     density: float
     prestress: float
+    cell: tuple[int, int]
 
     @property
     def variance(self) -> float:
@@ -109,6 +110,7 @@ def key_of(record: Record) -> Key:
         round(spread_of(record), 6),
         scene.disorder.density,
         round(prestress, 6),
+        (scene.shape.rows, scene.shape.columns),
     )
 
 
@@ -145,7 +147,10 @@ def fundamentals(records: Iterable[Record]) -> dict[Key, Waves]:
     found = {}
     for key, seeds in _grouped(records).items():
         parts = []
-        for (run,) in seeds.values():
+        for seed, runs in seeds.items():
+            if len(runs) > 1:
+                raise ValueError(f"{runs[1].folder}: seed {seed} of this wave has another run, {runs[0].folder}")
+            run = runs[0]
             moved = 0 if key.mode == "L" else 1
             particles = run.snapshots()
             shape = coherent(run, fields_of(particles))[:, moved]
