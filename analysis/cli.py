@@ -13,6 +13,8 @@ SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
+    "defects": "a wave that a vacancy or a heavy sphere scatters, beside the network and theory",
+    "disorder": "what unequal spheres do to contacts, attenuation, sound and the second harmonic, from sweeps",
     "dispersion": "all branches, from one kicked sheet",
     "driven": "a driven row beside its theory",
     "effects": "the second harmonic over wave number, by what a scene leaves out or adds",

@@ -27,13 +27,12 @@ from scipy.optimize import least_squares
 
 from analysis import second_harmonic as closed
 from analysis.measure.coherent import decay
-from analysis.measure.sheets import fields_of
 from analysis.second_harmonic import ModeName
 from analysis.theory import catalogue
-from analysis.theory.bloch import wavevector_of
+from analysis.theory.bloch import frame, wavevector_of
 from analysis.theory.choice import contact_of, linear_mode, traits_of
 from analysis.theory.contact import Contact
-from analysis.theory.quasilinear import Sheet, component, in_frame
+from analysis.theory.quasilinear import Sheet, component
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -136,7 +135,7 @@ def second_harmonics(records: Iterable[Record]) -> dict[Key, Waves]:
             signs = sorted(np.cos(run.scene.wave.phase) for run in runs)
             if len(runs) != 2 or not np.allclose(signs, [-1, 1], atol=1e-9):
                 raise ValueError(f"{runs[0].folder}: seed {seed} needs two runs, with wave.phase = 0 and pi")
-            fields = [fields_of(run.snapshots()) for run in runs]
+            fields = [run.snapshots().stack("displacement") for run in runs]
             parts.append(coherent(runs[0], (fields[0] + fields[1]) / 2, 2)[:, 0])
         found[key] = _waves(runs[0], parts)
     return found
@@ -153,8 +152,8 @@ def fundamentals(records: Iterable[Record]) -> dict[Key, Waves]:
             run = runs[0]
             moved = 0 if key.mode == "L" else 1
             particles = run.snapshots()
-            shape = coherent(run, fields_of(particles))[:, moved]
-            rate = coherent(run, fields_of(particles, "velocity", "spin"))[:, moved]
+            shape = coherent(run, particles.stack("displacement"))[:, moved]
+            rate = coherent(run, particles.stack("velocity"))[:, moved]
             parts.append((shape + 1j * rate / _frequency(run)) / 2)
         found[key] = _waves(run, parts)
     return found
@@ -180,7 +179,7 @@ def _frequency(record: Record) -> float:
 
 
 def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
-    """Return the amplitudes (T, 3) of e^{ink·r}, n = `harmonic`, along k, across and of Rθ, of fields (T, N, 3).
+    """Return the amplitudes (T, 2) of e^{ink·r}, n = `harmonic`, along k and across, of fields (T, N, 2).
 
     Phases are those at the places in the lattice, from which spheres at rest are a few Δ0 away; the cell holds whole
     waves, so this is the discrete Fourier transform.
@@ -193,7 +192,7 @@ def coherent(record: Record, fields: Floats, harmonic: int = 1) -> Complexes:
     k = harmonic * wavevector_of(record.scene.wavenumber, record.scene.direction)
     if np.allclose(np.exp(2j * places @ k), 1, atol=1e-6):
         raise ValueError(f"{record.folder}: {harmonic}k is half a reciprocal wave vector: its wave has no direction")
-    return in_frame(component(fields, places, k), k)
+    return component(fields, places, k) @ frame(record.scene.direction).T
 
 
 def jackknife(estimate: Callable[[Complexes], ArrayLike], samples: Complexes) -> tuple[Floats, Floats]:
