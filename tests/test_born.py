@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from analysis.theory.mass_disorder import group_speed, impurity_width, long_wave, scattered, sound_speed
 
 from analysis.measure.coherent import decay
+from analysis.theory.born import group_speed, impurity_width, long_wave, scattered, sound_speed
 from analysis.theory.contact import Contact
 from analysis.theory.directions import bloch_matrix, branch_index, modes
 
@@ -50,7 +50,7 @@ def test_what_is_lost_arrives_in_the_branches(name, wavenumber):
         assert found.by_branch[2] == pytest.approx(0, abs=1e-9 * found.rate)
 
 
-def test_mass_disorder_is_the_same_in_equal_directions():
+def test_scattering_is_the_same_in_equal_directions():
     rates = [scattered("TR", 0.8, SILICA, direction=angle, **COARSE).rate for angle in (30.0, 90.0, -30.0)]
     # The grid is oblique to two of the three; its sum has converged to (width/grid step) beyond 1e-4
     assert rates == pytest.approx([rates[1]] * 3, rel=1e-4)

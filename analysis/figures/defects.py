@@ -11,7 +11,7 @@ W, the cross-section of two dimensions:
 
 E is twice the kinetic energy, and W comes from a line with oscillations at 2Ω fitted to it from `SETTLED` on. The same
 is done with the witness `analysis.theory.network`, which starts from the first snapshots of the same runs; and for a
-heavy sphere W is known in closed form, `analysis.theory.mass_disorder.impurity_width`.
+heavy sphere W is known in closed form, `analysis.theory.born.impurity_width`.
 
 Breaks once scattered waves have gone around the periodic cell and meet the defect again: keep runs shorter than the
 cell's width over the speed of L waves, 0.43 lattice constants per t0. The wave must be small (D0 = 0.01 Δ0).
@@ -30,8 +30,8 @@ from analysis.measure.runs import load
 from analysis.measure.sheets import fields_of
 from analysis.measure.snapshot import read_network
 from analysis.theory import catalogue
+from analysis.theory.born import CELL, group_speed, impurity_width
 from analysis.theory.choice import contact_of, traits_of
-from analysis.theory.mass_disorder import CELL, group_speed, impurity_width
 from analysis.theory.network import Material
 from analysis.theory.network_motion import integrate
 from analysis.theory.quasilinear import Sheet

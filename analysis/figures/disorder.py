@@ -4,7 +4,7 @@
 
 Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
 runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
-the attenuation, beside Born's theory (`analysis.theory.mass_disorder`); L waves with `disorder.radius` the sound speed; TR
+the attenuation, beside Born's theory (`analysis.theory.born`); L waves with `disorder.radius` the sound speed; TR
 waves, run with `wave.phase` 0 and π, the second harmonic. `analysis.measure.disordered` says how each is read.
 """
 
@@ -36,7 +36,7 @@ from analysis.measure.disordered import (
     whole_strength,
 )
 from analysis.measure.runs import sweep
-from analysis.theory.mass_disorder import long_wave, scattered
+from analysis.theory.born import long_wave, scattered
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
