@@ -11,6 +11,7 @@
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
+# make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -31,8 +32,8 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves gallery test processors stability guards impact witness cost bench scale \
-    decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
+.PHONY: paper figures spectrum dispersion waves disorder gallery test processors stability guards impact witness cost bench \
+    scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
 paper: .venv/ready
@@ -106,6 +107,53 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
 
+# What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
+# what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,
+# 2.127; a wave at 2π/4 would have 2k = π, which runs neither way. Contacts of the widest spread slide: friction 0.5.
+DISORDER = $(BIN)/granular-lmp sweep --workers $(CORES)
+TURNING = tr_periodic --set packing.columns=8 --set wave.amplitude=0.05 --set time.duration=100 \
+    --set time.timestep=0.1 --set time.sample=1 --set effects.contact_opening=true --set output.particles=20
+SIGNS = --over wave.phase=0.0,3.141592653589793
+BOTH = --over wave.wavenumber=1.4784,2.1252
+NEAR = 1.3398,1.3860,1.4322,1.4784,1.5246,1.6170
+SLIDING = --set effects.sliding=true --set effects.friction=0.5
+STILL = tr_periodic --set packing.rows=18 --set packing.columns=16 --set wave.wavenumber=0.6981 \
+    --set wave.amplitude=0.001 --set time.duration=1 --set effects.contact_opening=true --over disorder.seed=1:8:8
+SWEPT = perfect harmonic torn compressed shape contacts contacts_soft density sound
+DEFECT = tr_periodic --set packing.rows=64 --set packing.columns=48 --set wave.wavenumber=0.7853981633974483 \
+    --set wave.amplitude=0.01 --set time.duration=80 --set time.timestep=0.1 --set output.particles=4
+
+disorder: .venv/ready
+	$(DISORDER) $(TURNING) -o runs/disorder/perfect --set packing.rows=136 --over wave.wavenumber=$(NEAR),2.1252 $(SIGNS)
+	$(DISORDER) $(TURNING) -o runs/disorder/harmonic --set packing.rows=68 \
+	    --over disorder.radius=2.5e-5,5e-5,7.5e-5,1e-4,1.25e-4,1.75e-4 --over disorder.seed=1:32:32 $(BOTH) $(SIGNS)
+	$(DISORDER) $(TURNING) -o runs/disorder/torn --set packing.rows=68 $(SLIDING) \
+	    --over disorder.radius=2.5e-4 --over disorder.seed=1:16:16 $(BOTH) $(SIGNS)
+	$(DISORDER) $(TURNING) -o runs/disorder/compressed --set packing.rows=68 $(SLIDING) \
+	    --set sphere.work_of_adhesion=0.0 --set packing.contact_force=9.896016858807847e-08 \
+	    --over disorder.radius=2.5e-5,5e-5,7.5e-5,1e-4,1.25e-4,1.75e-4,2.5e-4 --over disorder.seed=1:16:16 $(BOTH) $(SIGNS)
+	$(DISORDER) $(TURNING) -o runs/disorder/shape --set packing.rows=136 --over disorder.radius=5e-5,1e-4 \
+	    --over disorder.seed=1:8:8 --over wave.wavenumber=$(NEAR) $(SIGNS)
+	$(DISORDER) $(STILL) -o runs/disorder/contacts --over disorder.radius=1e-5,3e-5,1e-4,2e-4,3e-4,5e-4,1e-3,3e-3,1e-2
+	$(DISORDER) $(STILL) -o runs/disorder/contacts_soft --set sphere.youngs_modulus=2.3085e9 \
+	    --over disorder.radius=1e-4,3e-4,1e-3,2e-3,3e-3,5e-3,1e-2,3e-2
+	$(DISORDER) tr_periodic -o runs/disorder/density --set packing.rows=64 --set packing.columns=32 \
+	    --set wave.amplitude=0.001 --set time.duration=75 --set time.timestep=0.2 --set time.sample=5 \
+	    --set output.particles=25 --set disorder.density=0.1 --over disorder.seed=1:32:32 --over wave.mode=TR,L \
+	    --over wave.wavenumber=0.3927,0.5890,0.7854,1.1781,1.5708,1.9635
+	$(DISORDER) steel_compressed -o runs/disorder/sound --set packing.rows=64 --set packing.columns=16 --set wave.mode=L \
+	    --set wave.wavenumber=0.19635 --set wave.amplitude=0.001 --set time.duration=64 --set time.timestep=0.2 \
+	    --set time.sample=4 --set output.particles=8 --set effects.contact_opening=true $(SLIDING) \
+	    --set disorder.radius=2e-5 --over disorder.seed=1:4:4 --over packing.contact_force=0.3,0.5,1,2,5,10,30,100
+	$(BIN)/python -m analysis.figures.disorder $(SWEPT:%=runs/disorder/%) -o figures/disorder.png
+	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/whole --force
+	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/vacancy --force \
+	    --set 'inclusion=[{spheres=[[30,24]],vacancy=true}]'
+	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/heavy --force \
+	    --set 'inclusion=[{spheres=[[30,24]],density=22000.0}]'
+	$(BIN)/python -m analysis.figures.defects runs/disorder/whole runs/disorder/vacancy runs/disorder/heavy \
+	    -o figures/defects.png
+
 test: .venv/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -173,7 +221,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

@@ -17,6 +17,7 @@ from granular_lmp.runs.routes import FEWEST_FILES
 SCRIPTS = (
     "figures.accuracy",
     "compare",
+    "figures.disorder",
     "figures.dispersion",
     "figures.driven",
     "figures.effects",

@@ -20,7 +20,8 @@ RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json; the largest |p|, |q|, |phi| of the record, in D0;
 # the second harmonic as measured, with the error of the fit, in D0, and in metres
 COLUMNS = (
-    *("run", "status", "message", "seconds", "steps", "particles", "wavenumber_used", "direction_used", "frequency"),
+    *("run", "status", "message", "seconds", "steps", "particles", "contacts_per_sphere"),
+    *("wavenumber_used", "direction_used", "frequency"),
     *("frequency_Hz", "largest_p", "largest_q", "largest_phi"),
     *("second_harmonic", "second_harmonic_error", "second_harmonic_m", "guards"),
 )
@@ -83,6 +84,7 @@ def summary_of(info: dict[str, Any], record: Record | None) -> Point:
         "message": info.get("message", "") if ended else "",
         "seconds": info.get("wall_seconds", {}).get("total"),
         **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
+        "contacts_per_sphere": info.get("crystal", {}).get("contacts_per_sphere"),  # None: the lattice is perfect
         **_measured(record),
         "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
     }
