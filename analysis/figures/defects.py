@@ -28,18 +28,19 @@ from numpy.typing import NDArray
 from analysis.figures.plotting import parser, save, start
 from analysis.measure.runs import load
 from analysis.measure.sheets import fields_of
-from analysis.measure.snapshot import read_network
+from analysis.measure.snapshot import first_snapshot
 from analysis.theory import catalogue
 from analysis.theory.born import CELL, group_speed, impurity_width
 from analysis.theory.choice import contact_of, traits_of
-from analysis.theory.network import Material
 from analysis.theory.network_motion import integrate
 from analysis.theory.quasilinear import Sheet
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 
-HELD = catalogue.HOLDS["analysis.figures.oblique"] - {catalogue.OBLIQUE} | {"inclusion"}
+HELD = catalogue.HOLDS["analysis.figures.oblique"] - {catalogue.OBLIQUE} | {
+    f"inclusion.{name}" for name in ("spheres", "vacancy", "density")
+}
 SETTLED = 20.0  # τ: by then the defect and its neighbours move as they go on to do
 RTOL = 1e-9  # of the witness
 
@@ -91,16 +92,12 @@ def defect_of(record: Record) -> tuple[int, float]:
     return row * record.scene.shape.columns + column, ratio
 
 
-def witness(record: Record, density: Floats, tau: Floats) -> tuple[Floats, Floats]:
+def witness(record: Record, tau: Floats) -> tuple[Floats, Floats]:
     """Return fields and rates (T, N, 3) of u, v, Rθ in D0 of the network that starts from a run's first snapshot."""
-    sphere, particles = record.scene.sphere, record.snapshots()
-    # The deck's units nano: nm, ns, MPa, mJ/m2, ag/nm3
-    material = Material(sphere.youngs_modulus * 1e-6, sphere.poisson_ratio, sphere.work_of_adhesion * 1e3)
-    network, state = read_network(particles.path, density * 1e-6, material)
-    time, length = sphere.time_scale * 1e9, record.scene.displacement_amplitude * 1e9
-    motion = integrate(network, state, tau * time, rtol=RTOL).motion
-    scale = np.array([1.0, 1.0, sphere.radius * 1e9])[:, None] / length
-    return np.moveaxis(motion[:, :3] * scale, 1, 2), np.moveaxis(motion[:, 3:] * scale * time, 1, 2)
+    first = first_snapshot(record)
+    motion = integrate(first.network, first.state, tau * first.time, rtol=RTOL).motion
+    scale = np.array([1.0, 1.0, first.radius])[:, None] / first.length
+    return np.moveaxis(motion[:, :3] * scale, 1, 2), np.moveaxis(motion[:, 3:] * scale * first.time, 1, 2)
 
 
 def width_of(tau: Floats, energy: Floats, frequency: float) -> float:
@@ -138,10 +135,7 @@ def compare(perfect: Record, record: Record) -> Scattering:
     if len(tau) != len(runs[1].tau) or not np.allclose(tau, runs[1].tau):
         raise ValueError(f"{record.folder} and {perfect.folder}: their snapshots are of different times")
     lammps = [tuple(fields_of(each, *names) for names in _FIELDS) for each in runs]
-    network = [
-        witness(record, (sphere.density * mass)[there], tau),
-        witness(perfect, np.full(count, sphere.density), tau),
-    ]
+    network = [witness(each, tau) for each in (record, perfect)]
     fraction, inertia = contact.overlap_ratio, np.array([1.0, 1.0, contact.inertia])
     incident = np.mean(lammps[1][1] ** 2 @ inertia)  # twice the kinetic energy of a sphere, averaged
     speed = group_speed(scene.wave.mode, scene.wavenumber, contact)

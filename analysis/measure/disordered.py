@@ -40,7 +40,9 @@ Complexes = NDArray[np.complex128]
 
 _DISORDER = {"disorder.radius", "disorder.density", "disorder.seed"}
 MEASURED = (
-    catalogue.HOLDS["analysis.figures.oblique"] | catalogue.LAMMPS_ALONE | {catalogue.COMPRESSED} | _DISORDER
+    catalogue.HOLDS["analysis.figures.oblique"]
+    | {catalogue.SLIDING, catalogue.OPENING, catalogue.COMPRESSED}
+    | _DISORDER
 ) - {catalogue.OBLIQUE}
 
 
