@@ -104,7 +104,9 @@ def test_a_resolved_scene_says_all_and_resolves_to_itself() -> None:
     problem = prepare(scene)
     resolved, effects = problem.scene, problem.effects
     assert (resolved.packing.rows, resolved.packing.columns, resolved.packing.ends) == (8, 3, "periodic")
-    assert [getattr(resolved.effects, e.name) for e in effects[:-2]] == [e.on for e in effects[:-2]]
+    switched = [effect for effect in effects if effect.switch == f"effects.{effect.name}"]
+    assert [getattr(resolved.effects, effect.name) for effect in switched] == [effect.on for effect in switched]
+    assert len(switched) == 9
     assert (prepare(resolved).scene, prepare(resolved).effects) == (resolved, effects)
     assert build(resolved).input_text == build(scene).input_text
 
