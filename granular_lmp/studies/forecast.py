@@ -84,6 +84,7 @@ def _seconds(scene: Scene, steps: int) -> tuple[float, str]:
             {
                 **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
                 **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
+                "source": [],
                 **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
             }
         )
