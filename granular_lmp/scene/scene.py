@@ -320,10 +320,10 @@ class Scene(Document):
     def wave_label(self) -> str:
         """Shortest name of the wave, for a repr: "TR xi=0.802 a=0.2"."""
         along = "" if self.along == "y" else f" along {self.along}"
-        return f"{self._shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+        return f"{self.shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
     @property
-    def _shaken(self) -> str:
+    def shaken(self) -> str:
         """Count of the sources, before the wave that is their unit; "" without any."""
         count = len(self.source)
         return f"{count} source{'s' if count > 1 else ''} in units of " if count else ""
@@ -332,7 +332,7 @@ class Scene(Document):
     def wave_words(self) -> str:
         """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
         return (
-            f"{self._shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
+            f"{self.shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
             f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
         )
 
