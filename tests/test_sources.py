@@ -22,6 +22,8 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
+from granular_lmp.scene.scene import note
+from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 
 PUSH: dict[str, Any] = {"spheres": [[6, 5]], "force": "y", "signal": "burst", "cycles": 2.0, "frequency": 1.2}
@@ -357,6 +359,10 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
     [
         ({"source": [{"rows": [0, 0], "force": "x"}]}, r"rows = \[0, 0\]: must lie between the first and the last row"),
         ({"source.1.rows": [3, 3]}, r"source 1: rows = \[3, 3\]: must be between the quiet ends, in rows"),
+        (
+            {"source": [{"rows": [100, 100], "motion": "x", "signal": "burst", "cycles": 2.0}]},
+            "cycles = 2.0: must be at least 3 with absorb.rows",
+        ),
         ({"source.1.signal": "step"}, r'source 1: signal = "step": must be "tone" or "burst" with absorb\.rows'),
         ({"source.1.frequency": 2.2}, r"frequency = 2\.2 rad per t0: is that of no wave along y"),
         ({"source": [{"rows": [n, n], "motion": "x"} for n in (0, 200)]}, "must be 0 where sources move both ends"),
@@ -365,6 +371,16 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
 def test_what_does_not_go_with_walls_or_quiet_ends_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
         prepare(QUIET.with_values(changes))
+
+
+def test_a_sheet_with_sources_is_not_kicked(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match='wave.form = "none": must be another for a sheet that is kicked'):
+        run_kicked(SHEET, tmp_path / "kicked")
+
+
+@pytest.mark.parametrize(("key", "said"), [("source.1.delay", "tau, before the"), ("inclusion.2.radius", "m")])
+def test_a_curve_over_a_key_of_an_array_of_tables_has_its_unit(key: str, said: str) -> None:
+    assert note(key).startswith(said)
 
 
 def test_a_record_of_a_crystal_at_rest_is_read_back(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.schema import AUTO, first_file, shown
+from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
@@ -37,9 +37,9 @@ from granular_lmp.scene.sections import (
     Time,
     Wave,
 )
-from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, arrival_time, decide, echo_time
+from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.scene.sources import Source, check_quiet, check_sources
+from granular_lmp.scene.sources import Source, check_quiet, check_sources, source_echo
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 SECTIONS: dict[str, type] = {
@@ -71,11 +71,9 @@ def note(key: str) -> str:
     """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
         return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
-    table, _, name = key.rpartition(".")
-    rule = SECTION_RULES.get(table, {}).get(name) or next(
-        item.metadata["rule"] for item in fields(SECTIONS[table]) if item.name == name
-    )
-    return str(rule.note)
+    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
+    rules = declared_fields((SECTIONS | REPEATED)[table], SECTION_RULES.get(table))
+    return next(rule.note for item, rule in rules if item.name == name)
 
 
 @dataclass(frozen=True, repr=False)
@@ -386,18 +384,11 @@ class Scene(Document):
     def echo_time(self) -> float:
         """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
         silent = self.shape.ends == "periodic" or self.absorb.rows != 0
-        if silent or not self.source:
-            return inf if silent else echo_time(self.shape.rows, driven=self.wave.form == "driven")
-        last, centre = self.shape.rows - 1, self.shape.centre_row
-        # From the nearest sphere of a source to an end and back; an end that a source moves is where waves begin
-        ways = (
-            abs(row - end) + abs(end - centre)
-            for each in self.source
-            for end in (0, last)
-            for row in each.rows_of()
-            if not each.is_in_row(end)
-        )
-        return arrival_time(min(ways, default=2 * last))
+        if silent:
+            return inf
+        if self.source:
+            return source_echo(self.source, self.shape)
+        return echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape

@@ -26,6 +26,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
+from granular_lmp.scene.shape import arrival_time
 
 AXES = ("x", "y")
 TORQUE = "torque"
@@ -39,12 +40,31 @@ _OWN = {
     "ramp": ("tone", "step"),
 }
 _MOST = 10_000_000  # rows or columns
+FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
 FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
 @dataclass(frozen=True)
 class Source:
-    """Spheres, what is done to them along which axis, and its signal over time."""
+    """Spheres, what is done to them along which axis, and its signal over time.
+
+    Attributes
+    ----------
+    rows : (first, last)
+        All spheres of these rows and of those between, counted from 0; or
+    spheres : sequence of (row, column)
+    motion : "x" or "y", optional
+        Axis along which the displacement is prescribed, in D0; or
+    force : "x", "y" or "torque", optional
+        Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
+    signal : "tone", "burst", "ricker" or "step"
+    amplitude : float
+        Above 0. Good values: about 1, as D0 is small already.
+    frequency, hertz : float, optional
+        Ω in rad/t0, or in Hz; that of the wave if both are left out.
+    phase, delay, cycles, ramp : float
+        In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
+    """
 
     rows: Sequence[int] = field(
         default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
@@ -221,9 +241,31 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
             )
 
 
+def source_echo(sources: Sequence[Source], shape: Shape) -> float:
+    """Return the time τ at which waves of the sources reach the centre from an end, by the shortest way.
+
+    The way is that from a sphere of a source to an end and on to the centre. An end that a source moves is where its
+    waves begin, and sends back none of them.
+    """
+    last = shape.rows - 1
+    ways = (
+        abs(row - end) + abs(end - shape.centre_row)
+        for each in sources
+        for end in (0, last)
+        for row in each.rows_of()
+        if not each.is_in_row(end)
+    )
+    return arrival_time(min(ways, default=2 * last))
+
+
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
     """Check that no source of a scene with quiet ends makes waves that are too long for them."""
     for number_, each in enumerate(sources, 1):
+        if absorb.rows != 0 and each.signal == "burst" and each.cycles < FEWEST_CYCLES:
+            raise SceneError(
+                f"source {number_}: cycles = {each.cycles!r}: must be at least {FEWEST_CYCLES:g} with absorb.rows, as "
+                "the spectrum of a shorter burst reaches down to waves that no number of rows absorbs"
+            )
         if absorb.rows != 0 and each.signal in ("ricker", "step"):
             raise SceneError(
                 f'source {number_}: signal = "{each.signal}": must be "tone" or "burst" with absorb.rows, as the long '
