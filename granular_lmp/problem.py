@@ -20,6 +20,7 @@ from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.sources import PlacedSource, check_steps, placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,11 @@ class Problem:
         """Degrees of freedom of the lattice."""
         return physics_of(self.scene)
 
+    @cached_property
+    def sources(self) -> tuple[PlacedSource, ...]:
+        """Sources in the crystal."""
+        return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode)
+
     @property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
@@ -93,8 +99,8 @@ def prepare(scene: Scene) -> Problem:
     Raises
     ------
     SceneError
-        If effects contradict each other (`granular_lmp.effects.selection.select`), or the time step is beyond the
-        stability limit of velocity Verlet.
+        If effects contradict each other (`granular_lmp.effects.selection.select`), a source does not fit the crystal
+        (`granular_lmp.scene.sources`), or the time step is beyond the stability limit of velocity Verlet.
     """
     chosen = select(scene)
     shape = scene.shape
@@ -106,6 +112,7 @@ def prepare(scene: Scene) -> Problem:
         values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
+    check_steps(problem.sources, scene.time)
     limit, echo = problem.largest_step, resolved.echo_time / problem.at_rest.swiftness
     if scene.time.duration > echo and not scene.time.allow_echo:
         raise SceneError(

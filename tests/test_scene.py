@@ -162,9 +162,7 @@ def test_a_missing_key_and_a_missing_table_are_named() -> None:
 
 
 def test_unreadable_files_are_named(tmp_path: Any) -> None:
-    with pytest.raises(
-        SceneError, match="no such scene file; shipped scenes: l_beam, l_chain, l_opening, l_wave, rt_wave"
-    ):
+    with pytest.raises(SceneError, match="no such scene file; shipped scenes: l_beam, l_chain, l_opening, l_wave, "):
         Scene.load("nowhere")
     for impossible in ("a" * 300, "a\0b"):
         with pytest.raises(SceneError, match="no such scene file"):

@@ -47,7 +47,9 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
     free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
-    return max(2 ** (1 / 3) * mode_of(scene).frequency, free.frequency)
+    usual = mode_of(scene).frequency
+    own = [each.pulsation(scene.sphere, usual) for each in scene.source]
+    return max(2 ** (1 / 3) * max([usual, *own]), free.frequency)
 
 
 def first_step(scene: Scene) -> float:

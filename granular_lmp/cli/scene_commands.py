@@ -2,6 +2,7 @@
 
 import argparse
 from math import pi
+from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import (
     Commands,
@@ -13,6 +14,9 @@ from granular_lmp.cli.arguments import (
     scene_of,
 )
 from granular_lmp.cli.output import say, say_json
+
+if TYPE_CHECKING:
+    from granular_lmp.problem import Problem
 
 WORTH_RANKS = 10_000  # spheres from which several ranks were measured
 
@@ -95,7 +99,7 @@ def _check(options: Options) -> int:
             {"name": problem.scene.name, "description": problem.scene.description}
             | asdict(found)
             | {"effects": {effect.name: effect.on for effect in problem.effects}}
-            | {"guards": problem.guards, "warnings": problem.warnings()}
+            | {"guards": problem.guards, "warnings": problem.warnings(), "sources": _sources(problem)}
         )
         return 0
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
@@ -112,7 +116,13 @@ def _check(options: Options) -> int:
     say(f"memory    about {found.memory / 1e6:.0f} MB")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")
     say(f"guards    {', '.join(problem.guards) or 'none'}")
+    for each in problem.sources:
+        say(f"source    {each.words}, as much time as {each.cost} spheres")
     return 0
+
+
+def _sources(problem: "Problem") -> list[dict[str, object]]:
+    return [{"does": each.words, "cost_in_spheres": each.cost} for each in problem.sources]
 
 
 def _build(options: Options) -> int:
@@ -141,7 +151,7 @@ def _effects(options: Options) -> int:
         costs = {effect.name: {"cost": effect.cost, "without_it": effect.loss} for effect in problem.effects}
         effects = {name: said | costs[name] for name, said in effects_of(problem).items()}
         size = {"rows": shape.rows, "columns": shape.columns, "spheres": shape.spheres, "steps": scene.time.steps}
-        say_json({"name": scene.name, **size, "effects": effects})
+        say_json({"name": scene.name, **size, "effects": effects, "sources": _sources(problem)})
         return 0
     say(f"{scene.name}: {shape.words} = {shape.spheres} spheres, {scene.time.steps} steps")
     say(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
@@ -151,6 +161,10 @@ def _effects(options: Options) -> int:
         say(head + effect.finding)
         if effect.loss != "nothing":
             say(f"{'':{len(head)}}without it: {effect.loss}")
+    for number, each in enumerate(problem.sources, 1):
+        say(f"{f'source {number}':17}{'on':5}{'-':16}{f'+{each.cost}':9}{each.words}")
+    if problem.sources:
+        say("A source takes the time of as many more spheres.")
     say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
     return 0
 

@@ -13,6 +13,8 @@ def called_for(case: Case) -> Finding:
     rate = case.decay_rate
     if case.scene.wave.form == "driven":
         return Finding(True, rate, "per tau is the decay rate of the wave on its way from the driven row")
+    if case.scene.source:
+        return Finding(True, rate, "per tau is the decay rate of the wave that is the unit of the sources")
     left = case.amplitude_left
     return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
 

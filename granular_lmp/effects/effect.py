@@ -75,14 +75,22 @@ class Case:
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
 
-        For a driven row they are at least those of its contacts to the next row as if that were at rest.
+        For a driven row they are at least those of its contacts to the next row as if that were at rest; for sources,
+        whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude.
         """
-        normal, shear = contact_stretches(self.contacts, self.scene.sphere, self.mode)
-        if self.scene.wave.form == "driven":
-            along = self.mode.name == "L"
-            driven = row_stretches(self.contacts, 0.0 if along else 1.0, 1.0 if along else 0.0)
+        scene = self.scene
+        normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
+        axes = {"driven": "y" if self.mode.name == "L" else "x", "none": "xy"}.get(scene.wave.form, "")
+        for axis in axes:
+            driven = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
             normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), driven, strict=True))
-        return normal * self.scene.wave.amplitude, shear * self.scene.wave.amplitude
+        amplitude = scene.wave.amplitude * self.strength
+        return normal * amplitude, shear * amplitude
+
+    @property
+    def strength(self) -> float:
+        """Largest amplitude of the sources, 1 without any, in units of that of the wave."""
+        return max((each.amplitude for each in self.scene.source), default=1.0)
 
     @property
     def no_slip_friction(self) -> float:
@@ -91,7 +99,8 @@ class Case:
         The sliding force is μ times the holding force, which is h = 1 + s of the Hertz force at rest, with the share s
         of adhesion. Dashpots add to the force of the springs, so the friction is larger by the ratio of
         `shear_stiffness` to κ. In a crystal that is not perfect h is that of the weakest contact: of its adhesion
-        alone, which is left when it opens, or of its force at rest if nothing adheres.
+        alone, which is left when it opens, or of its force at rest if nothing adheres. Sources raise it by the largest
+        of their amplitudes.
         """
         hold = 1 + self.adhesive_share
         if not self.scene.perfect:
@@ -99,7 +108,7 @@ class Case:
             weakest = adhesive or self.contacts.contact_force.min()
             hold = float(weakest) / self.scene.sphere.holding_force
         stiffer = self.shear_stiffness / self.scene.sphere.stiffness_ratio
-        return FRICTION_PER_AMPLITUDE * stiffer / hold if hold > 0 else inf
+        return FRICTION_PER_AMPLITUDE * self.strength * stiffer / hold if hold > 0 else inf
 
     @property
     def shear_stiffness(self) -> float:

@@ -35,6 +35,8 @@ def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
+    if case.scene.source:
+        return Finding(True, share, reason + ", but sources make waves of every mode")
     if not case.scene.layered:
         return Finding(True, share, reason + ", but where spheres differ or are missing every wave turns some")
     if case.scene.envelope.width > 0:

@@ -1,6 +1,7 @@
 """Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.sources import TORQUE
 
 LINES = {
     "motion": "nve/sphere update dipole",
@@ -25,4 +26,14 @@ def loss(case: Case) -> str:
     return "the angle is not in the record"
 
 
-TRACKING = Effect("tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES)
+def refuse(case: Case) -> str:
+    turned = [number for number, each in enumerate(case.scene.source, 1) if each.force == TORQUE]
+    if case.on["tracking"] or not turned:
+        return ""
+    return (
+        f'source {turned[0]}: force = "{TORQUE}": needs effects.rotation and effects.tracking, as it turns the dipole '
+        "that tracks the angle"
+    )
+
+
+TRACKING = Effect("tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES, refuse=refuse)

@@ -21,14 +21,14 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.lammps import contact, guards
+from granular_lmp.lammps import contact, guards, sources
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
-from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.scene.absorption import quiet_end_of, quiet_side
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -279,23 +279,6 @@ compute      u all displace/atom
 fix          plane all enforce2d
 timestep     $(v_step:%.17g)"""
 
-_DRIVE = """\
-# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, r = 0 to 1.
-#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the step
-group        driven id 1:<columns>
-variable     Omega  equal <frequency>  # rad per tau
-variable     s      equal ternary(v_tau<v_ramp,v_tau/v_ramp,1.0)
-variable     swing  equal v_D0*v_s^3*(10-15*v_s+6*v_s^2)*cos(v_Omega*v_tau-<phase>)
-variable     before equal v_tau-v_step/v_t0
-variable     s_was  equal ternary(v_before<v_ramp,(v_before>0)*v_before/v_ramp,1.0)
-variable     was    equal v_D0*v_s_was^3*(10-15*v_s_was+6*v_s_was^2)*cos(v_Omega*v_before-<phase>)
-variable     speed  equal (v_swing-v_was)/v_step
-variable     swing_x atom v_swing*d_ux
-variable     swing_y atom v_swing*d_uy
-variable     speed_x atom v_speed*d_ux
-variable     speed_y atom v_speed*d_uy
-fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box"""
-
 _MOTION = """\
 # --- motion of the spheres that are not held
 fix          move mobile <motion>
@@ -343,7 +326,12 @@ UNCALLED = dict.fromkeys(
     "",
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
-_STARTS = {"running": (_PRELOAD, _WAVE), "standing": (_PRELOAD, _WAVE), "driven": (_MEASURES, _DRIVE)}
+_STARTS = {
+    "running": (_PRELOAD, _WAVE),
+    "standing": (_PRELOAD, _WAVE),
+    "driven": (_MEASURES, sources.DRIVEN_ROW),
+    "none": (_MEASURES, "<sources>"),
+}
 
 
 def _variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
@@ -376,7 +364,7 @@ def _blocks(scene: Scene) -> tuple[str, ...]:
 
 
 def _resumed(scene: Scene) -> tuple[str, ...]:
-    drive = ("<field>", _DRIVE) if scene.wave.form == "driven" else ()
+    drive = {"driven": ("<field>", sources.DRIVEN_ROW), "none": ("<sources>",)}.get(scene.wave.form, ())
     return (
         "# <title>: continues from <from>\nlog <log> append",
         _VARIABLES,
@@ -414,6 +402,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "units": units.names,
         "field": _FIELD,
         "ramp": _RAMP if scene.wave.form == "driven" else "",
+        "sources": sources.lines(problem, units),
         "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.AT_REST),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
@@ -463,7 +452,7 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
     return {
         "quiet_rows": str(end.rows),
         "quiet_reflection": f"{end.reflection:.1e}",
-        "quiet_side": "y" if scene.wave.form == "driven" else "abs(y)",
+        "quiet_side": quiet_side(scene),
         "quiet_from": repr(units.number(inside, length=1)),
         "quiet_thickness": repr(units.number(end.rows * row, length=1)),
         "quiet_strength": repr(end.strength),

@@ -74,12 +74,14 @@ def fastest(scene: Scene) -> float:
 
         max(2Ω, 1·s)
 
-    It is that of the second harmonic, or the top of the branches of displacement waves, which bounds free waves; s is 1
-    in a perfect lattice, and `CrystalAtRest.swiftness` otherwise. Each
-    higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand of
-    the contacts' motion if no wall cuts the wave off (docs/effects.md).
+    It is that of the second harmonic, of the fastest source if there are sources, or the top of the branches of
+    displacement waves, which bounds free waves; s is 1 in a perfect lattice, and `CrystalAtRest.swiftness` otherwise.
+    Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
+    of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
-    return max(2 * mode_of(scene).frequency, TOP * crystal_of(scene).swiftness)
+    usual = mode_of(scene).frequency
+    own = [each.pulsation(scene.sphere, usual) for each in scene.source if each.signal != "step"] or [usual]
+    return max(2 * max(own), TOP * crystal_of(scene).swiftness)
 
 
 def look_interval(scene: Scene) -> int:

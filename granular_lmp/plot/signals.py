@@ -72,7 +72,7 @@ def title(scene: Scene) -> str:
     kind = "" if scene.envelope.kind == "wave" else f" {scene.envelope.kind}"
     along = "" if scene.along == "y" else f" along {scene.along}"
     return (
-        rf"{scene.name}: {wave.words}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
+        rf"{scene.name}: {scene.shaken}{wave.words}{kind}, $\xi$ = {scene.wavenumber:.4g} rad per row{along}, "
         rf"$D_0$ = {wave.amplitude:g} $\Delta_0$"
     )
 

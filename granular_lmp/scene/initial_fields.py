@@ -49,7 +49,8 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     """Return the wave of a scene at τ = 0, which is zero on the held rows.
 
     A standing wave has the displacement of the running one and no velocity. A driven wave has only the displacement of
-    its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, without rotation.
+    its first row at cos(Ωτ − phase) = 1, along y for L and along x for TR and RT, without rotation. With the
+    form "none" all is at rest.
 
     Parameters
     ----------
@@ -64,6 +65,8 @@ def initial_fields(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     Fields
         For unit amplitude; the deck multiplies them by D0.
     """
+    if scene.wave.form == "none":
+        return Fields(np.zeros((len(packing), 3)), np.zeros((len(packing), 3)))
     if scene.wave.form == "driven":
         return _driven_row(packing, mode, scene.envelope)
     fields = _enveloped(scene, packing, mode) if scene.envelope.finite else plane_wave(packing, mode, scene.wave.phase)

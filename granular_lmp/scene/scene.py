@@ -1,9 +1,10 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
-``[effects]``, ``[output]`` and ``[absorb]``, and any number of ``[[inclusion]]`` (`granular_lmp.scene.sections`). Times
-are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the
-packing is decided here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
+``[effects]``, ``[output]`` and ``[absorb]`` (`granular_lmp.scene.sections`), and any number of ``[[inclusion]]`` and
+``[[source]]`` (`granular_lmp.scene.sources`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
+units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics in
+`granular_lmp.effects`.
 """
 
 from collections.abc import Mapping
@@ -22,7 +23,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.schema import AUTO, first_file, shown
+from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
@@ -38,6 +39,7 @@ from granular_lmp.scene.sections import (
 )
 from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
 from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.scene.sources import Source, check_quiet, check_sources, source_echo
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 SECTIONS: dict[str, type] = {
@@ -51,7 +53,7 @@ SECTIONS: dict[str, type] = {
     "output": Output,
     "absorb": Absorb,
 }
-REPEATED: dict[str, type] = {"inclusion": Inclusion}
+REPEATED: dict[str, type] = {"inclusion": Inclusion, "source": Source}
 SECTION_RULES = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
 # A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
 EXCLUSIVE = {
@@ -69,11 +71,9 @@ def note(key: str) -> str:
     """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
         return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
-    table, _, name = key.rpartition(".")
-    rule = SECTION_RULES.get(table, {}).get(name) or next(
-        item.metadata["rule"] for item in fields(SECTIONS[table]) if item.name == name
-    )
-    return str(rule.note)
+    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
+    rules = declared_fields((SECTIONS | REPEATED)[table], SECTION_RULES.get(table))
+    return next(rule.note for item, rule in rules if item.name == name)
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,6 +113,7 @@ class Scene(Document):
     absorb: Absorb = Absorb()
     disorder: Disorder = Disorder()
     inclusion: tuple[Inclusion, ...] = ()
+    source: tuple[Source, ...] = ()
 
     # --- reading and writing ---
 
@@ -247,8 +248,11 @@ class Scene(Document):
 
     @cached_property
     def vector(self) -> WaveVector:
-        """Wave vector that is used: as declared between fixed ends, else the nearest one of the periodic cell."""
-        if self.shape.ends == "fixed":
+        """Wave vector that is used: as declared between fixed ends, else the nearest one of the periodic cell.
+
+        That of a crystal at rest is as declared too, as no wave has to fit the cell.
+        """
+        if self.shape.ends == "fixed" or self.wave.form == "none":
             return self.declared_vector
         return self.declared_vector.snapped(self.shape.rows, self.shape.columns)
 
@@ -302,7 +306,8 @@ class Scene(Document):
     @property
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
-        return self.layered and self.vector.axis == "y" and self.envelope.width == 0
+        whole = all(each.rows for each in self.source)
+        return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
 
     @property
     def along(self) -> str:
@@ -313,14 +318,20 @@ class Scene(Document):
     def wave_label(self) -> str:
         """Shortest name of the wave, for a repr: "TR xi=0.802 a=0.2"."""
         along = "" if self.along == "y" else f" along {self.along}"
-        return f"{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+        return f"{self.shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+
+    @property
+    def shaken(self) -> str:
+        """Count of the sources, before the wave that is their unit; "" without any."""
+        count = len(self.source)
+        return f"{count} source{'s' if count > 1 else ''} in units of " if count else ""
 
     @property
     def wave_words(self) -> str:
         """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
         return (
-            f"{self.wave.words} {self.envelope.kind} along {self.along}, xi = {self.wavenumber!r} rad per row, "
-            f"D0 = {self.wave.amplitude!r} Delta0"
+            f"{self.shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
+            f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
         )
 
     def remarks(self) -> list[str]:
@@ -373,11 +384,17 @@ class Scene(Document):
     def echo_time(self) -> float:
         """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
         silent = self.shape.ends == "periodic" or self.absorb.rows != 0
-        return inf if silent else echo_time(self.shape.rows, driven=self.wave.form == "driven")
+        if silent:
+            return inf
+        if self.source:
+            return source_echo(self.source, self.shape)
+        return echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
+        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere)
+        check_quiet(self.source, self.absorb)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)

@@ -18,7 +18,7 @@ from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
 SHEAR_LAWS = ("secant", "incremental")
-FORMS = ("running", "standing", "driven")
+FORMS = ("running", "standing", "driven", "none")
 LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
@@ -42,7 +42,8 @@ class Wave:
 
     A "running" wave is there at τ = 0 and runs along k. A "standing" one is that and its time reversal, half of each:
     the spheres start from rest, displaced by the same field. Where it is "driven" all is at rest and the first row is
-    moved by D0 cos(Ωτ − phase), Ω that of the mode, along y for L and along x for TR and RT.
+    moved by D0 cos(Ωτ − phase), Ω that of the mode, along y for L and along x for TR and RT. With "none" all is at rest
+    and is shaken by `granular_lmp.scene.sources`, for which D0 is the unit and Ω of the mode the usual frequency.
 
     Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.scene.frequency`).
     """
@@ -51,7 +52,7 @@ class Wave:
     wavenumber: float = number("rad per row", "xi", 1e-9, LARGEST_WAVENUMBER)
     amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
     phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)
-    form: str = choice("running, standing, or driven by the first row", FORMS, default="running")
+    form: str = choice("running, standing, driven by the first row, or none: at rest", FORMS, default="running")
     frequency: float | None = number("Hz", "in place of wavenumber", 1e-6, 1e15, default=None)
     direction: float | str = number(
         "degrees", "from x towards y; or x, y", -180, 180, open_low=True, words=tuple(DIRECTIONS), default="y"
@@ -60,7 +61,7 @@ class Wave:
     @property
     def words(self) -> str:
         """Mode and form in words: "TR", "TR standing"."""
-        return self.mode if self.form == "running" else f"{self.mode} {self.form}"
+        return self.mode if self.form in ("running", "none") else f"{self.mode} {self.form}"
 
     @property
     def degrees(self) -> float:

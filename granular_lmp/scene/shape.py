@@ -114,6 +114,11 @@ def echo_time(rows: int, *, driven: bool = False) -> float:
     of the wave. If the first row drives the wave, the echo comes from the other end, which the wave reaches first.
     """
     distance = (rows - 1) // 2 + (rows - 1 if driven else 0)
+    return arrival_time(distance)
+
+
+def arrival_time(distance: int) -> float:
+    """Return the time τ after which a disturbance is felt at a distance in rows, by the rule of `echo_time`."""
     return max(0.0, distance - 3.5 * distance ** (1 / 3)) / FASTEST_ROWS_PER_TAU
 
 

@@ -191,10 +191,10 @@ def check_absorb(absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelop
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '
             "ends, and those that the wave is to cross"
         )
-    if wave.form != "driven" and not envelope.length:
+    if wave.form not in ("driven", "none") and not envelope.length:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: would damp a wave that fills the packing; needs envelope.length above 0 "
-            'or wave.form = "driven"'
+            'or wave.form = "driven" or "none"'
         )
 
 

@@ -122,6 +122,8 @@ def _refuse_unfit(scene: Scene) -> None:
         raise SceneError(f'packing.lattice = {scene.packing.lattice!r}: must be "hexagonal" for a sheet that is kicked')
     if shape.ends != "periodic":
         raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
+    if scene.wave.form == "none":
+        raise SceneError('wave.form = "none": must be another for a sheet that is kicked, which has no sources')
     if shape.columns % 3:  # the rows of a periodic cell are even
         raise SceneError(
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "

@@ -1,0 +1,136 @@
+"""The lines of a deck that shake spheres: the driven row of a wave, and the sources of a crystal at rest.
+
+Spheres are moved by ``fix move variable``. Contact forces see the velocities that spheres had half a step ago, which
+LAMMPS has of all others when it computes forces; a moved sphere therefore gets its last way over the step. With its
+present velocity the error would be of first order in the step (docs/waves.md).
+
+A torque is that of ``fix efield`` on the dipole that tracks the angle θ of a sphere: a field f along y turns a dipole
+of length 1 along x by f cos θ. Angles in a crystal are below 1e-3, and 1 − cos θ below 1e-6.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from granular_lmp.lammps.units import Units
+from granular_lmp.problem import Problem
+from granular_lmp.scene.sources import TORQUE, PlacedSource
+
+_RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
+# Over the variable s: the time since the beginning as a share of the ramp or of the burst, or y of a Ricker wavelet
+_SIGNALS = {
+    "tone": f"{_RISE}*<carrier>",
+    "burst": "sin(PI*v_<s>)^2*<carrier>",
+    "step": _RISE,
+    "ricker": "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)",
+}
+# LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
+_STEP = "$(v_step/v_t0:%.17g)"
+_RICKER_BEGINS = "12.0"  # −y at t = 0, where the signal is 71 e^{-36} = 2e-14 of its largest value
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """A signal in LAMMPS's variable language: its kind, the end of its names, its factor, the duration of its ramp or
+    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago.
+    """
+
+    kind: str
+    tag: str
+    unit: str
+    length: str
+    phase: str
+    now: str
+    before: str
+
+    def at(self, time: str, name: str, s: str) -> list[str]:
+        """Return the lines that define s and the signal `name` at a time."""
+        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
+        value = f"ternary(v_{time}<{self.length},{begun}v_{time}/{self.length},1.0)"
+        if self.kind == "ricker":
+            value = f"v_Omega{self.tag}*v_{time}-{_RICKER_BEGINS}"
+        text = _SIGNALS[self.kind].replace("<carrier>", f"cos(v_Omega{self.tag}*v_{time}-{self.phase})")
+        text = text.replace("<s>", s + self.tag)
+        return [_line(s + self.tag, value), _line(name + self.tag, f"{self.unit}*{text}")]
+
+    def moved(self, step: str) -> list[str]:
+        """Return the lines for the displacement `swing` of moved spheres, and for `speed`, half a step ago.
+
+        `step` is the step in the units of the times.
+        """
+        return [
+            *self.at(self.now, "swing", "s"),
+            _line(self.before, f"v_{self.now}-{step}"),
+            *self.at(self.before, "was", "s_was"),
+            _line(f"speed{self.tag}", f"(v_swing{self.tag}-v_was{self.tag})/v_step"),
+        ]
+
+
+def _line(name: str, expression: str, comment: str = "") -> str:
+    return f"variable     {name:6} equal {expression}" + (f"  # {comment}" if comment else "")
+
+
+DRIVEN_ROW = "\n".join(
+    (
+        "# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, "
+        "r = 0 to 1.",
+        "#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the "
+        "step",
+        "group        driven id 1:<columns>",
+        _line("Omega", "<frequency>", "rad per tau"),
+        *_Signal("tone", "", "v_D0", "v_ramp", "<phase>", "tau", "before").moved("v_step/v_t0"),
+        "variable     swing_x atom v_swing*d_ux",
+        "variable     swing_y atom v_swing*d_uy",
+        "variable     speed_x atom v_speed*d_ux",
+        "variable     speed_y atom v_speed*d_uy",
+        "fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box",
+    )
+)
+
+
+def lines(problem: Problem, units: Units) -> str:
+    """Return the blocks of all sources of a problem."""
+    blocks = (_block(str(number), each, problem, units) for number, each in enumerate(problem.sources, 1))
+    return "\n\n".join("\n".join(block) for block in blocks)
+
+
+def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> list[str]:
+    source, sphere, name = placed.source, problem.scene.sphere, f"source{tag}"
+    length = 2 * pi * source.cycles / placed.frequency if source.signal == "burst" else source.ramp
+    stiffness = units.number(sphere.normal_stiffness, mass=1, time=-2)
+    unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
+    unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
+    signal = _Signal(source.signal, tag, unit, repr(length), repr(source.phase), f"t{tag}", f"t_was{tag}")
+    head = [f"group        {name} id {_ranges(placed)}"]
+    head += [] if source.signal == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
+    head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
+    if source.motion:
+        along, across = (f"v_swing{tag}", f"v_speed{tag}"), ("v_still", "v_still")
+        (ux, vx), (uy, vy) = (along, across) if source.motion == "x" else (across, along)
+        return [
+            f"# --- {name}: {source.words}, with the velocity of half a step ago, which is what contacts see",
+            *head,
+            f"group        mobile subtract mobile {name}",
+            *signal.moved(_STEP),
+            _line("still", "0.0"),
+            f"fix          {name} {name} move variable {ux} {uy} NULL {vx} {vy} NULL units box",
+        ]
+    push = f"v_push{tag}"
+    pushed = {
+        "x": f"addforce {push} 0.0 0.0",
+        "y": f"addforce 0.0 {push} 0.0",
+        TORQUE: f"efield 0.0 {push} 0.0  # turns the dipole of length 1 that tracks the angle",
+    }
+    return [
+        f"# --- {name}: {source.words}",
+        *head,
+        *signal.at(signal.now, "push", "s"),
+        f"fix          {name} {name} {pushed[str(source.force)]}",
+    ]
+
+
+def _ranges(placed: PlacedSource) -> str:
+    """Return the LAMMPS identifiers of the spheres, "4 7:9"."""
+    runs = np.split(placed.spheres + 1, np.flatnonzero(np.diff(placed.spheres) != 1) + 1)
+    return " ".join(f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

@@ -1,0 +1,273 @@
+"""Sources: spheres that are moved, pushed or turned from outside, in a crystal that is at rest at τ = 0.
+
+A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10 − 15s + 6s²), s clipped to [0, 1]:
+
+    tone      r(t/ramp) cos(x − phase)
+    burst     sin²(π s) cos(x − phase),  s = x/(2π cycles): a Hann window
+    ricker    (1 − y²/2) e^{−y²/4},  y = x − 12: at its largest at t = 12/Ω, where its spectrum has its maximum at Ω
+    step      r(t/ramp)
+
+The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
+are moved neither turn nor move across the motion. Motions cannot be added on one sphere, and a force on a sphere that
+is moved or held does nothing: both are refused.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from math import pi
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.modes import Mode
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
+from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
+from granular_lmp.scene.shape import arrival_time
+
+AXES = ("x", "y")
+TORQUE = "torque"
+SIGNALS = ("tone", "burst", "ricker", "step")
+# The keys that only some signals have
+_OWN = {
+    "frequency": ("tone", "burst", "ricker"),
+    "hertz": ("tone", "burst", "ricker"),
+    "phase": ("tone", "burst"),
+    "cycles": ("burst",),
+    "ramp": ("tone", "step"),
+}
+_MOST = 10_000_000  # rows or columns
+FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
+
+
+@dataclass(frozen=True)
+class Source:
+    """Spheres, what is done to them along which axis, and its signal over time.
+
+    Attributes
+    ----------
+    rows : (first, last)
+        All spheres of these rows and of those between, counted from 0; or
+    spheres : sequence of (row, column)
+    motion : "x" or "y", optional
+        Axis along which the displacement is prescribed, in D0; or
+    force : "x", "y" or "torque", optional
+        Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
+    signal : "tone", "burst", "ricker" or "step"
+    amplitude : float
+        Above 0. Good values: about 1, as D0 is small already.
+    frequency, hertz : float, optional
+        Ω in rad/t0, or in Hz; that of the wave if both are left out.
+    phase, delay, cycles, ramp : float
+        In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
+    """
+
+    rows: Sequence[int] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
+    )
+    spheres: Sequence[tuple[int, int]] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
+    )
+    motion: str | None = choice("displacement from rest, in D0", AXES, default=None)
+    force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
+    signal: str = choice("over time", SIGNALS, default="tone")
+    amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
+    frequency: float | None = number("rad/t0", "of tone, burst, ricker; the wave's if left out", 1e-6, 20, default=None)
+    hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
+    phase: float = number("rad", "of tone and burst", -2 * pi, 2 * pi, default=0.0)
+    delay: float = number("tau", "before the signal begins", 0, 1e7, default=0.0)
+    cycles: float = number("", "periods of a burst", 1, 1e5, default=5.0)
+    ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
+
+    @property
+    def words(self) -> str:
+        """Kind and signal in words: "burst of force along y"."""
+        kind = f"motion along {self.motion}" if self.motion else f"force along {self.force}"
+        return f"{self.signal} of {TORQUE if self.force == TORQUE else kind}"
+
+    @property
+    def places(self) -> str:
+        """The spheres in words."""
+        return f"rows = {list(self.rows)}" if self.rows else f"spheres = {shown([list(each) for each in self.spheres])}"
+
+    def pulsation(self, sphere: Sphere, default: float) -> float:
+        """Return Ω in rad/t0; `default` is that of the wave."""
+        if self.hertz is not None:
+            return 2 * pi * self.hertz * sphere.time_scale
+        return default if self.frequency is None else self.frequency
+
+    def rows_of(self) -> list[int]:
+        """Return the rows in which it has spheres, first and last of each run of them."""
+        return list(self.rows) if self.rows else sorted({row for row, _ in self.spheres})
+
+    def is_in_row(self, row: int) -> bool:
+        """Return True if it has spheres in a row."""
+        return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedSource:
+    """A source in its crystal.
+
+    Attributes
+    ----------
+    source : Source
+    spheres : (n,) int array
+        Indices of its spheres, ascending.
+    frequency : float
+        Ω of its signal, rad/t0; not used by a step.
+    """
+
+    source: Source
+    spheres: NDArray[np.int64]
+    frequency: float
+
+    @property
+    def words(self) -> str:
+        """What the source does to how many spheres."""
+        count = len(self.spheres)
+        at = "" if self.source.signal == "step" else f" at {self.frequency:.6g} rad per t0"
+        return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
+
+    @property
+    def cost(self) -> int:
+        """Time of a step that the source takes, in spheres of the crystal, measured; it is that of its variables."""
+        return 110 if self.source.motion else 30
+
+
+def check_sources(
+    sources: Sequence[Source], wave: Wave, envelope: Envelope, packing: Packing, shape: Shape, sphere: Sphere
+) -> None:
+    """Check that sources stand beside a wave of the form "none", and each by itself."""
+    if wave.form != "none":
+        if sources:
+            raise SceneError(
+                f'wave.form = "{wave.form}": must be "none" with [[source]], which shakes a crystal that is at rest'
+            )
+        return
+    needed = {
+        "source": (len(sources), bool(sources), "at least one table [[source]]"),
+        "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
+        "envelope.length": (envelope.length, envelope.length == 0, "0"),
+        "envelope.width": (envelope.width, envelope.width == 0, "0"),
+        "packing.rows": (packing.rows, packing.rows != AUTO, "a number"),
+        "packing.columns": (
+            packing.columns,
+            packing.columns != AUTO or all(each.rows for each in sources),
+            "a number where a source has single spheres",
+        ),
+    }
+    for key, (value, right, allowed) in needed.items():
+        if not right:
+            raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
+    for number_, each in enumerate(sources, 1):
+        for trouble in _troubles(each, shape, sphere, wave.amplitude):
+            raise SceneError(f"source {number_}: {trouble}")
+
+
+def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) -> Iterator[str]:
+    """Yield what is wrong with a source by itself."""
+    for one, other in (("rows", "spheres"), ("motion", "force")):
+        given = [name for name in (one, other) if getattr(source, name)]
+        if len(given) != 1:
+            yield f"{' and '.join(given) or 'neither'} given: must be either {one} or {other}"
+    if source.frequency is not None and source.hertz is not None:
+        yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
+    for key, signals in _OWN.items():
+        if source.signal not in signals and getattr(source, key) != getattr(Source, key):
+            allowed = " or ".join(signals)
+            yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.signal}"'
+    if source.rows and not 0 <= source.rows[0] <= source.rows[1] < shape.rows:
+        yield f"rows = {list(source.rows)}: must be [first, last], from 0 to {shape.rows - 1}"
+    for row, column in source.spheres:
+        if row >= shape.rows or column >= shape.columns:
+            yield (
+                f"sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{shape.rows - 1}, "
+                f"{shape.columns - 1}]"
+            )
+    if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
+        yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
+    largest = sphere.radius / sphere.static_overlap / 10 / amplitude
+    if source.motion and source.amplitude > largest:
+        yield f"amplitude = {source.amplitude!r}: must be at most {largest:.3g}, a motion by R/10"
+
+
+def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[PlacedSource, ...]:
+    """Return the sources of a scene in its crystal at rest.
+
+    Raises
+    ------
+    SceneError
+        If a place is empty, or a sphere that is moved is moved or pushed by another source.
+    """
+    row, column = crystal.arrays["row"], crystal.arrays["column"]
+    index: dict[tuple[int, ...], int] = {
+        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
+    }
+    found = []
+    by: dict[int, tuple[int, bool]] = {}
+    for number_, source in enumerate(sources, 1):
+        for place in source.spheres:
+            if tuple(place) not in index:
+                raise SceneError(f"source {number_}: sphere {list(place)}: is a vacancy, and cannot be a source")
+        inside = source.rows and (source.rows[0] <= row) & (row <= source.rows[1])
+        chosen = np.flatnonzero(inside) if source.rows else np.unique([index[tuple(at)] for at in source.spheres])
+        if not len(chosen):
+            raise SceneError(f"source {number_}: {source.places}: holds vacancies only")
+        for each in chosen.tolist():
+            other, moved = by.get(each, (0, False))
+            if other and (moved or source.motion):
+                raise SceneError(
+                    f"source {number_}: sphere [{row[each]}, {column[each]}]: is in source {other} too; a sphere that "
+                    "is moved must be in no other source"
+                )
+            by[each] = number_, bool(source.motion)
+        found.append(PlacedSource(source, chosen, source.pulsation(sphere, mode.frequency)))
+    return tuple(found)
+
+
+def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
+    """Check that a period of each source has enough time steps."""
+    for number_, each in enumerate(sources, 1):
+        most = 2 * pi / each.frequency / FEWEST_STEPS
+        if time.tolerance is None and each.source.signal != "step" and time.step > most:
+            raise SceneError(
+                f"time.timestep = {time.timestep!r}: leaves a period of source {number_} fewer than {FEWEST_STEPS:g} "
+                f"steps at its frequency of {each.frequency:.6g} rad per t0; must be at most {most:.4g}"
+            )
+
+
+def source_echo(sources: Sequence[Source], shape: Shape) -> float:
+    """Return the time τ at which waves of the sources reach the centre from an end, by the shortest way.
+
+    The way is that from a sphere of a source to an end and on to the centre. An end that a source moves is where its
+    waves begin, and sends back none of them.
+    """
+    last = shape.rows - 1
+    ways = (
+        abs(row - end) + abs(end - shape.centre_row)
+        for each in sources
+        for end in (0, last)
+        for row in each.rows_of()
+        if not each.is_in_row(end)
+    )
+    return arrival_time(min(ways, default=2 * last))
+
+
+def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
+    """Check that no source of a scene with quiet ends makes waves that are too long for them."""
+    for number_, each in enumerate(sources, 1):
+        if absorb.rows != 0 and each.signal == "burst" and each.cycles < FEWEST_CYCLES:
+            raise SceneError(
+                f"source {number_}: cycles = {each.cycles!r}: must be at least {FEWEST_CYCLES:g} with absorb.rows, as "
+                "the spectrum of a shorter burst reaches down to waves that no number of rows absorbs"
+            )
+        if absorb.rows != 0 and each.signal in ("ricker", "step"):
+            raise SceneError(
+                f'source {number_}: signal = "{each.signal}": must be "tone" or "burst" with absorb.rows, as the long '
+                "waves in its spectrum are absorbed by no number of rows"
+            )
