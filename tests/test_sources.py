@@ -17,7 +17,7 @@ from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, RunInterrupted, SceneError
-from granular_lmp.lammps import deck
+from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
@@ -175,10 +175,10 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         assert not turned[:, sphere].any()
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(deck, "CHECKPOINT_INTERVAL", 48 * 100)
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
     scene = SHEET.with_values(
         {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
+        | {"output.checkpoint": 48 * 100 / SPEED / 60}
         | {
             "source": [
                 PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
