@@ -118,8 +118,8 @@ BOTH = --over wave.wavenumber=1.4784,2.1252
 NEAR = 1.3398,1.3860,1.4322,1.4784,1.5246,1.6170
 SLIDING = --set effects.sliding=true --set effects.friction=0.5
 STILL = tr_periodic --set packing.rows=18 --set packing.columns=16 --set wave.wavenumber=0.6981 \
-    --set wave.amplitude=0.001 --set time.duration=1 --set effects.contact_opening=true --over disorder.seed=1:8:8
-SWEPT = perfect harmonic torn compressed shape contacts contacts_soft density sound
+    --set wave.amplitude=0.001 --set time.duration=1 --set effects.contact_opening=true --over disorder.seed=1:32:32
+SWEPT = perfect harmonic torn compressed shape contacts contacts_soft contacts_rubbed density sound
 DEFECT = tr_periodic --set packing.rows=64 --set packing.columns=48 --set wave.wavenumber=0.7853981633974483 \
     --set wave.amplitude=0.01 --set time.duration=80 --set time.timestep=0.1 --set output.particles=4
 
@@ -137,6 +137,8 @@ disorder: .venv/ready
 	$(DISORDER) $(STILL) -o runs/disorder/contacts --over disorder.radius=1e-5,3e-5,1e-4,2e-4,3e-4,5e-4,1e-3,3e-3,1e-2
 	$(DISORDER) $(STILL) -o runs/disorder/contacts_soft --set sphere.youngs_modulus=2.3085e9 \
 	    --over disorder.radius=1e-4,3e-4,1e-3,2e-3,3e-3,5e-3,1e-2,3e-2
+	$(DISORDER) $(STILL) -o runs/disorder/contacts_rubbed --set packing.relax_friction=0.3 \
+	    --over disorder.radius=1e-4,2e-4,3e-4,5e-4,1e-3,3e-3
 	$(DISORDER) tr_periodic -o runs/disorder/density --set packing.rows=64 --set packing.columns=32 \
 	    --set wave.amplitude=0.001 --set time.duration=75 --set time.timestep=0.2 --set time.sample=5 \
 	    --set output.particles=25 --set disorder.density=0.1 --over disorder.seed=1:32:32 --over wave.mode=TR,L \

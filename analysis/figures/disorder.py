@@ -53,7 +53,7 @@ SHORT = 40.0  # τ: the half height is given for this duration too
 class Found:
     """All that the sweeps hold, by the kinds of runs."""
 
-    contacts: dict[tuple[float, float], Floats]
+    contacts: dict[tuple[float, float, float], Floats]
     density: dict[Key, Waves]
     sound: dict[Key, Waves]
     harmonics: dict[Key, Waves]
@@ -158,11 +158,13 @@ def table(found: Found) -> str:
     """Return all numbers of the figure as text."""
     lines = []
     if found.contacts:
-        lines.append("contacts per sphere\n   Delta0/2R        s      Z  error  seeds  trial")
-    for (ratio, spread), values in found.contacts.items():
+        lines.append("contacts per sphere\n   Delta0/2R friction        s      Z  error  seeds  trial")
+    for (ratio, friction, spread), values in found.contacts.items():
         error = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
         trial = next((f"{z:7.3f}" for s, z in TRIAL.items() if np.isclose(s, spread, rtol=0.01)), "")
-        lines.append(f"{ratio:12.3e}{spread:9.3g}{values.mean():7.3f}{error:7.3f}{len(values):7d}{trial}")
+        lines.append(
+            f"{ratio:12.3e}{friction:9.3g}{spread:9.3g}{values.mean():7.3f}{error:7.3f}{len(values):7d}{trial}"
+        )
     if found.density:
         lines.append(
             "attenuation\n mode      xi   rate/sigma2      error  of theory  shift/sigma2     error  of theory"
@@ -222,15 +224,17 @@ def _contacts(axes: Axes, found: Found) -> None:
         return
     axes.set_title("contacts left", loc="left")
     marks = iter([("tab:blue", "o"), ("tab:orange", "s"), ("tab:green", "^")])
-    for ratio in sorted({ratio for ratio, _ in found.contacts}):
+    for crystals in sorted({(friction, ratio) for ratio, friction, _ in found.contacts}):
         rows = [
             (s, z.mean(), z.std() / max(len(z) - 1, 1) ** 0.5)
-            for (each, s), z in found.contacts.items()
-            if each == ratio
+            for (ratio, friction, s), z in found.contacts.items()
+            if (friction, ratio) == crystals
         ]
+        friction, ratio = crystals
+        rubbed = rf", let go with $\mu$ = {friction:g}" if friction else ""
         colour, mark = next(marks, ("tab:grey", "x"))
         s, z, error = np.transpose(rows)
-        axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}")
+        axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
     axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
     axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
     axes.text(0.045, 4.04, "isostatic without friction", fontsize="small")

@@ -115,12 +115,16 @@ def key_of(record: Record) -> Key:
     )
 
 
-def contacts_left(records: Iterable[Record]) -> dict[tuple[float, float], Floats]:
-    """Return Z of every crystal, (n,), by overlap ratio Δ0/2R and s; runs of perfect crystals are left out."""
-    found: dict[tuple[float, float], dict[int, float]] = defaultdict(dict)
+def contacts_left(records: Iterable[Record]) -> dict[tuple[float, float, float], Floats]:
+    """Return Z of every crystal, (n,), by overlap ratio Δ0/2R, friction on the way to rest, and s.
+
+    Runs of perfect crystals are left out.
+    """
+    found: dict[tuple[float, float, float], dict[int, float]] = defaultdict(dict)
     for record in records:
         if "crystal" in record.info:
-            key = round(record.scene.sphere.overlap_ratio, 9), round(spread_of(record), 6)
+            scene = record.scene
+            key = round(scene.sphere.overlap_ratio, 9), scene.packing.relax_friction, round(spread_of(record), 6)
             found[key][record.scene.disorder.seed] = record.info["crystal"]["contacts_per_sphere"]
     return {key: np.array(list(values.values())) for key, values in sorted(found.items())}
 
