@@ -106,6 +106,8 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.standing runs/waves/tr_grating -o figures/grating.png
 	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
+	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
+	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,

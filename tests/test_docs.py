@@ -221,7 +221,7 @@ def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", ["docs/collisions.md", "docs/crystals.md"])
+@pytest.mark.parametrize("page", ["docs/collisions.md", "docs/crystals.md", "docs/experiments.md"])
 def test_the_python_of_a_page_on_the_library_runs(page: str, tmp_path: Path) -> None:
     done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
     assert done.returncode == 0, done.stderr

@@ -343,6 +343,7 @@ NEITHER = {"spheres": [[1, 1]]}
         ({"source": [PUSH | {"spheres": [[16, 0]]}]}, r"sphere \[16, 0\]: must be \[row, column\], from \[0, 0\] to"),
         ({"source": [{"rows": [3, 16], "force": "x"}]}, r"rows = \[3, 16\]: must be \[first, last\], from 0 to 15"),
         ({"source": [MOVE | {"amplitude": 100.0}], "wave.amplitude": 10.0}, "must be at most .* a motion by R/10"),
+        ({"source": [TURN], "wave.amplitude": 10.0}, r"amplitude = 0\.5: must be at most 0\.4: a torque that turns"),
         ({"source": [PUSH, MOVE | {"spheres": [[6, 5]]}]}, r"source 2: sphere \[6, 5\]: is in source 1 too"),
         ({"source": [MOVE, MOVE | {"motion": "y"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
         ({"source": [PUSH | {"frequency": 9.0}]}, r"time\.timestep = 0\.05: leaves a period of source 1 fewer than 20"),

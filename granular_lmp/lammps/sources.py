@@ -5,7 +5,8 @@ LAMMPS has of all others when it computes forces; a moved sphere therefore gets 
 present velocity the error would be of first order in the step (docs/waves.md).
 
 A torque is that of ``fix efield`` on the dipole that tracks the angle θ of a sphere: a field f along y turns a dipole
-of length 1 along x by f cos θ. Angles in a crystal are below 1e-3, and 1 − cos θ below 1e-6.
+of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more than some 2e-3, where 1 − cos θ is
+2e-6.
 """
 
 from dataclasses import dataclass

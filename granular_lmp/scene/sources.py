@@ -41,6 +41,7 @@ _OWN = {
 }
 _MOST = 10_000_000  # rows or columns
 FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
@@ -194,6 +195,12 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) ->
     largest = sphere.radius / sphere.static_overlap / 10 / amplitude
     if source.motion and source.amplitude > largest:
         yield f"amplitude = {source.amplitude!r}: must be at most {largest:.3g}, a motion by R/10"
+    largest *= 10 * LARGEST_ANGLE
+    if source.force == TORQUE and source.amplitude > largest:
+        yield (
+            f"amplitude = {source.amplitude!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
+            f"than about {LARGEST_ANGLE:g} rad falls with the cosine of their angle"
+        )
 
 
 def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: Mode) -> tuple[PlacedSource, ...]:
