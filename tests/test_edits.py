@@ -10,7 +10,7 @@ from analysis.compare import compare
 from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import DeckError, RunFolderError
-from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
+from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.runs.record import write_status
 
 PLACES = ["variables", "units", "lattice", "contacts", "preload", "wave", "motion", "guards", "record", "run"]
@@ -22,7 +22,7 @@ def test_the_places_of_a_deck_are_its_headings(small: Scene) -> None:
     assert build(small).places == PLACES
     assert "drive" in build(Scene.load("tr_driven")).places
     text = build(small).input_text
-    assert "".join(text[begin:end] for begin, end in blocks(text).values()) == text[text.index("# --- variables") :]
+    assert "".join(text[begin:end] for begin, end in places(text).values()) == text[text.index("# --- variables") :]
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -1,11 +1,10 @@
 """The LAMMPS deck of a scene: ``in.NAME`` and ``data.NAME``.
 
 The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. Values that can change without a new lattice
-are index variables, which ``-var`` overrides. The blocks of the deck stand below as they are written, with ``<slots>``
-for the numbers of the scene and for the lines of its effects; a line whose slots stay empty is left out.
+are index variables, which ``-var`` overrides. Its text is that of `granular_lmp.lammps.blocks`, filled with the numbers
+of a problem and the lines of its effects.
 """
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -21,10 +20,10 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.lammps import contact, guards, sources
+from granular_lmp.lammps import blocks, contact, guards, sources
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
-from granular_lmp.lammps.edits import blocks, differing_lines, with_lines
+from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
@@ -105,7 +104,7 @@ class Deck:
     @property
     def places(self) -> list[str]:
         """The names of the blocks of ``in.NAME``, in their order: what `edited` takes."""
-        return list(blocks(self.input_text))
+        return list(places(self.input_text))
 
     def edits(self) -> list[str]:
         """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
@@ -158,7 +157,7 @@ def deck_of(problem: Problem) -> Deck:
 
 def written_text(problem: Problem) -> str:
     """Return ``in.NAME`` of a problem as this package writes it."""
-    return _text(_blocks(problem.scene), _values(problem, units_for(problem.scene.sphere.radius)))
+    return blocks.filled_text(blocks.written(problem.scene), _values(problem, units_for(problem.scene.sphere.radius)))
 
 
 def _title(scene: Scene) -> str:
@@ -194,191 +193,6 @@ def types(packing: ase.Atoms) -> NDArray[np.int64]:
     return 2 * material + np.where(packing.arrays["fixed"], 2, 1)
 
 
-# --- the blocks of in.NAME -------------------------------------------------------------------------------------------
-
-_HEADING = """\
-# <title>
-# Runs as it is in this folder:  lmp -in in.<name>
-# With other values:             lmp -in in.<name> -var amplitude 0.1 -var timestep 0.025
-<invalid>"""
-
-_VARIABLES = """\
-# --- variables: these, and no others, may be overridden with -var NAME VALUE
-variable amplitude index <amplitude>  # D0/Delta0
-variable timestep  index <timestep>  # tau; rounded down to fit a whole number of steps into a sample
-variable sample    index <sample>  # tau between records
-variable duration  index <duration>  # tau
-<ramp>
-<friction>
-variable data      index data.<name>
-variable dump      index <dump>
-<particles_variables>
-variable checkpoint index <checkpoint_steps>  # steps between checkpoints, here for one core
-if "<refused>" then "print 'ERROR: this deck is of one wave in one lattice: <names> is no variable of it'" "quit 1"
-print "<said>"
-
-# --- units <style>: <units>
-variable Delta0 equal <Delta0>  # static overlap
-variable R      equal <R>  # radius
-variable t0     equal <t0>  # one tau
-variable D0     equal v_amplitude*v_Delta0
-variable every  equal ceil(v_sample/v_timestep-1e-9)
-variable step   equal v_sample/v_every*v_t0
-variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
-variable tau    equal step*v_step/v_t0"""
-
-_FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
-
-_LATTICE = """\
-# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
-units        <style>
-dimension    2
-boundary     <along_x> <along_y> p
-atom_style   <atom_style>
-atom_modify  map array
-comm_modify  vel yes
-<field>
-read_data    ${data} fix wave NULL wave
-<mass>
-group        mobile type <mobile>
-neighbor     <skin> bin"""
-
-_CONTACTS = """\
-# --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction
-<contact>
-<at_rest>"""
-
-_PRELOAD = """\
-# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in one
-#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of dashpots
-variable     slow  equal 1e6*v_step
-timestep     $(v_slow:%.17g)
-compute      u all displace/atom
-variable     to_ux atom v_D0*d_ux/v_slow
-variable     to_uy atom v_D0*d_uy/v_slow
-velocity     all set v_to_ux v_to_uy NULL units box
-<preload_spin>
-fix          plane all enforce2d
-fix          move mobile nve/noforce
-thermo_style custom step
-run          1 post no
-unfix        move
-reset_timestep 0
-timestep     $(v_step:%.17g)"""
-
-_WAVE = """\
-# --- wave: the true velocities
-variable     vx atom v_D0*d_vx/v_t0
-variable     vy atom v_D0*d_vy/v_t0
-velocity     all set v_vx v_vy NULL units box
-<start_spin>
-<start_angle>"""
-
-_MEASURES = """\
-compute      u all displace/atom
-fix          plane all enforce2d
-timestep     $(v_step:%.17g)"""
-
-_MOTION = """\
-# --- motion of the spheres that are not held
-fix          move mobile <motion>
-<quiet>
-<quiet_turn>"""
-
-_GUARDS = """\
-# --- guards: proof that the effects this deck leaves out do not occur
-<guards>"""
-
-_RECORD = """\
-# --- record of the centre sphere, all digits; a checkpoint about every <checkpoint> minutes
-restart      ${checkpoint} <checkpoints>
-group        centre id <centre>
-<read_angle>
-dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
-dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
-<particles_dump>"""
-
-_QUIET_TURN = """\
-variable     turn_drag atom v_rate*0.4*mass*radius^2
-fix          turn_drag quiet viscous/sphere 1.0 scale v_turn_drag"""
-
-_RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
-
-# Slots of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
-_PARTICLES = {
-    "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
-    "variable snapshots index <snapshots>",
-    "particles_dump": "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)\n"
-    "dump         particles all custom ${apart} ${snapshots} id type x y z radius<mass_column> c_u[1] c_u[2] vx vy vz"
-    "<spin_column><angle_column>\n"
-    "dump_modify  particles sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
-    "particles_append": "dump_modify  particles append yes",
-}
-
-# Names that somebody would try with -var, and that would be ignored
-_NO_VARIABLES = ("xi", "mode", "rows", "columns", "amp")
-_SAID = "granular-lmp variables: "
-
-# Contents of the slots that no effect of a scene fills
-UNCALLED = dict.fromkeys(
-    ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
-    + ("read_angle", "angle_column", "angle_name", "quiet", "quiet_turn"),
-    "",
-) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
-
-_STARTS = {
-    "running": (_PRELOAD, _WAVE),
-    "standing": (_PRELOAD, _WAVE),
-    "driven": (_MEASURES, sources.DRIVEN_ROW),
-    "none": (_MEASURES, "<sources>"),
-}
-
-
-def _variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
-    """Return what a deck prints of its variables, so that the log of a run says what -var made of them."""
-    optional = {
-        "friction": bool(lines.get("friction")),
-        "ramp": scene.wave.form == "driven",
-        "particles": scene.output.particles > 0,
-    }
-    names = [
-        "amplitude",
-        "timestep",
-        "sample",
-        "duration",
-        "dump",
-        *(name for name, there in optional.items() if there),
-    ]
-    return _SAID + " ".join(f"{name}=${{{name}}}" for name in names)
-
-
-def said_variables(log: str) -> dict[str, str] | None:
-    """Return the variables of the run of a log, name → value; None if the log does not say them."""
-    lines = [line for line in log.splitlines() if line.startswith(_SAID)]
-    return dict(pair.split("=", 1) for pair in lines[-1].removeprefix(_SAID).split()) if lines else None
-
-
-def _blocks(scene: Scene) -> tuple[str, ...]:
-    start = _STARTS[scene.wave.form]
-    return (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD, "run ${steps}")
-
-
-def _resumed(scene: Scene) -> tuple[str, ...]:
-    drive = {"driven": ("<field>", sources.DRIVEN_ROW), "none": ("<sources>",)}.get(scene.wave.form, ())
-    return (
-        "# <title>: continues from <from>\nlog <log> append",
-        _VARIABLES,
-        "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
-        _CONTACTS,
-        _MEASURES,
-        *drive,
-        _MOTION,
-        _GUARDS,
-        _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
-        "run ${steps} upto",
-    )
-
-
 def resume_text(deck: Deck, checkpoint: str) -> str:
     """Return the input that continues a run of `deck` from a checkpoint, to the same bytes as an uninterrupted run.
 
@@ -387,7 +201,9 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     https://docs.lammps.org/Howto_restart.html
     """
     values = _values(deck.problem, units_for(deck.scene.sphere.radius))
-    return _text(_resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"})
+    return blocks.filled_text(
+        blocks.resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"}
+    )
 
 
 def _values(problem: Problem, units: Units) -> dict[str, str]:
@@ -400,16 +216,16 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "name": scene.name,
         "style": units.style,
         "units": units.names,
-        "field": _FIELD,
-        "ramp": _RAMP if scene.wave.form == "driven" else "",
+        "field": blocks.FIELD,
+        "ramp": blocks.RAMP if scene.wave.form == "driven" else "",
         "sources": sources.lines(problem, units),
         "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.AT_REST),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
         "contacts_append": "",
-        "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in _NO_VARIABLES) + ")",
-        "names": " or ".join(_NO_VARIABLES),
-        "said": _variables_line(scene, selection.lines(problem.on)),
+        "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
+        "names": " or ".join(blocks.NO_VARIABLES),
+        "said": blocks.variables_line(scene, selection.lines(problem.on)),
         "dump": DUMP,
         "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen else "centre",
@@ -436,10 +252,10 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "t0": units.number(sphere.time_scale, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
     }
-    optional = _PARTICLES if all_seen else dict.fromkeys(_PARTICLES, "")
+    optional = blocks.PARTICLES if all_seen else dict.fromkeys(blocks.PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
     numbers |= _quiet_values(problem, units)
-    return UNCALLED | selection.lines(problem.on) | plain | optional | numbers | _contact_values(problem, units)
+    return blocks.UNCALLED | selection.lines(problem.on) | plain | optional | numbers | _contact_values(problem, units)
 
 
 def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
@@ -457,7 +273,7 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
         "quiet_thickness": repr(units.number(end.rows * row, length=1)),
         "quiet_strength": repr(end.strength),
         "quiet_power": repr(end.power),
-        "quiet_turn": _QUIET_TURN if problem.on["rotation"] else "",
+        "quiet_turn": blocks.QUIET_TURN if problem.on["rotation"] else "",
     }
 
 
@@ -486,21 +302,3 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
         "centre_row": f"{centre_row[0]}:{centre_row[-1]}",
     }
-
-
-def _text(blocks: tuple[str, ...], values: Mapping[str, str]) -> str:
-    return "\n\n".join(filled(block, values) for block in blocks) + "\n"
-
-
-def filled(block: str, values: Mapping[str, str]) -> str:
-    """Return a block with its ``<slots>`` replaced by lines, and the slots in these lines by numbers.
-
-    A line that holds only empty slots is left out.
-    """
-    slot = re.compile(r"<(\w+)>")
-
-    def fill(text: str) -> str:
-        return slot.sub(lambda match: values[match[1]], text)
-
-    filled_lines = [(line, fill(fill(line))) for line in block.split("\n")]
-    return "\n".join(text for line, text in filled_lines if text.strip() or not line.strip())

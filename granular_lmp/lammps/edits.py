@@ -13,7 +13,7 @@ from granular_lmp.scene.schema import allowed_names
 _BEGIN = re.compile(r"^(?:# --- (\w+)|(run) \$)", re.MULTILINE)
 
 
-def blocks(text: str) -> dict[str, tuple[int, int]]:
+def places(text: str) -> dict[str, tuple[int, int]]:
     """Return where each block of a deck begins and ends, by name, in the order of the text."""
     found = list(_BEGIN.finditer(text))
     ends = [match.start() for match in found[1:]] + [len(text)]
@@ -28,7 +28,7 @@ def with_lines(text: str, before: Mapping[str, str], after: Mapping[str, str]) -
     DeckError
         For a block that there is not.
     """
-    there = blocks(text)
+    there = places(text)
     for name in (*before, *after):
         if name not in there:
             raise DeckError(f"{name!r}: no such place in this deck; {allowed_names(name, there)}")
