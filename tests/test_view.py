@@ -200,11 +200,15 @@ GALLERY = (ROOT / "docs" / "gallery.md").read_text("utf-8")
 
 def test_every_picture_of_the_gallery_is_below_the_command_that_makes_it_and_small() -> None:
     sections = [section for section in GALLERY.split("\n## ")[1:] if "![" in section]
-    assert 4 <= len(sections) <= 8
+    assert len(sections) >= 4
+    whole = 0
     for section in sections:
         (picture,) = re.findall(r"!\[[^\]]+\]\(\.\./([^)]+)\)", section)
         assert f" -o {picture}" in section.partition("![")[0]
-        assert (ROOT / picture).stat().st_size < 400e3  # a page of eight is then 3 MB at most
+        size = (ROOT / picture).stat().st_size
+        assert size < 400e3
+        whole += size
+    assert whole < 3e6  # bytes: the page
 
 
 # --- in a notebook ---------------------------------------------------------------------------------------------------
