@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from granular_lmp.accuracy.tolerance import run as run
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
+    from granular_lmp.problem import prepare as prepare
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
 
@@ -33,8 +34,9 @@ _HOMES = {
     "run": "accuracy.tolerance",
     "Record": "runs.record",
     "html": "plot.notebook",
+    "prepare": "problem",
 }
-__all__ = ["Deck", "Record", "Scene", "build", "html", "run"]
+__all__ = ["Deck", "Record", "Scene", "build", "html", "prepare", "run"]
 
 
 def __getattr__(name: str) -> Any:
