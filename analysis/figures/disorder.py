@@ -302,7 +302,8 @@ def _heights(axes: Axes, found: Found) -> None:
         if not waves:
             continue
         value, error = np.transpose([measured(each) / perfect for each in waves.values()])
-        known = error < 0.15  # beyond, contacts that tear open drown what is coherent
+        # Beyond, contacts that tear open drown what is coherent; where nothing coherent is left, the error is 0 as well
+        known = (error > 0) & (error < 0.15)
         whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
         marks: dict[str, Any] = {"color": colour, "markersize": 4}
         s = np.array(list(waves))
