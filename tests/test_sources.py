@@ -316,6 +316,16 @@ def test_quiet_ends_take_the_waves_of_the_sources() -> None:
     assert len(waves_at_ends(burst)) == 3 * len(waves_at_ends(QUIET))
 
 
+def test_an_end_that_one_source_moves_sends_back_the_waves_of_the_others() -> None:
+    ends = {"source": [{"rows": [0, 0], "motion": "x"}, {"rows": [40, 40], "force": "y"}]}
+    walls, quiet = QUIET.with_values(ends | {"absorb.rows": 0}), QUIET.with_values(ends)
+    assert (
+        quiet.echo_time == walls.echo_time == QUIET.with_values({"source.1.rows": [40, 40], "absorb.rows": 0}).echo_time
+    )
+    with pytest.raises(SceneError, match="the echo of the walls reaches the centre of 201 rows"):
+        quiet.with_values({"time.duration": 300.0})
+
+
 NEITHER = {"spheres": [[1, 1]]}
 
 

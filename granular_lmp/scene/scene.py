@@ -383,11 +383,11 @@ class Scene(Document):
     @property
     def echo_time(self) -> float:
         """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
-        silent = self.shape.ends == "periodic" or self.absorb.rows != 0
-        if silent:
+        quiet = self.absorb.rows != 0
+        if self.shape.ends == "periodic" or (quiet and not self.source):
             return inf
         if self.source:
-            return source_echo(self.source, self.shape)
+            return source_echo(self.source, self.shape, quiet=quiet)
         return echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def __post_init__(self) -> None:

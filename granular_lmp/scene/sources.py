@@ -14,7 +14,7 @@ is moved or held does nothing: both are refused.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import pi
+from math import inf, pi
 
 import ase
 import numpy as np
@@ -129,7 +129,7 @@ class PlacedSource:
 
     @property
     def words(self) -> str:
-        """What the source does to how many spheres."""
+        """Kind, frequency and number of spheres in words."""
         count = len(self.spheres)
         at = "" if self.source.signal == "step" else f" at {self.frequency:.6g} rad per t0"
         return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
@@ -248,21 +248,23 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
             )
 
 
-def source_echo(sources: Sequence[Source], shape: Shape) -> float:
+def source_echo(sources: Sequence[Source], shape: Shape, *, quiet: bool) -> float:
     """Return the time τ at which waves of the sources reach the centre from an end, by the shortest way.
 
     The way is that from a sphere of a source to an end and on to the centre. An end that a source moves is where its
-    waves begin, and sends back none of them.
+    waves begin, and sends back none of them. If the crystal has `quiet` ends, only an end that a source moves sends
+    back waves, those of the other sources, and the time is infinite without any.
     """
     last = shape.rows - 1
-    ways = (
+    ends = [end for end in (0, last) if not quiet or any(each.is_in_row(end) for each in sources)]
+    ways = [
         abs(row - end) + abs(end - shape.centre_row)
         for each in sources
-        for end in (0, last)
+        for end in ends
         for row in each.rows_of()
         if not each.is_in_row(end)
-    )
-    return arrival_time(min(ways, default=2 * last))
+    ]
+    return inf if quiet and not ways else arrival_time(min(ways, default=2 * last))
 
 
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
