@@ -93,6 +93,34 @@ def test_inclusions_change_what_they_name_and_later_ones_win() -> None:
     assert contacts.mass[changed] == pytest.approx(SILICA.mass * 7800 / SILICA.density, rel=1e-14)
 
 
+def test_materials_that_no_sphere_has_are_left_out() -> None:
+    stiff, soft = (Inclusion(rows=[2, 3], youngs_modulus=modulus) for modulus in (210e9, 3e9))
+    crystal, materials = imperfect(WALLED, SILICA, inclusions=[stiff, soft])
+    assert [each.youngs_modulus for each in materials] == [73e9, 3e9]
+    assert (crystal.arrays["material"] == np.isin(crystal.arrays["row"], [2, 3])).all()
+    gone, there = imperfect(WALLED, SILICA, inclusions=[stiff, Inclusion(rows=[2, 3], vacancy=True)])
+    assert there == (SILICA,)
+    assert not gone.arrays["material"].any()
+
+
+def test_the_lattice_keeps_the_first_material_where_no_sphere_has_it() -> None:
+    crystal, materials = imperfect(WALLED, SILICA, inclusions=[Inclusion(rows=[0, 8], youngs_modulus=210e9)])
+    assert [each.youngs_modulus for each in materials] == [73e9, 210e9]
+    assert (crystal.arrays["material"] == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("disorder", "inclusions", "name"),
+    [
+        (Disorder(vacancies=0.01), [], r"disorder\.vacancies"),
+        (Disorder(), [Inclusion(share=0.01, density=1000.0)], "inclusion 1: share"),
+    ],
+)
+def test_a_share_of_less_than_half_a_sphere_is_refused(disorder: Disorder, inclusions: list, name: str) -> None:
+    with pytest.raises(CrystalError, match=rf"{name} = 0\.01: is no sphere of 42 free ones"):
+        imperfect(WALLED, SILICA, disorder, inclusions)
+
+
 def test_a_share_of_the_free_spheres_is_drawn_by_the_seed() -> None:
     def stiff(seed: int) -> np.ndarray:
         light = Inclusion(share=0.1, density=1000.0)

@@ -81,6 +81,7 @@ def test_what_does_not_fit_is_refused_by_name(changes: dict[str, Any], message: 
         ({"rows": [0, 11], "vacancy": True}, "leaves out the centre sphere"),
         ({"spheres": [[3, 3]], "radius": 0.8e-6}, "overlap by"),
         ({"spheres": [[3, 3]]}, "give either vacancy or what differs"),
+        ({"rows": [0, 11], "radius": 0.4e-6}, "no two spheres touch at rest"),
     ],
 )
 def test_what_does_not_fit_into_the_lattice_is_refused(inclusion: dict[str, Any], message: str) -> None:

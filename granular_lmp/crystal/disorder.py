@@ -131,8 +131,9 @@ def imperfect(
     Raises
     ------
     CrystalError
-        When an inclusion names a place that the lattice has not, or changes nothing; when a held sphere, the recorded
-        one or every free one is left out; when two spheres have one place, or overlap by more than `LARGEST_OVERLAP`.
+        When an inclusion names a place that the lattice has not, or changes nothing; when a share is less than half a
+        sphere; when a held sphere, the recorded one or every free one is left out; when two spheres have one place, or
+        overlap by more than `LARGEST_OVERLAP`.
     """
     disorder = disorder or Disorder()
     held = np.asarray(lattice.arrays["fixed"], dtype=bool)
@@ -141,7 +142,7 @@ def imperfect(
     free = ~held
     if recorded is not None:
         free[recorded] = False
-    missing[_drawn(free, disorder.vacancies, disorder.seed, _VACANCIES)] = True
+    missing[_drawn(free, disorder.vacancies, disorder.seed, _VACANCIES, "disorder.vacancies")] = True
     materials = [sphere]
     for number, inclusion in enumerate(inclusions):
         _check(inclusion, number)
@@ -170,9 +171,12 @@ def imperfect(
             "out fewer"
         )
     crystal = crystal[~(missing | isolated)]
+    # Later inclusions may leave no sphere of an earlier one's material, and a share may draw none
+    used, place = np.unique(np.append(0, crystal.arrays["material"]), return_inverse=True)
+    crystal.arrays["material"] = place[1:]
     crystal.info |= {"disorder": asdict(disorder), "isolated": int(isolated.sum())}
     require_places(crystal)
-    return crystal, tuple(materials)
+    return crystal, tuple(materials[each] for each in used)
 
 
 def _check(inclusion: Inclusion, number: int) -> None:
@@ -199,7 +203,7 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
     """Return the indices of the spheres of an inclusion."""
     if inclusion.share:
         free = ~np.asarray(lattice.arrays["fixed"], dtype=bool)
-        return _drawn(free, inclusion.share, seed, _INCLUSIONS + number)
+        return _drawn(free, inclusion.share, seed, _INCLUSIONS + number, f"inclusion {number + 1}: share")
     row, column = lattice.arrays["row"], lattice.arrays["column"]
     if len(inclusion.rows):
         first, last = inclusion.rows
@@ -237,10 +241,13 @@ def _deviates(count: int, seed: int, stream: int) -> Floats:
     return deviates
 
 
-def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int) -> Integers:
+def _drawn(free: NDArray[np.bool_], share: float, seed: int, stream: int, name: str) -> Integers:
     """Return a share of the free spheres; a larger share holds those of a smaller one."""
     order = _stream(seed, stream).permutation(np.flatnonzero(free))
-    return order[: round(share * len(order))]
+    count = round(share * len(order))
+    if share and not count:
+        raise CrystalError(f"{name} = {share!r}: is no sphere of {len(order)} free ones; must be 0, or more of them")
+    return order[:count]
 
 
 def _alone(lattice: ase.Atoms, missing: NDArray[np.bool_]) -> NDArray[np.bool_]:

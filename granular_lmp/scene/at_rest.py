@@ -115,6 +115,8 @@ def _relaxed(
     crystal, materials = _imperfect(sphere, shape, disorder, inclusions)
     load = box_load(packed(sphere, shape), sphere) if sphere.contact_force and box == "box" else None
     rest = relax(crystal, materials, box=box, load=load, friction=friction, progress=progress)
+    if not len(rest.contacts):
+        raise CrystalError("no two spheres touch at rest: all are too small for their places in the lattice")
     if shape.lattice == CHAIN:
         _require_whole(rest, shape)
     return CrystalAtRest(rest.crystal, materials, rest.contacts, rest)
