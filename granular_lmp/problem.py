@@ -17,7 +17,7 @@ from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of
-from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, check_steps, placed
@@ -113,7 +113,7 @@ def prepare(scene: Scene) -> Problem:
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
     check_steps(problem.sources, scene.time)
-    limit, echo = problem.largest_step, resolved.echo_time / problem.at_rest.swiftness
+    limit, echo = problem.largest_step, resolved.echo_time / swiftness(resolved)
     if scene.time.duration > echo and not scene.time.allow_echo:
         raise SceneError(
             f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal may "
@@ -141,7 +141,7 @@ def largest_step(scene: Scene) -> float:
         top, kappa = highest_frequency(unit_contacts(scene), sphere, physics), sphere.stiffness_ratio
         drag = viscosity * 2 * (kappa + 3) / (min(kappa, 1.0) if physics.shear else 1.0)  # cλ/Ω²
     else:
-        contacts = crystal_of(scene).contacts
+        contacts = contacts_of(scene)
         top = frequency_bound(contacts, sphere, physics)
         dashpots = np.full(len(contacts), sphere.mass / sphere.time_scale**2)
         unloaded = np.zeros(len(contacts))

@@ -17,7 +17,7 @@ import numpy as np
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, restored, row_stretches
 from granular_lmp.effects.guard import Guard
-from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.at_rest import contacts_of
 from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -64,7 +64,7 @@ class Case:
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts at rest: those of one sphere of a perfect lattice, or of all spheres of another crystal."""
-        return crystal_of(self.scene).contacts
+        return contacts_of(self.scene)
 
     @property
     def overlaps(self) -> np.ndarray:

@@ -22,7 +22,7 @@ from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import SLIDING_FORCE
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
-from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.at_rest import crystal_of, swiftness
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
@@ -75,13 +75,13 @@ def fastest(scene: Scene) -> float:
         max(2Ω, 1·s)
 
     It is that of the second harmonic, of the fastest source if there are sources, or the top of the branches of
-    displacement waves, which bounds free waves; s is 1 in a perfect lattice, and `CrystalAtRest.swiftness` otherwise.
+    displacement waves, which bounds free waves; s is `granular_lmp.scene.at_rest.swiftness`, 1 in a perfect lattice.
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode_of(scene).frequency
     own = [each.pulsation(scene.sphere, usual) for each in scene.source if each.signal != "step"] or [usual]
-    return max(2 * max(own), TOP * crystal_of(scene).swiftness)
+    return max(2 * max(own), TOP * swiftness(scene))
 
 
 def look_interval(scene: Scene) -> int:
@@ -120,7 +120,7 @@ def _inside(scene: Scene) -> list[str]:
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
-    far = (quiet_rows(scene.time.duration * crystal_of(scene).swiftness) - 1) // 2
+    far = (quiet_rows(scene.time.duration * swiftness(scene)) - 1) // 2
     row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * scene.lattice.row_spacing, length=1)
     return [
         "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
@@ -283,11 +283,11 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
     The ratio is infinite if a contact without adhesion has just opened.
     """
     sphere, units, at_rest = scene.sphere, units_for(scene.sphere.radius), crystal_of(scene)
+    radius = at_rest.atoms.arrays["radius"] * sphere.radius
     for step, _, contacts in read_snapshots(path):
         *ends, distance, shear = contacts.T
         # The contacts of equal spheres are all alike, and only those of others are written with their spheres
         i, j = (end.astype(int) - 1 for end in ends) if ends else np.zeros((2, len(shear)), dtype=int)
-        radius = at_rest.atoms.arrays["radius"] * sphere.radius
         repulsion, _, adhesive = force_law(at_rest.atoms, at_rest.materials, i, j)
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), 0.0)
         sliding = friction * units.number(adhesive + repulsion * overlap**1.5, mass=1, length=1, time=-2)

@@ -54,17 +54,6 @@ class CrystalAtRest:
         }
         return [words for words, count in said.items() if count]
 
-    @property
-    def swiftness(self) -> float:
-        """Bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
-
-        No wave is faster than in a lattice whose contacts are all as stiff as the stiffest and whose spheres are all as
-        light as the lightest. Frequencies of the rotational branch are left out.
-        """
-        sphere, contacts = self.materials[0], self.contacts
-        stiffest = contacts.normal_stiffness.max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
-        return float(np.sqrt(stiffest * sphere.mass / contacts.mass.min(initial=sphere.mass)))
-
 
 _MOST_KEPT = 2
 _KEPT: dict[tuple[Any, ...], CrystalAtRest] = {}
@@ -81,7 +70,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
     if scene.perfect:
-        return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), unit_contacts(scene))
+        return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing = scene.packing
     key = scene.sphere, scene.shape, scene.disorder, scene.inclusion, packing.relax, packing.relax_friction
     if key not in _KEPT:
@@ -89,6 +78,22 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
+
+
+def contacts_of(scene: Scene) -> Contacts:
+    """Return the contacts of the crystal of a scene at rest; of a perfect lattice those of one sphere."""
+    return unit_contacts(scene) if scene.perfect else crystal_of(scene).contacts
+
+
+def swiftness(scene: Scene) -> float:
+    """Return a bound √(max k/k1 · m/min m) ≥ 1 of speeds and frequencies over those of the perfect lattice.
+
+    No wave is faster than in a lattice whose contacts are all as stiff as the stiffest and whose spheres are all as
+    light as the lightest. Frequencies of the rotational branch are left out.
+    """
+    sphere, contacts = scene.sphere, contacts_of(scene)
+    stiffest = contacts.normal_stiffness.max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
+    return float(np.sqrt(stiffest * sphere.mass / contacts.mass.min(initial=sphere.mass)))
 
 
 def places(scene: Scene) -> ase.Atoms:
