@@ -13,7 +13,6 @@ import pytest
 
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsMissingError
 from granular_lmp.plot.signals import dispersion_figure
@@ -281,7 +280,7 @@ def test_modes_prints_the_paper_s_modes_and_draws_them(tmp_path: Path, capsys: p
 )
 def test_the_unit_of_the_frequency_fits_its_size(scene: str, radius: float, unit: str) -> None:
     scaled = Scene.load(scene).with_values({"sphere.radius": radius})
-    drawn = dispersion_figure(unit_lattice(scaled.sphere), scaled)
+    drawn = dispersion_figure(scaled)
     (right,) = drawn.axes[0].child_axes
     assert right.get_ylabel() == f"frequency ({unit})"
     drawn.draw_without_rendering()

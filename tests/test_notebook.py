@@ -4,6 +4,7 @@ from base64 import b64decode
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import granular_lmp
@@ -11,6 +12,8 @@ from analysis.measure.runs import load
 from granular_lmp import Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError
+from granular_lmp.plot.signals import dispersion_figure
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.studies.sweep import Sweep, sweep
 
 PNG = b"\x89PNG"
@@ -39,6 +42,17 @@ def test_a_notebook_shows_a_small_picture(name: str, shown: dict[str, Any]) -> N
     assert picture.startswith(PNG)
     assert len(picture) < 50_000
     assert repr(shown[name]).split()[1].rstrip(":") in page
+
+
+@pytest.mark.parametrize("name", ["tr_periodic", "tr_square", "l_chain"])
+def test_the_wave_lies_on_the_branch_of_its_own_lattice(name: str) -> None:
+    """The branch of the hexagonal lattice is 0.14 to 0.26 from the waves of the other two."""
+    scene = Scene.load(name)
+    (axes,) = dispersion_figure(scene).axes
+    (branch,) = (line for line in axes.lines if line.get_label() == scene.wave.mode)
+    there = np.interp(scene.wavenumber, branch.get_xdata(), branch.get_ydata())
+    # The branch is drawn at 200 wave numbers: between two of them a chord is at most h²/8 = 3e-5 off
+    assert there == pytest.approx(mode_of(scene).frequency, abs=1e-4)
 
 
 def test_a_deck_shows_its_text_escaped_and_its_places(shown: dict[str, Any]) -> None:

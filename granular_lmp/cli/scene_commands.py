@@ -201,7 +201,7 @@ def _modes(options: Options) -> int:
     if options.plot:
         from granular_lmp.plot.signals import dispersion_figure, save
 
-        save(dispersion_figure(lattice, scene), options.plot)
+        save(dispersion_figure(scene), options.plot)
         if not options.json:
             say(options.plot)
     return 0

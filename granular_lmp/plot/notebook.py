@@ -8,7 +8,6 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.errors import ViewError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.plot.signals import dispersion_figure, png, trajectory_figure
@@ -42,7 +41,7 @@ def _(scene: Scene) -> str:
         "time": f"tau 0..{scene.time.duration:g}",
         "units": f"t0 = {sphere.time_scale:.4g} s, Delta0 = {sphere.static_overlap:.4g} m",
     }
-    return _card(repr(scene), facts, dispersion_figure(unit_lattice(sphere), scene))
+    return _card(repr(scene), facts, dispersion_figure(scene))
 
 
 @html.register
@@ -77,9 +76,8 @@ def _(deck: Deck) -> str:
         "places": ", ".join(deck.places),
         "edited": "\n".join(deck.edits()) or "no",
     }
-    scene = deck.scene
     text = f"<details><summary>{escape(deck.input_name)}</summary><pre>{escape(deck.input_text)}</pre></details>"
-    return _card(repr(deck), facts, dispersion_figure(unit_lattice(scene.sphere), scene), text)
+    return _card(repr(deck), facts, dispersion_figure(deck.scene), text)
 
 
 def _card(title: str, facts: Mapping[str, str], picture: Figure | None, more: str = "") -> str:

@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import bloch_mode, restored
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import RunFolderError
-from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
 # The dashes distinguish the modes in print without colour
@@ -87,13 +86,13 @@ def trajectory_figure(tau: NDArray[np.float64], signals: Mapping[str, NDArray[np
     return figure
 
 
-def dispersion_figure(lattice: Contacts, scene: Scene) -> Figure:
-    """Return a figure of Ω(ξ) in the scene's direction with its wave marked, and a second axis in Hz to GHz.
+def dispersion_figure(scene: Scene) -> Figure:
+    """Return a figure of Ω(ξ) in the scene's lattice and direction with its wave marked, and an axis in Hz to GHz.
 
     Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
     are drawn alike.
     """
-    vector, physics = scene.vector, physics_of(scene)
+    lattice, vector, physics = unit_contacts(scene), scene.vector, physics_of(scene)
     edge = zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
     names = restored(lattice, physics)
