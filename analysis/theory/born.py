@@ -145,7 +145,7 @@ def _answer(
     _, shapes, norms = _zone(contact, grid)
     weights = (_resolvent(frequency, contact, width, grid) / norms)[..., None] * shapes
     green = np.moveaxis(weights, 0, -1) @ np.swapaxes(shapes, 0, 1) / len(shapes)
-    # Of k' and −k' the products of translation and rotation cancel: in the gauge φ = i f their signs are opposite
+    # Products of translation and rotation cancel between k' and −k': in the gauge φ = i f their signs are opposite
     green[:, :2, 2:] = green[:, 2:, :2] = 0.0
     return frequency, mode, green
 
