@@ -46,14 +46,14 @@ Floats = NDArray[np.float64]
 SILICA = Sphere(
     radius=5e-7, youngs_modulus=7.3e10, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0
 )  # the paper's
-UNITS = {  # of what a sphere is given by
+UNITS = {  # by the number that describes a sphere
     "radius": "m", "youngs_modulus": "Pa", "poisson_ratio": "NU", "work_of_adhesion": "J/m2", "density": "kg/m3"
 }  # fmt: skip
 EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, in 1/lattice constant
-POINTS = 160  # of each wave number, from Γ to the border of the zone
+POINTS = 160  # values of each wave number, from Γ to the border of the zone
 LARGEST = 0.099  # overlap ratio: `Contact` knows up to 0.1, and a root is looked for from both sides
 SMALLEST = 1e-12  # overlap ratio of spheres that do not adhere: below, contacts are atoms
-CLOSE = 1e-10  # of frequencies at a root; of its unit of time and the one that was asked for, relative
+CLOSE = 1e-10  # difference of frequencies at a root; relative, of its unit of time and the one that was asked for
 SAME = 1e-6  # relative, of lengths and forces of one resonance that is found twice
 
 

@@ -64,7 +64,7 @@ def pair(paper_run: Callable[..., Record]) -> Callable[[float], Record]:
 def test_extrapolated_runs_meet_the_paper_s_equations(
     xi: float, bounds: tuple[float, float], pair: Callable[[float], Record]
 ) -> None:
-    # What is left of q is the geometry of LAMMPS's contacts, not LAMMPS's error: see the next two tests
+    # The geometry of LAMMPS's contacts is left of q, not LAMMPS's error: see the next two tests
     error = errors(pair(xi), lattice(pair(xi), 0.0))
     assert error["p"] < bounds[0]
     assert error["q"] < bounds[1]

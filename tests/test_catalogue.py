@@ -64,7 +64,7 @@ def test_every_effect_and_form_is_declared_by_a_theory_or_refused_by_name(name: 
     assert names - {"effects.damping"} <= traits  # without a dashpot nothing is damped
     left_out = (names & traits) - HOLDS["exact-lattice"]
     assert judged == (not left_out)
-    # What nobody knows is an error, which names it alone; else the comparison is empty and a note names all
+    # A trait that nobody knows is an error, which names it alone; else the comparison is empty and a note names all
     assert all(trait in said for trait in left_out - KNOWN or left_out), said
     for theory in THEORIES if left_out else ():
         with pytest.raises(TheoryError, match="no theory here holds|leaves out"):

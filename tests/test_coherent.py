@@ -73,7 +73,7 @@ def test_the_errors_are_those_of_repeated_measurements():
     for name, value in (("rate", 0.05), ("frequency", 0.8)):
         values = np.array([getattr(fit, name) for fit in fits])
         claimed = np.mean([getattr(fit, f"{name}_error") for fit in fits])
-        # Of 400 fits the mean is known to 1/20 of the spread, the spread to 1/28: three of each
+        # From 400 fits the mean is known to 1/20 of the spread, the spread to 1/28: three of each
         assert np.mean(values) == pytest.approx(value, abs=0.15 * claimed)
         assert np.std(values) == pytest.approx(claimed, rel=0.12)
 

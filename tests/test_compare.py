@@ -158,7 +158,7 @@ def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
     assert (result.theory, result.direction) == ("hierarchy", record.scene.direction)
     assert (result.predicted, result.measured) == (None, None)
     for error in result.lattice_error.values():
-        # Of the time step: (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
+        # The time step leaves (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
         assert error is None or error < 5e-5
     wave = wave_of(record)
     mode = linear_mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)  # type: ignore[arg-type]

@@ -205,7 +205,7 @@ def imported_from(module, other: str) -> set[str]:
 
 
 def test_neither_derivation_imports_the_other():
-    # Of the closed form, only what a mode is called and consists of.
+    # The closed form gives only what a mode is called and consists of.
     assert imported_from(directions, "second_harmonic") == {"Mode", "ModeName"}
     for module in (springs, bloch, mixing):
         assert not imported_from(module, "second_harmonic")
@@ -378,7 +378,7 @@ def test_waves_of_the_zone_edge_stay_finite():
 
 # ---- the paper's variables, and LAMMPS's contact geometry -----------------------------------------
 
-# What a scene can call for, in the words of `springs.springs` and `lattice.contact` alike.
+# Physics that a scene can call for, in the words of `analysis.theory.contact.Contact`.
 CONTACTS = {
     "paper": {},
     "geometry": {"overlap_ratio": 0.01},
@@ -529,7 +529,7 @@ def test_the_forced_second_harmonic_without_rotation_is_that_of_the_sum_over_mod
     targets = modes(2 * k, Contact(SILICA, rotation=False, overlap_ratio=0.02))[0]
     tau = np.linspace(0.0, 60.0, 601)
     factor = doubled_wave(k, 0, 0.1, tau, Contact(SILICA, rotation=False, overlap_ratio=0.02))
-    # What of X turns with 2Ω, beside free waves at 2k and what the start leaves.
+    # The part of X that turns with 2Ω, beside free waves at 2k and what the start leaves.
     columns = np.exp(-1j * tau[:, None] * np.concatenate([[2 * frequency, 0.0], targets, -targets]))
     forced = np.linalg.lstsq(columns, factor)[0][0]
     assert largest_error(forced, 0.5 * nonlinearity(0.1, Contact(SILICA)) * amplitude) < 1e-12

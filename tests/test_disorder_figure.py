@@ -1,4 +1,4 @@
-"""What the figures of disorder and of defects measure, on fields whose answers are known and on tiny crystals."""
+"""The measures of the figures of disorder and of defects, on fields whose answers are known and on tiny crystals."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -56,7 +56,7 @@ def test_second_harmonic_obeys_the_quadratic_row_equation(name: sh.ModeName, xi:
     mode, eps = sh.mode(name, xi, ratios), sh.nonlinearity(ratios, 0.2)
     (p, q, phi), second = driven.driven_amplitudes(mode, ratios, 0.2, ROWS)
     dp, dq, sigma = np.diff(p), np.diff(q), phi[1:] + phi[:-1]
-    # Of real fields: (Re z)² holds ½ Re z² at 2Ω.
+    # Real fields: (Re z)² holds ½ Re z² at 2Ω.
     bond = ratios.longitudinal * dp**2 - ratios.alpha * dq**2 + 2 / np.sqrt(3) * ratios.beta * sigma * dq
     force = ratios.speed**2 / 4 * np.diff(second) + eps / 16 * bond
     residual = 4 * mode.frequency**2 * second[1:-1] + np.diff(force)
@@ -218,7 +218,7 @@ def test_of_two_waves_that_run_the_strip_has_those_that_run_away() -> None:
     run = fitted(mode, driven.slowest(mode, ratios), 0.01, contact, wait=800.0)[0][1]
     waves = driven.linear_waves(mode, ratios)
     n, (q, phi) = np.arange(1, REACH + 1), waves.shapes[1:]
-    # Of the second wave, the one that comes in: κ and φ/q of the other sign, and shares that again leave φ_0 = 0
+    # The second wave is the one that comes in: κ and φ/q of the other sign, and shares that again leave φ_0 = 0
     shares = np.linalg.solve([[1, 1], [phi[0] / q[0], -phi[1] / q[1]]], [1, 0])
     incoming = shares @ np.exp(1j * np.multiply.outer(waves.wavenumbers * [1, -1], n))
     # Both are slow, 0.03 rows per τ, so near the edges of their band that switching on is heard for long

@@ -27,8 +27,8 @@ AMPLITUDE, PHASE, XI = 0.1, 0.3, 0.802
 HERTZ = "hertz/material ${young} 0.0 ${poisson}"
 DASHPOT = f"$({VISCOSITY}*v_m/v_t0:%.17g)"
 
-# What is replaced in the deck, the work of adhesion in mJ/m² that sets the static overlap (in the Hertz lattices the
-# fixed rows press it in), and what that is in the lattice. 6300 makes η 5e-3.
+# Lines that are replaced in the deck, the work of adhesion in mJ/m² that sets the static overlap (in the Hertz lattices
+# the fixed rows press it in), and the same in the lattice. 6300 makes η 5e-3.
 CASES = {
     "viscous": ({DMT: DMT.replace("0.0", DASHPOT), MINDLIN: DAMPED}, 63.0, {"viscosity": VISCOSITY}),
     "compressed": ({DMT: HERTZ, MINDLIN: DAMPED.replace("NULL 1.0", "NULL 0.0")}, 6300.0, {"prestress": 1.0}),
@@ -101,7 +101,7 @@ def of_lattice(case: str, tau: np.ndarray, **changes: float | bool) -> np.ndarra
 def test_lammps_meets_the_lattice_with_the_same_physics(case: str, lammps: Lammps) -> None:
     tau, run = extrapolated(lammps, case)
     exact = of_lattice(case, tau)
-    # What is left is of third order in the time step: measured 9e-6, 1e-7, 1e-7 at most.
+    # The rest is of third order in the time step: measured 9e-6, 1e-7, 1e-7 at most.
     assert relative_error(run[0], exact[0]) < 2e-5
     assert relative_error(run[1], exact[1]) < 3e-7
     if case == "without rotation":

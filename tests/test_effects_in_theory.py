@@ -19,7 +19,7 @@ NU = 0.17
 ETA = 0.02  # Δ0/2R: large enough for every term in it to be seen
 SMALL, SHORT = 2e-3, np.linspace(0, 30, 31)
 
-# What a scene can call for, in the words of `lattice.contact` and `sh.ratios` alike.
+# Physics that a scene can call for, in the words of `analysis.theory.contact.Contact` and `sh.ratios` alike.
 EFFECTS = {
     "compression": {"overlap_ratio": ETA, "prestress": 1.0},
     "half": {"overlap_ratio": 0.1, "prestress": 0.5},
@@ -160,7 +160,7 @@ def test_without_rotation_no_sphere_turns():
 
 def test_without_rotation_is_the_limit_of_a_large_moment_of_inertia():
     held = np.stack(lattice.torus(Wave.of_mode("TR", 0.802, 0.2, Contact(NU, rotation=False)), SHORT))
-    # Of spheres that hardly turn, the upper of the two transverse modes is the translation
+    # Where spheres hardly turn, the upper of the two transverse modes is the translation
     heavy = [
         np.stack(lattice.torus(Wave.of_mode("RT", 0.802, 0.2, Contact(NU, inertia=inertia)), SHORT))
         for inertia in (1e5, 1e6)

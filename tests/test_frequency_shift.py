@@ -120,7 +120,7 @@ def test_slow_amplitude_follows_the_fundamental_of_the_exact_lattice_even_near_t
     mode = sh.mode(name, xi, SILICA)
     exact = first_harmonic(mode, 0.2, TAU)
     assert relative(predicted(mode, 0.2, TAU), exact) < bound
-    # What the linear frequency leaves is 8 times the bound or more; of RT, which shifts least, 3.2e-4
+    # The linear frequency leaves 8 times the bound or more; of RT, which shifts least, 3.2e-4
     assert relative(np.exp(-1j * mode.frequency * TAU), exact) > (7 if name == "RT" else 8) * bound
 
 

@@ -173,7 +173,7 @@ def test_the_mode_is_all_there_is_at_the_start():
     assert np.max(np.abs(orders[1:, 0])) < 1e-14 * hierarchy.RADIUS**-2
 
 
-# What p of order a⁴ is made of at the antiresonance: products of the fundamental (ξ, Ω), which obey ω = 2Ω and 4Ω,
+# Frequencies of p of order a⁴ at the antiresonance: products of the fundamental (ξ, Ω), which obey ω = 2Ω and 4Ω,
 # of the free waves of order a³ (ξ, ±Ω_RT(ξ); 3ξ, ±Ω_TR, ±Ω_RT of 3ξ) with the fundamental, and free L waves.
 
 

@@ -1,4 +1,4 @@
-"""What two waves make of each other, against the exact lattice on a periodic sheet, closed forms and symmetry."""
+"""The wave that two waves make, against the exact lattice on a periodic sheet, closed forms and symmetry."""
 
 from dataclasses import replace
 from functools import cache

@@ -240,7 +240,7 @@ def test_lammps_mixes_types_by_a_shear_modulus_of_its_own(second):
 
 
 def test_a_pair_coeff_of_its_own_gives_a_pair_the_modulus_of_mindlin():
-    # Of the pair: E and ν that have its E*, and 8G* in place of NULL
+    # The pair: E and ν that have its E*, and 8G* in place of NULL
     both = [SOFT, HARD]
     young = 1 / sum((1 - m.poisson_ratio**2) / m.youngs_modulus for m in both)
     shear = 1 / sum(2 * (2 - m.poisson_ratio) * (1 + m.poisson_ratio) / m.youngs_modulus for m in both)

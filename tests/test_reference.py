@@ -131,7 +131,7 @@ def test_contacts_that_slide_have_the_friction_of_the_run_and_cost_more(
     slippery = {"effects.sliding": True, "effects.friction": 0.03, "wave.amplitude": 0.2, "time.duration": 2.0}
     record = run(SMALL.with_values(VACANCY | slippery | {"time.timestep": 0.0125}), tmp_path / "run")
     result = compare.compare(record)
-    # Of a single run with the step 0.0125 some 1e-5 is left
+    # A single run with the step 0.0125 leaves some 1e-5
     assert all(error is not None and error < 1e-4 for error in result.error.values())
     rough = compare.compare(replace(record, scene=record.scene.with_values({"effects.friction": 0.04})))
     assert rough.error["p"] > 1e-3  # type: ignore[operator]

@@ -56,7 +56,7 @@ def test_a_collision_by_dop853_leaves_the_same_energy_behind() -> None:
 
 def test_an_equal_sphere_is_no_impurity() -> None:
     found = impurity(1.0)
-    # Of a wave that moves by steps: 1e-9 of its velocity, and the shares are sums of rounding
+    # A wave that moves by steps has 1e-9 of its velocity, and the shares are sums of rounding
     assert found.transmitted == pytest.approx(1, abs=1e-9)
     assert found.velocity == pytest.approx(1, abs=1e-8)
     assert found.reflected < 1e-12

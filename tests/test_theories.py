@@ -69,7 +69,7 @@ def worst(record: Record, theory: str, wave: Wave) -> float:
     return max(error or 0.0 for error in signals.errors(record, trajectory(theory, wave, TAU)).values())
 
 
-# What a scene may call for: who holds it, who is best
+# Physics that a scene may call for: who holds it, who is best
 PHYSICS = [
     ({}, set(THEORIES), "hierarchy"),
     ({"prestress": 1.0}, set(THEORIES), "hierarchy"),

@@ -200,7 +200,7 @@ def test_a_driven_row_makes_the_waves_of_the_closed_form(tmp_path: Path) -> None
 
 
 def test_a_row_that_moves_with_the_velocity_of_now_is_wrong_in_first_order(tmp_path: Path) -> None:
-    # What the deck takes pains to avoid: contacts of the row would lead by half a step
+    # The deck takes pains to avoid that contacts of the row lead by half a step
     scene = Scene.load("tr_driven").with_values(
         {"wave.wavenumber": 0.802, "packing.rows": 121, "time.duration": 260.0, "time.sample": 0.25}
     )

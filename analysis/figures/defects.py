@@ -42,7 +42,7 @@ HELD = catalogue.HOLDS["analysis.figures.oblique"] - {catalogue.OBLIQUE} | {
     f"inclusion.{name}" for name in ("spheres", "vacancy", "density")
 }
 SETTLED = 20.0  # τ: by then the defect and its neighbours move as they go on to do
-RTOL = 1e-9  # of the witness
+RTOL = 1e-9  # for the witness
 
 
 @dataclass(frozen=True)

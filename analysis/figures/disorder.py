@@ -1,4 +1,4 @@
-"""What disorder does to contacts and waves: contacts left, attenuation, sound speed, and the second harmonic.
+"""Contacts and waves in disordered crystals: contacts left, attenuation, sound speed, and the second harmonic.
 
     python -m analysis.figures.disorder SWEEP... [-o FILE]
 

@@ -94,7 +94,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
             run["phi"] = fit(tau, rows.phi[first:, n], linear.frequency)[1][0]
             theory["phi"] = fundamental[2]
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
-    # What pushes steadily is not absorbed, and the held end hinders it
+    # Quiet ends do not absorb a steady push, and the held end hinders it
     if not quiet and (linear.name == "L" or not constants.memory):
         run["mean p"], theory["mean p"] = means + 0j, static(linear, constants, wave.amplitude, n) + 0j
     return Comparison(wave, n, run, theory)

@@ -33,10 +33,10 @@ T = collision_time(1.0, 1.0, 1.0)
 ROW, REST, STRUCK = uniform(COUNT), np.zeros(COUNT), np.eye(COUNT)[0]
 STEPS = (5, 10, 20, 40, 80, 160, 320)  # to a collision time
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-REPEATS = 3  # of a timed run; the shortest counts
+REPEATS = 3  # runs that are timed; the shortest counts
 MANY = 1_000_000  # steps between walls
 PHASES = 64  # places in a step where a contact may begin
-RADIUS = 500.0  # of LAMMPS's spheres, in units of their overlap: rounding of the positions is 1e-12
+RADIUS = 500.0  # LAMMPS's spheres, in units of their overlap: rounding of the positions is 1e-12
 SCHEMES: dict[str, Scheme] = {"velocity Verlet": VERLET, "symplectic, order 6": SIXTH}
 COLOURS = {
     "velocity Verlet": "#0072b2",
@@ -168,7 +168,7 @@ def energy_errors(force: float, steps: int, per_collision: int, samples: int = 1
     force : that compresses the row; with 1 its contacts do not open, with 0 they open at every impact.
     """
     stiffness = np.ones(11)
-    stiffness[[0, -1]] = 2 * np.sqrt(2)  # of a sphere on a rigid plane, over that of two such spheres
+    stiffness[[0, -1]] = 2 * np.sqrt(2)  # a sphere on a rigid plane over two such spheres
     chain, v = compressed(np.ones(10), stiffness, force), np.eye(10)[0]
     us, vs = march(chain, 0 * v, v, T / per_collision, steps, VERLET, every=steps // samples)
     result: Floats = energies(chain, us, vs).sum(axis=1) / 0.5 - 1

@@ -34,7 +34,7 @@ from analysis.theory.directions import branch_index
 from analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
 
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
-COLOURS: Final = ("tab:blue", "black", "tab:red")  # of the branch that grows, lower to upper
+COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper
 SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
 SIGNS: Final[dict[Literal[1, -1], str]] = {1: "sum", -1: "difference"}
 

@@ -32,7 +32,7 @@ from granular_lmp.runs.record import Record
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 BOUND = 5e-3  # drawn: the median deviation is to stay below it
-MARKERS = "os^Dv"  # of the amplitudes of the wave
+MARKERS = "os^Dv"  # by the amplitude of the wave
 TITLES = {"TR": "transverse-rotational", "RT": "rotational-transverse", "L": "longitudinal"}
 
 

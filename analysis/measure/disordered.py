@@ -1,4 +1,4 @@
-"""What disorder does to plane waves, read off sweeps over seeds: contacts left, attenuation, the second harmonic.
+"""Contacts left, attenuation and second harmonic of disordered crystals, read off sweeps over seeds.
 
 **Second harmonic.** In a disordered crystal part of the wave is scattered from k into 2k, at its own frequency and in
 first order, and hides the second harmonic. Two runs of one crystal whose waves differ in sign alone part the two:
@@ -51,7 +51,7 @@ CUT_VARIANCE = 0.97334
 
 
 class Key(NamedTuple):
-    """What the seeds of one point share.
+    """Parameters that the seeds of one point share.
 
     spread is s = σ 2R/Δ0 of the radii, density the relative deviation of densities; prestress is 1 under compression
     alone; rows and columns are the crystal's.

@@ -30,7 +30,7 @@ COSTS_AS_MANY = 40
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What a run is compared with.
+    """The signals that a run is compared with.
 
     Attributes
     ----------

@@ -18,9 +18,8 @@ from analysis.theory.catalogue import missing
 from analysis.theory.choice import traits_of
 from analysis.theory.directions import Floats
 from analysis.theory.quasilinear import Sheet, evolve
+from analysis.theory.springs import RECIPROCAL
 from granular_lmp.runs.record import Record
-
-RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
 
 
 def rest_of(particles: Any) -> Floats:

@@ -51,7 +51,7 @@ from scipy.special import wofz
 from analysis.theory.bloch import real_modes, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.directions import branch_index
-from analysis.theory.springs import springs
+from analysis.theory.springs import RECIPROCAL, springs
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -102,13 +102,9 @@ def scattered(
 
     Raises ValueError for a width that the frequency or the grid does not allow.
     """
-    frequency, mode = _mode(name, wavevector_of(wavenumber, direction), contact)
-    resolvent = _resolvent(frequency, contact, width, grid)
-    _, shapes, norms = _zone(contact, grid)
-    parts = springs(contact).mass * mode * shapes
-    # Of k' and −k' the products of translation and rotation cancel: in the gauge φ = i f their signs are opposite
-    overlap = (parts[..., :2].sum(axis=-1) ** 2 + parts[..., 2] ** 2) / norms
-    energy = frequency**4 * np.mean(overlap * resolvent, axis=0)
+    frequency, mode, green = _answer(name, wavenumber, contact, direction, width, grid)
+    push = springs(contact).mass * mode
+    energy = frequency**4 * (push @ green @ push)
     by_branch = energy.imag / (2 * frequency)
     return Scattered(frequency, float(by_branch.sum()), by_branch, float(-energy.real.sum() / (2 * frequency)))
 
@@ -134,18 +130,24 @@ def impurity_width(
     """
     if not 0 < mass_ratio < np.inf:
         raise ValueError(f"mass_ratio = {mass_ratio!r} must be positive and finite")
-    k = wavevector_of(wavenumber, direction)
-    frequency, mode = _mode(name, k, contact)
-    resolvent = _resolvent(frequency, contact, width, grid)
-    _, shapes, norms = _zone(contact, grid)
-    moving = springs(contact).coordinates
-    weights = (resolvent / norms)[..., None] * shapes
-    green = np.einsum("kjc,kjd->cd", weights, shapes)[:moving, :moving] / len(shapes)
-    green[:2, 2:] = green[2:, :2] = 0.0  # as in `scattered`
-    defect = (mass_ratio - 1) * frequency**2 * np.diag(springs(contact).mass[:moving])
-    matrix = defect @ np.linalg.inv(np.eye(moving) - green @ defect)
-    lost = float((mode[:moving] @ matrix @ mode[:moving]).imag)
+    frequency, mode, green = _answer(name, wavenumber, contact, direction, width, grid)
+    defect = (mass_ratio - 1) * frequency**2 * np.diag(springs(contact).mass)
+    matrix = defect @ np.linalg.inv(np.eye(3) - green.sum(axis=0) @ defect)
+    lost = float((mode @ matrix @ mode).imag)
     return float(CELL * lost / (frequency * group_speed(name, wavenumber, contact, direction=direction)))
+
+
+def _answer(
+    name: str, wavenumber: float, contact: Contact, direction: float, width: float, grid: int
+) -> tuple[float, Floats, Complexes]:
+    """Return Ω and e of a wave, and G(Ω) at the site of its source by the branch that answers, (J, 3, 3)."""
+    frequency, mode = _mode(name, wavevector_of(wavenumber, direction), contact)
+    _, shapes, norms = _zone(contact, grid)
+    weights = (_resolvent(frequency, contact, width, grid) / norms)[..., None] * shapes
+    green = np.moveaxis(weights, 0, -1) @ np.swapaxes(shapes, 0, 1) / len(shapes)
+    # Products of translation and rotation cancel between k' and −k': in the gauge φ = i f their signs are opposite
+    green[:, :2, 2:] = green[:, 2:, :2] = 0.0
+    return frequency, mode, green
 
 
 def _mode(name: str, k: Floats, contact: Contact) -> tuple[float, Floats]:
@@ -176,9 +178,8 @@ def _zone(contact: Contact, grid: int) -> tuple[Floats, Floats, Floats]:
 
     The grid avoids k = 0 and mirrors by half a step.
     """
-    reciprocal = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])
     steps = (np.indices((grid, grid // 2)).reshape(2, -1).T + 0.5) / grid
-    frequencies, shapes = real_modes(steps @ reciprocal, springs(contact))
+    frequencies, shapes = real_modes(steps @ RECIPROCAL, springs(contact))
     return frequencies, shapes, shapes**2 @ springs(contact).mass
 
 

@@ -32,7 +32,7 @@ _OUTER = (0.39216144400731413928, 0.33259913678935943860, -0.7062461725576393598
 SIXTH: Scheme = (*_OUTER, 1 - 2 * sum(_OUTER), *reversed(_OUTER))
 AHEAD = 24  # spheres at rest in front of a window; the front of a pulse underflows within 12
 BEHIND = 12  # spheres that have parted and stay in a window; a pulse that comes back moves by 4 in a round
-RESIDUE = 1e-13  # of the fastest velocity; rounding leaves 1e-16 behind a pulse
+RESIDUE = 1e-13  # share of the fastest velocity; rounding leaves 1e-16 behind a pulse
 ROUND = 2.0  # the time between two moves of a window, in collision times
 
 

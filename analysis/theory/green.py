@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Function = Callable[[Floats], Floats]
 COMPONENTS = {"x": 0, "y": 1, "torque": 2}
-_SAME = 1e-3  # of a lattice constant: spheres farther apart than 1 + that do not touch
+_SAME = 1e-3  # lattice constants: spheres farther apart than 1 + that do not touch
 _LOWEST = 1e-6  # rad/t0: a crystal that nothing holds shifts as a whole, ω = 0; its answer is off by (ωτ)²/6
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _PANEL = 0.25  # τ, a tenth of the shortest period

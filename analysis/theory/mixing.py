@@ -1,4 +1,4 @@
-"""What two waves make of each other: the wave at (k1 ± k2, Ω1 ± Ω2), for any two directions and branches.
+"""The wave at (k1 ± k2, Ω1 ± Ω2) that two waves of any two directions and branches make.
 
 The contacts answer two waves a1 Re U1 exp i(k1·r − Ω1τ) + a2 Re U2 exp i(k2·r − Ω2τ) with forces that hold every
 product twice, at the sum and at the difference of wave vectors and frequencies. With k = k1 ± k2, Ω = Ω1 ± Ω2, in the
@@ -117,7 +117,7 @@ class Pair:
 
     @cached_property
     def winds(self) -> NDArray[np.bool_]:
-        """Whether contacts gather slip in proportion to time, (...).
+        """True where contacts gather slip in proportion to time, (...).
 
         They do in the difference of two waves of equal frequency, other than one wave with itself, where slip has a
         history: η > 0, or the incremental law. There is no steady drive then.

@@ -1,4 +1,4 @@
-"""What becomes of a solitary wave at another one, at a wall and at an impurity, in equal spheres that just touch.
+"""A solitary wave meets another one, a wall or an impurity, in equal spheres that just touch.
 
 The waves start as exact ones (`analysis.theory.solitary`), so that nothing else moves, and run by `chain_motion.SIXTH`.
 Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one wave but for its scale.
@@ -18,10 +18,10 @@ from analysis.theory.chain_motion import SIXTH, march, peak
 from analysis.theory.solitary import solitary_wave
 
 WAVE = solitary_wave(1.0)
-STEP = 0.05  # of the time in which the wave moves by one sphere: shares to 2e-6
+STEP = 0.05  # share of the time in which the wave moves by one sphere; the shares of energy are good to 2e-6
 HALF = 15  # spheres to each side of a crest that hold all of a wave; it starts so far from the end
 AWAY = 30, 45  # spheres away from an event, where waves are measured: those of different speed have parted there
-DURATION = 105.0  # of a run with an impurity: 45 to it, and until what it reflects is back at the end
+DURATION = 105.0  # a run with an impurity: 45 to it, and until the reflected wave is back at the end
 NEAR = 5  # spheres on each side that count as the place of an impurity
 Meeting = Literal["contact", "sphere"]
 

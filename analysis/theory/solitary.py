@@ -143,7 +143,7 @@ def long_wave_speed(crest: ArrayLike) -> Floats:
 def _solved(rest: float, ratio: float) -> tuple[Floats, Floats, Floats]:
     """Return s, r and w for A = m = V = 1."""
     root = np.sqrt(rest)
-    slow, fast = 2 * np.sqrt(6 * (ratio - 1)), 2 * np.log(2 * ratio)  # of the tail e^{−qs}, V q/2 = c sinh(q/2)
+    slow, fast = 2 * np.sqrt(6 * (ratio - 1)), 2 * np.log(2 * ratio)  # q of the tail e^{−qs}, V q/2 = c sinh(q/2)
     half = max(NARROWEST, 37.0 / min(slow, fast))  # e^{−37} = 1e-16
     size = 2 ** int(np.ceil(np.log2(2 * half * PER_SPHERE)))
     s = (np.arange(size) - size // 2) * (2 * half / size)

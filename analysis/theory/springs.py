@@ -60,6 +60,7 @@ Floats = NDArray[np.float64]
 # One bond of each ± pair: the contact at −d repeats the elongations of the one at d, up to a phase.
 BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
 TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
+RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])  # basis of the reciprocal lattice
 
 GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
