@@ -121,7 +121,8 @@ def prepare(scene: Scene) -> Problem:
             "time.allow_echo = true"
         )
     if scene.time.tolerance is None and scene.time.step >= limit:
-        name = "2/Omega_max, less with dashpots," if resolved.effects.damping is True else "2/Omega_max"
+        drag = resolved.effects.damping is True or resolved.absorb.rows
+        name = "2/Omega_max, less with drag," if drag else "2/Omega_max"
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
             f"must be below {name} = {limit:.6g}, in tau"
@@ -130,10 +131,11 @@ def prepare(scene: Scene) -> Problem:
 
 
 def largest_step(scene: Scene) -> float:
-    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with dashpots.
+    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag.
 
-    LAMMPS's dashpots use the velocity of half a step before, which changes the condition ΩΔτ < 2 to
-    (ΩΔτ)² + 2cλΔτ < 4, with c in m/t0 and λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice.
+    LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
+    Here b = cλ + c_L: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice, and c_L the
+    largest damping rate of quiet ends.
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
@@ -147,4 +149,6 @@ def largest_step(scene: Scene) -> float:
         unloaded = np.zeros(len(contacts))
         alone = replace(contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded)
         drag = viscosity * (frequency_bound(alone, sphere, physics) / top) ** 2 if viscosity else 0.0
-    return 2 / top / (hypot(drag * top / 2, 1) + drag * top / 2)
+    quiet = quiet_end_of(scene)
+    half = (drag * top + (quiet.strength if quiet else 0.0) / top) / 2  # b/2Ω
+    return 2 / top / (hypot(half, 1) + half)

@@ -132,6 +132,18 @@ def test_only_the_end_that_is_not_driven_absorbs() -> None:
 # --- LAMMPS ----------------------------------------------------------------------------------------------------------
 
 
+def test_quiet_ends_shorten_the_stable_step(tmp_path: Path) -> None:
+    scene = DRIVEN.with_values({"packing.rows": 41, "absorb.rows": 12, "time.duration": 100.0, "output.particles": 0})
+    limit = prepare(scene).largest_step
+    still = scene.with_values({"absorb.rows": 0, "time.duration": 20.0})
+    assert limit < 0.8 * prepare(still).largest_step
+    with pytest.raises(SceneError, match="with drag"):
+        prepare(scene.with_values({"time.sample": limit, "time.timestep": limit}))
+    step = 0.95 * limit
+    record = run(scene.with_values({"time.sample": step, "time.timestep": step}), tmp_path / "run")
+    assert np.abs(record.q).max() < 2  # the wave of the row and what it was switched on with
+
+
 def test_the_reflection_in_lammps_is_that_of_the_layer(tmp_path: Path) -> None:
     wavenumber, rows = 1.0, 10
     changes = {"wave.mode": "L", "wave.wavenumber": wavenumber, "absorb.rows": rows, "absorb.reflection": 0.5}

@@ -68,7 +68,7 @@ def random_scene(family: str, seed: int) -> Scene:
         shape["imperfect"] |= {
             "disorder.radius": float(rng.uniform(0, 1e-4)),
             "disorder.density": float(rng.uniform(0, 0.2)),
-            "disorder.vacancies": float(rng.uniform(0, 0.05)),
+            "disorder.vacancies": round(float(rng.uniform(0, 0.05)) * 144) / 144,  # whole spheres
             "disorder.seed": int(rng.integers(1, 1000)),
             "inclusion": [{"share": 0.1} | STEEL] if rng.uniform() < 0.3 else [],
         }
