@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -469,3 +471,17 @@ def test_the_status_is_valid_json_without_nan(small: Scene, tmp_path: Path) -> N
     run(small, tmp_path / "run")
     text = (tmp_path / "run" / "run.json").read_text()
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_a_run_that_ends_while_its_progress_is_looked_at_is_finished() -> None:
+    class EndsAtTheTimeout(Future[None]):
+        def result(self, timeout: float | None = None) -> None:
+            if not self.done():
+                self.set_result(None)
+                raise TimeoutError
+            return super().result()
+
+    work = EndsAtTheTimeout()
+    threading.Timer(0.3, work.set_result, [None]).start()
+    routes._watch(work, lambda: None)
+    assert work.result() is None

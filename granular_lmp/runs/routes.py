@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import chdir, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -173,14 +173,9 @@ def _this_rank() -> Any:
 
 def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
     """Wait for `work` and call `look` every `_POLL` seconds."""
-    while True:
-        try:
-            work.result(timeout=_POLL)
-            return
-        except TimeoutError:
-            if work.done():  # the work itself raised TimeoutError
-                raise
-            look()
+    while not wait([work], timeout=_POLL).done:
+        look()
+    work.result()
 
 
 def _run_program(program: list[str], job: Job) -> None:
