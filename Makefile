@@ -10,6 +10,7 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
+# make onset (where contacts of the paper's wave open and slide, five minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
@@ -32,7 +33,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves disorder gallery test processors stability guards impact witness cost bench \
+.PHONY: paper figures spectrum dispersion waves disorder gallery test processors stability guards impact onset witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -178,6 +179,21 @@ guards: .venv/ready
 impact: .venv/ready
 	$(BIN)/python -m analysis.figures.solitary -o figures/solitary.png
 	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
+
+# Where contacts of the paper's wave open and slide: docs/strongly-nonlinear.md. Wave numbers are 2πn/32
+ENDS = $(BIN)/granular-lmp sweep tr_periodic --workers $(CORES) --set time.duration=60 --set packing.rows=32 \
+    --set effects.contact_opening=true --set effects.friction=0.3
+CLOSED = --set effects.sliding=false \
+    --over wave.amplitude=0.1:0.5:5,0.7,0.9,1.1:1.7:7,1.9:2.9:6,3.2,3.6,4,4.4,4.7,5,5.5
+
+onset: .venv/ready
+	$(ENDS) $(CLOSED) -o runs/onset/plane --over sphere.poisson_ratio=0,0.17,0.45 --over wave.form=running,standing \
+	    --over wave.wavenumber=0.3926990816987241:2.748893571891069:7
+	$(ENDS) $(CLOSED) -o runs/onset/pulse --set packing.rows=auto --set packing.ends=fixed --set envelope.length=6 \
+	    --over wave.wavenumber=0.7853981633974483:2.356194490192345:3
+	$(ENDS) --set effects.sliding=true --set wave.amplitude=1 -o runs/onset/friction \
+	    --over effects.friction=0.01,0.02,0.03,0.05,0.07,0.1,0.15,0.2,0.25,0.3,0.35,0.4,0.5,0.7,1
+	$(BIN)/python -m analysis.figures.onset runs/onset/plane runs/onset/pulse runs/onset/friction -o figures/onset.png
 
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost

@@ -80,6 +80,11 @@ class Problem:
         return [effect.guard for effect in self.effects if effect.guard and effect.judged]
 
     @property
+    def left_out(self) -> list[str]:
+        """Titles of the guards whose effects are off, also where the scene calls for them."""
+        return [effect.guard for effect in self.effects if effect.guard and not effect.on]
+
+    @property
     def largest_step(self) -> float:
         """Stability limit of velocity Verlet, τ."""
         return largest_step(self.scene)

@@ -221,7 +221,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "sources": sources.lines(problem, units),
         "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.AT_REST),
-        "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
+        "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
         "contacts_append": "",
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
         "names": " or ".join(blocks.NO_VARIABLES),

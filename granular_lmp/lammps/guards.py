@@ -133,7 +133,7 @@ def _inside(scene: Scene) -> list[str]:
 # --- the deck --------------------------------------------------------------------------------------------------------
 
 
-def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
+def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     """Return the lines of some guards, each line once, and the thermo output of all.
 
     Parameters
@@ -142,8 +142,8 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
         Keys of `GUARDS`.
     scene : Scene
         Scene with every "auto" decided.
-    judged : list of str
-        Keys of the guards that fail the run if they trigger.
+    exact : list of str
+        Keys of the guards whose effects are off, also where the scene calls for them: contacts are judged one by one.
     """
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
     text: list[str] = []
@@ -177,7 +177,7 @@ def lines(names: list[str], scene: Scene, judged: list[str]) -> list[str]:
             *(line for line in _ELSEWHERE_LINES if _is_there(line, names)),
         ]
     for column, name in enumerate(names, start=1):
-        if GUARDS[name].per_contact and name in judged:
+        if GUARDS[name].per_contact and name in exact:
             text += _written_out(GUARDS[name], column, scene)
     return [
         *_inside(scene),

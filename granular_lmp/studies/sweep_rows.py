@@ -18,12 +18,14 @@ Point = dict[str, Any]
 
 RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json; the largest |p|, |q|, |phi| of the record, in D0;
-# the second harmonic as measured, with the error of the fit, in D0, and in metres
+# the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the smallest overlap
+# in Delta0 and the largest shear over sliding force
 COLUMNS = (
     *("run", "status", "message", "seconds", "steps", "particles", "contacts_per_sphere"),
     *("wavenumber_used", "direction_used", "frequency"),
     *("frequency_Hz", "largest_p", "largest_q", "largest_phi"),
-    *("second_harmonic", "second_harmonic_error", "second_harmonic_m", "guards"),
+    *("second_harmonic", "second_harmonic_error", "second_harmonic_m"),
+    *("smallest_overlap", "largest_slip", "guards"),
 )
 
 
@@ -86,13 +88,15 @@ def summary_of(info: dict[str, Any], record: Record | None) -> Point:
         **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
         "contacts_per_sphere": info.get("crystal", {}).get("contacts_per_sphere"),  # None: the lattice is perfect
         **_measured(record),
+        "smallest_overlap": info.get("smallest_overlap"),
+        "largest_slip": info.get("guards", {}).get("largest_slip", {}).get("value"),
         "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
     }
 
 
 def _measured(record: Record | None) -> Point:
     """What is read off a record; None each where there is no record, or no second harmonic in it."""
-    names = COLUMNS[COLUMNS.index("frequency_Hz") : COLUMNS.index("guards")]
+    names = COLUMNS[COLUMNS.index("frequency_Hz") : COLUMNS.index("smallest_overlap")]
     if record is None:
         return dict.fromkeys(names)
     scene, found = record.scene, second_harmonic(record)
