@@ -10,7 +10,7 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
-# make onset (where contacts of the paper's wave open and slide, five minutes: docs/strongly-nonlinear.md),
+# make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
