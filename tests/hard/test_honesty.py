@@ -319,8 +319,8 @@ def test_a_sweep_says_which_runs_failed_in_its_table_and_its_exit_status(
 
 Reached = Callable[[Path], bool]
 COMMAND = "import sys\nfrom granular_lmp.cli import main\nsys.exit(main({words!r}))"
-# 40 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
-WHOLE: dict[str, Any] = {"time.duration": 2000.0, "time.sample": 0.5, "output.checkpoint": 24 * 997 / SPEED / 60}
+# 20 000 steps of 24 spheres: half a second or more, so that a kill does not come too late
+WHOLE: dict[str, Any] = {"time.duration": 1000.0, "time.sample": 0.5, "output.checkpoint": 24 * 997 / SPEED / 60}
 
 
 def run_and_kill(scene: Path, folder: Path, reached: Reached, *route: str) -> None:
@@ -417,7 +417,7 @@ def test_a_run_killed_after_a_checkpoint_is_not_finished_and_resumes_to_the_same
 def stopped(folder: Path, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """A run that was killed after ten checkpoints: LAMMPS ends early, and nobody is left to say so."""
     broken(monkeypatch, scene, (END, "run 10000"))
-    with pytest.raises(LammpsError, match="1001 records instead of 4001"):
+    with pytest.raises(LammpsError, match="1001 records instead of 2001"):
         run(scene, folder)
     monkeypatch.undo()
     left = read_status(folder) | {"status": "running"}
