@@ -264,7 +264,7 @@ def test_a_read_only_folder_is_one_line(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("collision.tangential_velocity=1e4", "collision.steps = "),  # parted within a step
+        ("collision.tangential_velocity=3e3", "collision.steps = "),  # parted within a few steps
         ("collision.normal_velocity=1e-9 collision.tangential_velocity=1e4", "radii in collision.duration"),  # 8e6 bins
     ],
 )
