@@ -19,10 +19,10 @@ from granular_lmp.effects.effect import Case, Chosen, Finding
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
+from tests.instance import silent_lammps
 
 CELL = PAPER.with_values(
     {"packing.rows": 16, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 40.0}
@@ -222,12 +222,9 @@ def accepted(scene: Scene, folder: Path) -> None:
     """Let LAMMPS take the deck and one step of it; raises what LAMMPS raises."""
     deck = build(scene)
     deck.write(folder, force=True)
-    instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
-    try:
+    with silent_lammps() as instance:
         text = deck.input_text.replace("${data}", str(folder / deck.data_name)).replace("${dump}", str(folder / "dump"))
         instance.commands_string(text)
-    finally:
-        instance.close()
 
 
 @pytest.mark.slow

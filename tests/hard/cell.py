@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
 from granular_lmp.effects.selection import with_all
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.units import units_for
 from tests.hard.case import Edits
+from tests.instance import silent_lammps
 
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
@@ -139,9 +139,6 @@ def running(scene: Scene, edits: Edits = ()) -> Iterator[Cell]:
     text = edited(deck.input_text, ((LAST, PER_CONTACT), *edits))
     with TemporaryDirectory() as folder, chdir(folder):
         Path(deck.data_name).write_text("".join(deck.files()[deck.data_name]), encoding="utf-8")
-        instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
-        try:
+        with silent_lammps() as instance:
             instance.commands_string(text)
             yield Cell(scene, instance)
-        finally:
-            instance.close()
