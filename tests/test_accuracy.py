@@ -187,8 +187,8 @@ def test_rows_that_the_centre_does_not_hear_add_no_noise(small: Scene) -> None:
 
 
 def run_altered(folder: Path, *pairs: tuple[str, str]) -> Record:
-    """The base case with pieces of its deck replaced."""
-    deck = build(PAPER.with_values({"packing.rows": "auto"}))
+    """The base case, τ ≤ 60, with pieces of its deck replaced."""
+    deck = build(PAPER.with_values({"packing.rows": "auto", "time.duration": 60.0}))
     text = deck.input_text
     for old, new in pairs:
         assert text.count(old) == 1, old
@@ -232,6 +232,6 @@ def test_the_incremental_law_nearly_doubles_p(tmp_path: Path) -> None:
 def test_a_far_too_large_friction_freezes_the_history(
     monkeypatch: pytest.MonkeyPatch, paper_run: Callable[..., Record], tmp_path: Path
 ) -> None:
-    plain = paper_run()
+    plain = paper_run({"time.duration": 60.0})
     frozen = run_altered(tmp_path / "frozen", ("$(5.0*v_amplitude:%.17g)", "1e6"))
     assert relative_error(frozen.p, plain.p) > 5e-4

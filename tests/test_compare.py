@@ -24,7 +24,7 @@ from tests.conftest import PAPER
 def from_theory(scene: Scene, theory: str, tau: np.ndarray) -> Record:
     """A record that is a theory, to the last digit."""
     empty = Record(tau, tau, tau, tau, scene)
-    p, q, phi = THEORIES[theory](wave_of(empty), tau)
+    p, q, phi = trajectory(theory, wave_of(empty), tau)
     return replace(empty, p=p, q=q, phi=phi)
 
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,15 @@ import pytest
 from analysis.measure.norms import relative_error
 from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, run
-from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.errors import (
+    GranularError,
+    LammpsError,
+    LaunchError,
+    RunFolderError,
+    RunInterrupted,
+    SceneError,
+    ToleranceError,
+)
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies import cost as module
 from granular_lmp.studies.cost import measure, plan
@@ -253,22 +262,34 @@ def test_a_run_that_was_cut_off_is_done_from_its_start(few: None, small: Scene, 
     assert read_status(folder)["wall_seconds"]["total"] < 99  # nothing of the time before is counted
 
 
+FailWith = Callable[[GranularError | None], None]
+
+
+@pytest.fixture
+def fail_with(monkeypatch: pytest.MonkeyPatch) -> FailWith:
+    """Let the runs with the step 0.25 raise an error; with None they are run again."""
+    real = module.tolerance.run
+
+    def patch(error: GranularError | None) -> None:
+        def run_one(scene: Scene, folder: Path, **options: Any) -> Record:
+            if error is not None and scene.time.step == 0.25:
+                raise error
+            return real(scene, folder, **options)
+
+        monkeypatch.setattr(module.tolerance, "run", run_one)
+
+    return patch
+
+
 def test_a_run_that_fails_is_said_and_the_others_go_on(
     few: None,
     small: Scene,
     small_toml: Path,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    fail_with: FailWith,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    real = module.tolerance.run
-
-    def fail(scene: Scene, folder: Path, **options: Any) -> Record:
-        if scene.time.step == 0.25:
-            raise LammpsError("for the test", "run 1", "")
-        return real(scene, folder, **options)
-
-    monkeypatch.setattr(module.tolerance, "run", fail)
+    fail_with(LammpsError("for the test", "run 1", ""))
     result = measure(plan(small, tmp_path / "study", repeats=1))
     failed = {f"{row['knob']} {row['setting']}": row["message"] for row in result["points"] if not row["repeats"]}
     assert failed.keys() == {
@@ -279,27 +300,15 @@ def test_a_run_that_fails_is_said_and_the_others_go_on(
     assert set(failed.values()) == {"LAMMPS failed at 'run 1': for the test"}
     status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
     assert (status, out.count("LAMMPS failed at 'run 1'")) == (1, 3)
-    monkeypatch.setattr(module.tolerance, "run", real)
+    fail_with(None)
     again = measure(plan(small, tmp_path / "study", repeats=1))
     assert [row["message"] for row in again["points"] if row["message"]] == []
 
 
 def test_a_tolerance_that_is_not_met_is_an_answer_and_no_failure(
-    few: None,
-    small: Scene,
-    small_toml: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    few: None, small_toml: Path, tmp_path: Path, fail_with: FailWith, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    real = module.tolerance.run
-
-    def unmet(scene: Scene, folder: Path, **options: Any) -> Record:
-        if scene.time.step == 0.25:
-            raise ToleranceError("time.tolerance = 1e-09: not met")
-        return real(scene, folder, **options)
-
-    monkeypatch.setattr(module.tolerance, "run", unmet)
+    fail_with(ToleranceError("time.tolerance = 1e-09: not met"))
     status, out, _ = cli(capsys, "cost", str(small_toml), "-o", str(tmp_path / "study"), "--repeats", "1")
     assert (status, out.count("no step meets it: time.tolerance = 1e-09: not met")) == (0, 3)
     assert failed({"message": "LAMMPS failed"})

@@ -8,7 +8,7 @@ import pytest
 from granular_lmp import Scene, build
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.datafile import _PIECE, DataFile, read
-from granular_lmp.lammps.installation import lammps_module
+from tests.instance import silent_lammps
 
 
 def awkward_spheres(count: int = 40) -> DataFile:
@@ -61,16 +61,13 @@ def test_minus_zero_stays_apart_from_zero() -> None:
 def test_the_way_through_lammps_changes_no_bit(tmp_path: Path) -> None:
     spheres = awkward_spheres()
     (tmp_path / "data").write_text(spheres.text("title"))
-    lmp = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
-    try:
+    with silent_lammps() as lmp:
         lmp.commands_string(
             "units nano\ndimension 2\nboundary p p p\natom_style hybrid sphere dipole\n"
             "fix wave all property/atom d_ux d_uy d_phi d_vx d_vy d_vphi\n"
             f"read_data {tmp_path}/data fix wave NULL wave\nmass * 1.0\n"
             f"write_data {tmp_path}/back nocoeff"
         )
-    finally:
-        lmp.close()
     back = read(tmp_path / "back")
     # LAMMPS writes 17 digits of positions, so these come back whole; of the wave's section it writes what it read
     for name in ("kind", "position", "wave"):

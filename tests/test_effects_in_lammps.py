@@ -65,7 +65,9 @@ def lammps(tmp_path_factory: pytest.TempPathFactory) -> Lammps:
             text = text.replace(old, new)
         (folder / "in.wave").write_text(text)
         command = [*lmp_command(1), "-in", "in.wave", "-log", "none", "-screen", "none"]
-        values = {"xi": XI, "timestep": step, "phase": PHASE, "amp": AMPLITUDE, "adhesion": adhesion, "duration": 60}
+        # The walls of 91 rows are heard after τ = 60
+        values = {"xi": XI, "timestep": step, "phase": PHASE, "amp": AMPLITUDE, "adhesion": adhesion}
+        values |= {"duration": 60, "rows": 91}
         for name, value in values.items():
             command += ["-var", name, str(value)]
         subprocess.run(command, cwd=folder, check=True, timeout=60)

@@ -39,7 +39,7 @@ def test_the_ledger_closes_at_the_resonance_to_tau_400(law):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("name", "direction"), [("TR", 17.0), ("RT", 17.0), ("L", 0.0)])
 def test_the_ledger_closes_in_any_direction(law, name, direction):
-    assert ledger(law, directions.mode(name, 1.1, direction, Contact(NU))).gap < 1e-9  # as along y
+    assert ledger(law, directions.mode(name, 1.1, direction, Contact(NU)), end=40).gap < 1e-9  # as along y
 
 
 def test_a_ledger_without_the_work_does_not_close():
@@ -155,12 +155,12 @@ def test_away_from_the_resonance_the_energy_hardly_changes(law, xi, swing):
 
 def test_incremental_wave_at_the_resonance_opens_a_contact():
     # Without the ledger's ½S²/k_S: the trajectory alone says so.
-    time = energy.opening_time(Wave(RESONANT, A, Contact(NU, law="incremental")), 800, rtol=1e-9)
+    time = energy.opening_time(Wave(RESONANT, A, Contact(NU, law="incremental")), 800, rtol=1e-8)
     assert time == pytest.approx(690.5, abs=0.5)
 
 
 def test_no_contact_opens_away_from_the_resonance():
-    assert energy.opening_time(Wave(sh.mode("TR", 0.802, SILICA), A, Contact(NU)), 400, rtol=1e-9) is None
+    assert energy.opening_time(Wave(sh.mode("TR", 0.802, SILICA), A, Contact(NU)), 400, rtol=1e-6) is None
 
 
 def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
@@ -176,24 +176,26 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_secant_law_blows_up():
-    kept = energy.ledger(Wave(RESONANT, A, Contact(NU)), np.arange(0.0, 2101.0), rtol=1e-9)  # K = 31
-    lost = kept.relative.min()
-    above = kept.tau[(kept.tau > 100) & (kept.relative > 1)][0]
-    opening = energy.opening_time(Wave(RESONANT, A, Contact(NU)), 2300, rtol=1e-9)
-    print(f"least energy {lost:.4f}; above the initial one from τ={above:.0f}; a contact opens at τ={opening}")
-    assert lost == pytest.approx(0.666, abs=5e-4)
-    assert above == pytest.approx(1356, abs=1)
-    assert kept.relative[1600] == pytest.approx(1.443, abs=5e-4)
-    assert kept.relative[2100] == pytest.approx(26.87, abs=0.01)
+    wave, around = Wave(RESONANT, A, Contact(NU)), np.arange(2232.0, 2236.0, 0.05)
+    start, neighbours = lattice.on_torus(wave, 31)
+    tau = np.concatenate([np.arange(0.0, 2101.0), around])
+    states = lattice.motion(start, wave.contact, neighbours, tau, 1e-9, A)
+    total = energy.energy(states[:2101], wave.contact, neighbours).total
+    relative = total / total[0]
+    assert relative.min() == pytest.approx(0.666, abs=5e-4)
+    assert tau[:2101][(tau[:2101] > 100) & (relative > 1)][0] == pytest.approx(1356, abs=1)
+    assert relative[1600] == pytest.approx(1.443, abs=5e-4)
+    assert relative[2100] == pytest.approx(26.87, abs=0.01)
+    stretches = [lattice.stretch_and_slip(state[:3], 0.0, neighbours)[0].max() for state in states[2101:]]
     # 2233.73 to 2233.77 with K = 31 to 121 and rtol = 1e-9, 1e-11.
-    assert opening == pytest.approx(2233.75, abs=0.1)
+    assert around[np.array(stretches) >= 1][0] == pytest.approx(2233.75, abs=0.1)
 
 
 @pytest.mark.slow
 def test_the_resonant_wave_of_the_potential_law_does_not_blow_up():
     law = Contact(NU, law="potential")
-    # The secant law's is open by then, of which rtol moves the time by 1e-2 at most
-    assert energy.opening_time(Wave(RESONANT, A, law), 2300, rtol=1e-8) is None
+    # The secant law's is open by then: with this rtol at 2236
+    assert energy.opening_time(Wave(RESONANT, A, law), 2300, rtol=1e-6) is None
 
 
 def test_turning_normals_have_no_ledger():

@@ -21,8 +21,8 @@ from granular_lmp.crystal.potential import Pairs, Potential, box_load, displaced
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.units import NANO
+from tests.instance import silent_lammps
 from tests.test_sphere import SILICA
 
 UNIT = SILICA.static_overlap / SILICA.radius  # Δ0 in radii
@@ -357,8 +357,7 @@ def moved_in_lammps(crystal: ase.Atoms, folder: Path, tau: float) -> float:
     data = folder / "data.rest"
     data.write_text(f"rest\n\n{count} atoms\n1 atom types\n\n{box}\nAtoms # sphere\n\n{lines}")
     step = 0.02 * NANO.number(SILICA.time_scale, time=1)
-    lammps = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
-    try:
+    with silent_lammps() as lammps:
         lammps.commands_string(f"""
             units nano
             dimension 2
@@ -377,8 +376,6 @@ def moved_in_lammps(crystal: ase.Atoms, folder: Path, tau: float) -> float:
             run {round(tau / 0.02)} post no
             """)
         way = lammps.numpy.extract_compute("moved", 1, 2)[:count, 3].copy()
-    finally:
-        lammps.close()
     return float(way.max() / NANO.number(0.2 * SILICA.static_overlap, length=1))
 
 

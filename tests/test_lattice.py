@@ -82,8 +82,8 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
 @pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
 def test_torus_is_the_centre_of_201_rows_before_the_walls_are_heard(name, xi):
     mode = sh.mode(name, xi, SILICA)
-    infinite = lattice.torus(Wave(mode, 0.2, Contact(NU), 0.3), TAU, rtol=1e-12)
-    finite = lattice.rows(Wave(mode, 0.2, Contact(NU), 0.3), TAU, rtol=1e-12)
+    wave, tau = Wave(mode, 0.2, Contact(NU), 0.3), np.linspace(0, 120, 25)
+    infinite, finite = lattice.torus(wave, tau, rtol=1e-12), lattice.rows(wave, tau, rtol=1e-12)
     # Fifty times rtol, the measured error of either integration.
     assert np.allclose(infinite, finite, rtol=0, atol=1e-10)
 
@@ -199,7 +199,7 @@ def test_geometry_fades_with_the_overlap_ratio(law):
 @cache
 def every_phase(mode, eta):
     """p (T, K) of a small wave on the phase torus."""
-    return lattice.torus_trajectory(Wave(mode, SMALL, Contact(NU, overlap_ratio=eta)), SHORT, rtol=1e-13)[:, 0]
+    return lattice.torus_trajectory(Wave(mode, SMALL, Contact(NU, overlap_ratio=eta)), SHORT, rtol=1e-12)[:, 0]
 
 
 def even_part(mode, eta, phase=0.0):
@@ -208,7 +208,7 @@ def even_part(mode, eta, phase=0.0):
     return every_phase(mode, eta) @ both.mean(axis=0)
 
 
-@pytest.mark.parametrize("eta", [0.0, ETA, 0.01, 0.1])
+@pytest.mark.parametrize("eta", [0.0, ETA, 0.1])
 @pytest.mark.parametrize(("name", "xi"), [("TR", 0.802), ("TR", 1.475), ("TR", 2.127), ("RT", 0.802), ("L", 0.802)])
 @pytest.mark.parametrize("phase", [0.0, 0.4])  # 0.4: the wave of the preload is there too
 def test_second_harmonic_with_geometry_is_exact_at_small_amplitude(name, xi, eta, phase):
@@ -222,7 +222,7 @@ def test_second_harmonic_with_geometry_is_exact_at_small_amplitude(name, xi, eta
 
 
 def test_leaving_out_the_geometry_is_seen_at_small_amplitude():
-    right = even_part(sh.mode("L", 0.802, sh.ratios(NU, overlap_ratio=0.01)), 0.01)
+    right = even_part(sh.mode("L", 0.802, sh.ratios(NU, overlap_ratio=0.1)), 0.1)
     wrong = sh.second_harmonic(sh.mode("L", 0.802, SILICA), SILICA, SMALL, SHORT)
     assert np.max(np.abs(right - wrong)) > 1e-3 * np.max(np.abs(right))
 
@@ -282,7 +282,8 @@ TO_NEIGHBOURS = {0: (1, 0), 60: (0, 1), 120: (-1, 1)}  # the other three are the
 
 def neighbour(values, step):
     """The values (…, I, J) of the neighbour that lies `step` cells on."""
-    return np.roll(values, (-step[0], -step[1]), axis=(-2, -1))
+    i, j = (np.arange(size) + far for size, far in zip(SHEET, step, strict=True))
+    return np.take(np.take(values, i, axis=-2, mode="wrap"), j, axis=-1, mode="wrap")
 
 
 def sheet_rate(state, kappa, eta):
@@ -291,7 +292,8 @@ def sheet_rate(state, kappa, eta):
     total, slip_rates = np.zeros_like(place), []
     for bond, (degrees, step) in enumerate(TO_NEIGHBOURS.items()):
         n0 = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])[:, None, None]
-        d, d_rate = (neighbour(values, step)[:2] - values[:2] for values in (place, velocity))
+        there = neighbour(state[:6], step)
+        d, d_rate = there[:2] - place[:2], there[3:5] - velocity[:2]
         if eta:
             r = (1 / eta - 1) * n0 + d
             distance = np.sqrt(r[0] ** 2 + r[1] ** 2)
@@ -299,8 +301,8 @@ def sheet_rate(state, kappa, eta):
         else:
             n, overlap = n0 + 0 * d, 1 - (n0 * d).sum(axis=0)
         t = np.stack([-n[1], n[0]])
-        slip_rates.append((t * d_rate).sum(axis=0) - neighbour(velocity, step)[2] - velocity[2])
-        slip = slips[bond] if eta else (t * d).sum(axis=0) - neighbour(place, step)[2] - place[2]
+        slip_rates.append((t * d_rate).sum(axis=0) - there[5] - velocity[2])
+        slip = slips[bond] if eta else (t * d).sum(axis=0) - there[2] - place[2]
         shear = kappa * slip * np.sqrt(overlap)
         force = (2 / 3) * (1 - overlap**1.5) * n + shear * t
         torque = shear * (1 - eta * overlap)
@@ -341,7 +343,7 @@ def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
     k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
     direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
     mode = directions.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
-    tau = np.linspace(0, 40, 41)
+    tau = np.linspace(0, 30, 16)
     sheet = on_a_sheet(mode, k, 0.2, tau, eta)
     infinite = np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-12), axis=-1)
     assert np.max(np.abs(sheet)) > 0.8  # something moves

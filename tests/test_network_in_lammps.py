@@ -12,7 +12,7 @@ import pytest
 
 from analysis.theory.network import Material, Network, forces, start
 from analysis.theory.network_motion import integrate
-from granular_lmp.lammps.installation import lammps_module
+from tests.instance import silent_lammps
 
 SILICA = Material(73e3, 0.17, 63.0)
 RADIUS, DENSITY = 500.0, 0.0022
@@ -56,8 +56,7 @@ def lammps(network, model, moving, every, steps):
         f"set atom {i + 1} diameter {2 * radius:.17g} density {density:.17g} dipole 1 0 0"
         for i, ((x, y), radius, density, kind) in enumerate(spheres)
     )
-    lmp = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
-    try:
+    with silent_lammps() as lmp:
         lmp.commands_string(f"""
             units nano
             dimension 2
@@ -96,8 +95,6 @@ def lammps(network, model, moving, every, steps):
             sample[:2, ids] = lmp.numpy.extract_compute("moved", 1, 2)[:count, :2].T
             mu = lmp.numpy.extract_atom("mu")[:count]
             sample[2, ids] = np.arctan2(mu[:, 1], mu[:, 0])
-    finally:
-        lmp.close()
     return fields
 
 
@@ -183,8 +180,7 @@ def test_a_chain_of_unequal_spheres_of_two_materials_tumbles_as_in_lammps():
 
 def pair_force(coefficients):
     """Return the force on the first of two spheres of 1 m and 0.5 m that overlap by 0.01 m and turned by 1e-4."""
-    lmp = lammps_module().lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
-    try:
+    with silent_lammps() as lmp:
         lmp.commands_string(f"""
             units si
             dimension 2
@@ -207,8 +203,6 @@ def pair_force(coefficients):
         """)
         order = np.argsort(lmp.numpy.extract_atom("id")[:2])
         return lmp.numpy.extract_atom("f")[order[0], :2].copy()
-    finally:
-        lmp.close()
 
 
 def pair_of(first, second, **changes):

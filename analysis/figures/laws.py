@@ -7,6 +7,7 @@ p(τ) of the exact lattice at a wave number next to the antiresonance of the sec
 """
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -41,10 +42,15 @@ def ratio_to_secant(wavenumber: float, law: Law, poisson_ratio: float = SILICA) 
     Norm: root mean square over 0 ≤ τ ≤ 120 (every 0.5) in the row and at the phase where ϑ = −Ωτ.
     """
     laws: tuple[Law, Law] = (law, "secant")
-    contacts = [Contact(poisson_ratio, law=each) for each in laws]
-    own, secant = (np.stack(torus(Wave.of_mode("TR", wavenumber, AMPLITUDE, each), TAU)) for each in contacts)
+    own, secant = (_exact(wavenumber, Contact(poisson_ratio, law=each)) for each in laws)
     p, q, phi = np.sqrt(np.mean(own**2, axis=-1) / np.mean(secant**2, axis=-1))
     return float(p), float(q), float(phi)
+
+
+@cache
+def _exact(wavenumber: float, contact: Contact) -> Floats:
+    """Return p, q, φ (3, T) of TR in the exact lattice at the times `TAU`."""
+    return np.stack(torus(Wave.of_mode("TR", wavenumber, AMPLITUDE, contact), TAU))
 
 
 def lattice_amplitude(mode: Mode, contact: Contact) -> float:

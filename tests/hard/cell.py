@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
 from granular_lmp.effects.selection import with_all
-from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.units import units_for
 from tests.hard.case import Edits
+from tests.instance import silent_lammps
 
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
 PER_CONTACT = """
-thermo_style custom step  # guards can be read only where they look
+thermo_style custom step
+unfix looks
+unfix now
+undump contacts
+undump centre
 compute shears   all pair/local dist p1 p2 dx dy cutoff radius
 compute pairs    all property/local patom1 patom2 cutoff radius
 run 0 post no
@@ -61,26 +65,26 @@ class Cell:
         """Run on without looking at anything again, so that the chunks of a run add up to the same bytes."""
         self.instance.command(f"run {steps} pre no post no")
 
-    def _by_id(self, name: str) -> Floats:
-        values = np.full((self.spheres, 3), np.nan)  # a lost sphere keeps nan
+    def _by_id(self, *values: Floats) -> Floats:
+        """Components x, y, z (values, N, 3) of quantities of LAMMPS's spheres, in the order of the packing."""
+        sorted_ones = np.full((len(values), self.spheres, 3), np.nan)  # a lost sphere keeps nan
         local = self.instance.extract_global("nlocal")
         ids = self.instance.numpy.extract_atom("id")[:local] - 1
-        values[ids] = self.instance.numpy.extract_atom(name)[:local, :3]
-        return values
+        for each, unsorted in zip(sorted_ones, values, strict=True):
+            each[ids] = unsorted[:local, :3]
+        return sorted_ones
 
     def displacement(self) -> Floats:
         """p, q, φ (3, N), spheres in the order of the packing."""
-        local = self.instance.extract_global("nlocal")
-        ids = self.instance.numpy.extract_atom("id")[:local] - 1
-        moved = np.full((self.spheres, 2), np.nan)
-        moved[ids] = self.instance.numpy.extract_compute("u", 1, 2)[:local, :2]
-        dipole = self._by_id("mu")
+        here = self.instance.numpy
+        moved, dipole = self._by_id(here.extract_compute("u", 1, 2), here.extract_atom("mu"))
         turned = np.arctan2(dipole[:, 1], dipole[:, 0]) * self.radius
         return np.stack([moved[:, 1], -moved[:, 0], turned]) / self.overlap
 
     def velocity(self) -> Floats:
         """p', q', φ' (3, N)."""
-        v, omega = self._by_id("v"), self._by_id("omega")
+        here = self.instance.numpy
+        v, omega = self._by_id(here.extract_atom("v"), here.extract_atom("omega"))
         return np.stack([v[:, 1], -v[:, 0], omega[:, 2] * self.radius]) * (self.time / self.overlap)
 
     def rows(self) -> Floats:
@@ -112,14 +116,11 @@ class Cell:
         self.instance.numpy.extract_atom("omega")[:local, 2] += phi_rate / self.radius
 
     def contacts(self) -> Contacts:
-        """The contacts of this step, sorted."""
-        pairs = self.instance.numpy.extract_compute("pairs", 2, 2)
-        found = self.instance.numpy.extract_compute("shears", 2, 2)
-        spheres = np.sort(pairs.astype(np.intp), axis=1) - 1
-        order = np.argsort(spheres[:, 0] * self.spheres + spheres[:, 1])
-        distance, force_x, force_y, x, y = found[order].T
+        """The contacts of this step."""
+        spheres = np.sort(self.instance.numpy.extract_compute("pairs", 2, 2).astype(np.intp), axis=1) - 1
+        distance, force_x, force_y, x, y = self.instance.numpy.extract_compute("shears", 2, 2).T
         shear = (x * force_y - y * force_x) / distance
-        return Contacts(spheres[order], (2 * self.radius - distance) / self.overlap, shear / self.force)
+        return Contacts(spheres, (2 * self.radius - distance) / self.overlap, shear / self.force)
 
 
 def edited(text: str, edits: Edits) -> str:
@@ -138,9 +139,6 @@ def running(scene: Scene, edits: Edits = ()) -> Iterator[Cell]:
     text = edited(deck.input_text, ((LAST, PER_CONTACT), *edits))
     with TemporaryDirectory() as folder, chdir(folder):
         Path(deck.data_name).write_text("".join(deck.files()[deck.data_name]), encoding="utf-8")
-        instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
-        try:
+        with silent_lammps() as instance:
             instance.commands_string(text)
             yield Cell(scene, instance)
-        finally:
-            instance.close()

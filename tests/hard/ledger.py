@@ -68,7 +68,7 @@ def _look(cell: Cell, near: NDArray[np.intp]) -> _Look:
     pair = np.searchsorted(near, contacts.spheres @ [cell.spheres, 1])
     root[pair] = np.sqrt(d)
     slip2[pair] = (contacts.shear / (kappa * root[pair])) ** 2
-    kinetic = (kappa + 3) * (velocity**2).sum(axis=1) @ [1, 1, INERTIA_RATIO]
+    kinetic = (kappa + 3) * np.einsum("cn,cn,c", velocity, velocity, [1, 1, INERTIA_RATIO])
     normal = ((4 / 15) * (d**2.5 - 1) - (2 / 3) * (d - 1)).sum() + 0.4 * (len(near) - len(d))  # 2/5: open, d = 0
     friction = float(cell.instance.extract_variable("friction"))  # the deck's own, whatever the scene says
     return _Look(

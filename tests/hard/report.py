@@ -16,7 +16,7 @@ Hard cases for LAMMPS as the decks use it, what was measured, and the bound, whi
 and not by the measurement. The references are the exact lattice of `analysis/theory/lattice.py` in LAMMPS's contact
 geometry, symmetry, and conservation. Written by `make stability`; the fast half is asserted by `make test`, where each
 kind of figure in it is also measured on a broken deck or against a wrong reference, and has to miss its bound
-(`tests/hard/test_hard.py`).
+(`tests/hard/test_broken_cases.py`).
 
 Tested elsewhere: restart and ranks in `tests/test_launch.py`, contact law and collisions in `tests/validation/`, bad
 input, broken decks, kills, full disks and honest status in `tests/hard/test_*.py`.

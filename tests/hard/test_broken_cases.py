@@ -1,0 +1,83 @@
+"""Each measurement of the stability table fails when what it measures, or what it is compared with, is wrong."""
+
+from functools import partial
+
+import pytest
+
+from tests.hard.cases import Measure
+from tests.hard.decomposition import ranks
+from tests.hard.impacts import kept, order
+from tests.hard.oblique import corner, pulse
+from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
+from tests.hard.rounding import floor, moved, origin, signal
+from tests.hard.scales import corners, similar
+from tests.hard.steps import at_the_limit, drift, refused, reversal
+from tests.hard.symmetry import instability, subspace
+from tests.hard.zone import degenerate, end
+
+ANOTHER_LAW = (("tangential mindlin ", "tangential mindlin_rescale "),)
+DAMPED = (("dmt 73000.0 0.0 ", "dmt 73000.0 1e4 "),)  # ag/ns; a rate of 0.004 per τ
+SHEAR_IN_L = (("variable     to_ux atom v_D0*d_ux/v_slow", "variable     to_ux atom v_D0*(d_ux+1e-6*d_uy)/v_slow"),)
+L_IN_SHEAR = (("variable     to_uy atom v_D0*d_uy/v_slow", "variable     to_uy atom v_D0*(d_uy+1e-6*d_ux)/v_slow"),)
+SPIN_IN_L = (("variable     vy atom v_D0*d_vy/v_t0", "variable     vy atom v_D0*(d_vy+1e-6*d_vphi)/v_t0"),)
+LARGER = (("amplitude index 0.2 ", "amplitude index 0.20000001 "),)
+A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"),)
+A_LOST_SPHERE = (("group        centre id 11\n", "group        centre id 11\ndelete_atoms group centre compress no\n"),)
+SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
+FAST_CLOCK = (("equal v_sample/v_every*v_t0", "equal 1.01*v_sample/v_every*v_t0"),)
+
+# Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
+# are shorter than those of the table: what is wrong shows from the start.
+BROKEN: dict[str, tuple[Measure, str]] = {
+    "another law": (partial(at_the_resonance, 8, 34, 0.05, 60, edits=ANOTHER_LAW), "amplitude"),
+    "a lossy contact at the resonance": (partial(at_the_resonance, 8, 34, 0.05, 50, edits=DAMPED), ""),
+    "a lossy contact where contacts open": (partial(blow_up, 8, 34, 1.2, 0.0125, 60, edits=DAMPED), "a contact opens"),
+    "the paper's geometry": (partial(at_the_antiresonance, overlap_ratio=0.0), "p,"),
+    "long L on a fast clock": (partial(end, "L", 1, 628, 0.025, 5, edits=FAST_CLOCK), "L"),
+    "L near π on a fast clock": (partial(end, "L", 313, 628, 0.025, 5, edits=FAST_CLOCK), "L"),
+    "short L on a fast clock": (partial(end, "L", 2, 4, 0.025, 20, edits=FAST_CLOCK), "L"),
+    "long TR of another ν": (partial(end, "TR", 1, 628, 0.025, 5, reference=0.18), "TR"),
+    "short TR of another ν": (partial(end, "TR", 2, 4, 0.025, 20, reference=0.18), "TR"),
+    "long RT of another ν": (partial(end, "RT", 1, 628, 0.025, 5, reference=0.18), "RT"),
+    "short RT of another ν": (partial(end, "RT", 2, 4, 0.025, 20, reference=0.18), "RT"),
+    "a corner of another ν": (partial(corner, "K", "TR", reference=0.18), "TR"),
+    "an edge on a fast clock": (partial(corner, "edge", "L", 5.0, edits=FAST_CLOCK), "L"),
+    "a pulse that meets a held sphere": (partial(pulse, 10.0, edits=A_HELD_SPHERE), "momentum"),
+    "TR in L where they are degenerate": (partial(degenerate, "L", 0.0, edits=SHEAR_IN_L), "L at"),
+    "L in TR where they are degenerate": (partial(degenerate, "TR", 0.0, edits=L_IN_SHEAR), "TR at"),
+    "L in RT where they are degenerate": (partial(degenerate, "RT", 0.4, edits=SPIN_IN_L), "RT at"),
+    "a lossy contact at large amplitude": (partial(kept, 0.9, edits=DAMPED), "energy"),
+    "another law with open contacts": (partial(kept, 2, edits=ANOTHER_LAW), "energy"),
+    "a held sphere": (partial(kept, 2, edits=A_HELD_SPHERE), "momentum"),
+    "a lost sphere": (partial(kept, 2, edits=A_LOST_SPHERE), "lost or not finite"),
+    "less friction": (partial(kept, 2, edits=SLIPPERY), "sliding force"),
+    "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
+    "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
+    "a law of noise ten times too large": (partial(floor, 16, 0.01, scale=10.0), "noise of p"),
+    "a law of noise ten times too small": (partial(floor, 16, 0.01, scale=0.1), "noise of"),
+    "a law far from the origin ten times too large": (partial(origin, scale=10.0), "noise of p"),
+    "a law far from the origin ten times too small": (partial(origin, scale=0.1), "noise of p"),
+    "a signal above the floor taken for lost": (partial(signal, 1e-2, scale=1e6), "error of p"),
+    "a signal below the floor taken for seen": (partial(signal, 1e-5, scale=1e-6), "error of p"),
+    "a small wave far from the origin": (partial(signal, 1e-3, edits=moved(0.0, 1.4e6)), "error of p"),
+    "two ranks with another amplitude": (partial(ranks, (2,), edits=LARGER), "2 ranks from one"),
+    "a material of another ν": (partial(similar, off=1e-6), "adhesive contacts"),
+    "a pressed material of another ν": (partial(similar, pressed=True, off=1e-6), "Hertz contacts"),
+    "corners of another ν": (partial(corners, 0.5, reference=0.49), "error over its bound"),
+    "a limit that lets 0.99 pass": (partial(refused, factors=(0.99, 1.0)), "not refused"),
+    "a limit that refuses 1.001": (partial(refused, allowed=1.001), "is refused"),
+    "a step below the limit": (partial(at_the_limit, 10_000, beyond=0.98), "Δτ = 0.98"),
+    "a step beyond the limit": (partial(at_the_limit, 100_000, share=1.01), "Δτ = 1.01"),
+    "loss on a long run": (partial(drift, 2_000, edits=DAMPED), "fitted drift"),
+    "loss both ways": (partial(reversal, edits=DAMPED), ""),
+    "a held sphere in L": (partial(subspace, edits=A_HELD_SPHERE), "of a row apart"),
+    "TR in L": (partial(subspace, edits=SHEAR_IN_L), "q and φ"),
+    "a seed on a lattice of another law": (partial(instability, 60, 0.05, edits=ANOTHER_LAW), "growth of a TR seed"),
+}
+
+
+@pytest.mark.parametrize(("measure", "figure"), BROKEN.values(), ids=BROKEN.keys())
+def test_a_broken_deck_or_a_wrong_reference_is_seen(measure: Measure, figure: str) -> None:
+    told = [case for case in measure() if figure in case.name]
+    assert told
+    assert not any(case.holds for case in told)
