@@ -222,6 +222,7 @@ def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
 
 
 def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
-    x, y = unit(wavevector)
-    return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
+    """(…, 3) of u, v, φ as p along k (…, 2), q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
+    x, y = np.moveaxis(unit(wavevector), -1, 0)
+    u, v, phi = np.moveaxis(field, -1, 0)
+    return np.stack([x * u + y * v, x * v - y * u, phi], axis=-1)
