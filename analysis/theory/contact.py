@@ -95,7 +95,7 @@ class Contact:
         """True if the shear force itself is the state, not the slip."""
         return self.law == "incremental"
 
-    @property
+    @cached_property
     def has_history(self) -> bool:
         """True if the shear of a contact is a state of its own rather than a function of the displacements."""
         return self.shear and (self.incremental or self.overlap_ratio > 0)
