@@ -168,8 +168,8 @@ def test_the_opening_time_is_where_the_largest_stretch_reaches_one():
     wave = sh.mode("L", 0.802, SILICA)
     opening = energy.opening_time(Wave(wave, 1.4, Contact(NU)), 40)
     around = opening + np.array([-1e-3, 0, 1e-3])
-    p = 1.4 * lattice.torus_trajectory(Wave(wave, 1.4, Contact(NU)), around)[:, 0]
-    stretch = np.sqrt(3) / 2 * np.max(lattice.torus_neighbours(0.802, 31).ahead(p)[1] - p, axis=-1)
+    places = 1.4 * lattice.torus_trajectory(Wave(wave, 1.4, Contact(NU)), around)
+    stretch = np.max(lattice.torus_neighbours(0.802, 31).deform(places)[:, 0], axis=(1, 2))
     assert stretch[1] == pytest.approx(1, abs=1e-8)
     assert stretch[0] < 1 < stretch[2]
 

@@ -64,17 +64,13 @@ def test_a_pair_turned_rigidly_slips_by_its_overlap():
     # Centres 2R − Δ0 apart orbit at rate `spin`, spheres turn along: with lever arm R the slip rate is −spin·Δ0.
     contact = Contact(NU, overlap_ratio=0.01)
     length, angle, spin = 1 / 0.01 - 1, 0.3, 0.7
-    n0 = np.array([np.sqrt(3) / 2, -0.5])  # (p, q) of the right contact
-    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ n0
-    dp, dq = length * (turned - n0)[:, None]
-    rest = tuple(n0[:, None, None])  # one contact, one sphere
-    x, _, _ = lattice.stretch_and_normal(dp, dq, rest, contact.overlap_ratio)
-    assert x[0, 0] == pytest.approx(0, abs=1e-12)
-    turning = spin * (length + 1) / 2  # Rθ' of each
-    far = np.array([dp[0], dq[0], 0.0, -spin * length * turned[1], spin * length * turned[0], turning])
-    near = np.array([0.0, 0.0, 0.0, 0.0, 0.0, turning])
-    pair = lattice.Neighbours(rest, lambda values: (far - near)[: len(values), None] + values[None], lambda f: 0 * f[0])
-    state = np.append(near, 0.0)[:, None]  # with the slip of its one contact
+    turned = length * np.array([np.cos(angle), np.sin(angle)])  # along and across the contact at rest
+    turning = spin * (length + 1)  # Rθ' of both together
+    apart = np.array([turned - [length, 0.0], [-spin * turned[1], spin * turned[0]]])
+    apart = np.concatenate([apart, [[0.0], [turning]]], axis=1)[..., None, None]  # one contact, one sphere
+    pair = lattice.Neighbours(lambda _: apart, lambda forces: forces[..., 0, :])
+    state = np.zeros((7, 1))  # with the slip of its one contact
+    assert lattice.touching(state, contact, pair).stretch[0, 0] == pytest.approx(0, abs=1e-12)
     rate = lattice.rhs(state, contact, pair)[6]
     assert rate[0] == pytest.approx(-spin, abs=1e-11)  # rounding of numbers of order 70
 

@@ -15,7 +15,7 @@ from analysis.theory.bloch import frame, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.directions import branch_index, modes
 from analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
-from analysis.theory.neighbours import Neighbours, directions_at_rest
+from analysis.theory.neighbours import Neighbours, shifted
 from analysis.theory.quasilinear import Sheet, component
 from analysis.theory.selection import forbidden
 
@@ -66,10 +66,10 @@ def on_sheet(x: int, y: int) -> Floats:
 def copies_of_sheet(copies: int) -> Neighbours:
     """Neighbours on independent copies of the sheet, side by side; (p, q) are (u, v)."""
     ends = np.concatenate([SHEET.neighbours + copy * len(SHEET.rest) for copy in range(copies)], axis=1)
-    return Neighbours(
-        directions_at_rest(0.0),
-        lambda values: np.stack([values[:, end] for end in ends[:3]]),
-        lambda values: np.sum([value[:, end] for value, end in zip(values, ends[3:], strict=True)], axis=0),
+    return shifted(
+        0.0,
+        lambda values: values[..., ends[:3]],
+        lambda values: np.sum([values[..., bond, end] for bond, end in enumerate(ends[3:])], axis=0),
     )
 
 

@@ -36,8 +36,17 @@ def shell(line: str, folder: Path) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("command", ["effects tr_periodic", "modes tr_periodic", "doctor", "run small.toml -o run"])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("unbuffered", "command"),
+    [
+        ("", "effects tr_periodic"),
+        ("", "modes tr_periodic"),
+        ("", "doctor"),
+        ("", "run small.toml -o run"),
+        ("1", "effects tr_periodic"),
+        ("1", "run small.toml -o run"),
+    ],
+)
 def test_a_full_standard_output_is_one_line_and_status_1(
     command: str, unbuffered: str, small_toml: Path, tmp_path: Path
 ) -> None:
@@ -82,7 +91,16 @@ def test_bad_input_of_a_script_is_one_line_and_status_2(
 def test_a_closed_stream_does_not_stop_a_run(closed: str, small_toml: Path, tmp_path: Path) -> None:
     assert shell(f"{GRANULAR} run small.toml -o run {closed}", tmp_path)[0] == 0
     assert json.loads((tmp_path / "run/run.json").read_text())["status"] == "finished"
+
+
+@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_does_not_change_the_status_of_bad_input(closed: str, tmp_path: Path) -> None:
     assert shell(f"{GRANULAR} run nowhere {closed}", tmp_path)[0] == 2
+
+
+# Programs that a sweep starts may be given the numbers of closed streams
+@pytest.mark.parametrize("closed", ["<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_does_not_stop_a_sweep(closed: str, small_toml: Path, tmp_path: Path) -> None:
     sweep = f"{GRANULAR} sweep small.toml --over wave.phase=0,1 --workers 2 -o sweep {closed}"
     assert shell(sweep, tmp_path)[0] == 0
 

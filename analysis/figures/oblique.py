@@ -7,7 +7,6 @@ spheres, over two time steps h and h/2 as well if Richardson's extrapolation is 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +14,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, save, start
-from analysis.measure.oblique import SILENT, Point, points, predicted, strength
+from analysis.measure.oblique import SILENT, Point, points, predicted_along, strength
 from analysis.measure.runs import sweep
-from analysis.theory.choice import linear_mode, wave_of
+from analysis.theory.choice import wave_of
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import GranularError, Record
 
@@ -85,11 +84,10 @@ def _wave(records: Sequence[Record], name: str) -> Wave:
 def _strengths(axes: Axes, these: Sequence[Point], wavenumber: float, wave: Wave) -> None:
     directions = [each.direction for each in these]
     angles = np.linspace(min(0.0, *directions), max(90.0, *directions), 181)  # one direction has its line too
-    turned = (replace(wave, mode=linear_mode(wave.mode.name, wavenumber, angle, wave.contact)) for angle in angles)
-    theory = [strength(predicted(each, these[0].tau)) for each in turned]
-    largest = np.max(theory)
+    theory = strength(predicted_along(angles, wavenumber, wave, these[0].tau))
+    largest = theory.max()
     for index, (name, (colour, marker, line)) in enumerate(COMPONENTS.items()):
-        sizes = np.array(theory)[:, index]
+        sizes = theory[:, index]
         axes.semilogy(
             angles, np.where(sizes > SILENT * largest, sizes, np.nan), line, color=colour, linewidth=1,
             label=f"{LABELS[name]}: theory",

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from analysis.measure.norms import relative_error
 from analysis.measure.runs import by_wave
@@ -59,8 +59,8 @@ def _reals(wave: Complexes) -> Floats:
 
 
 def strength(wave: Complexes) -> Floats:
-    """Root mean square over time of the magnitudes of (T, 3)."""
-    return np.sqrt(np.mean(np.abs(wave) ** 2, axis=0))
+    """Root mean square over time of the magnitudes of (..., T, 3)."""
+    return np.sqrt(np.mean(np.abs(wave) ** 2, axis=-2))
 
 
 def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
@@ -79,8 +79,14 @@ def second_harmonic(record: Record) -> tuple[Floats, Complexes]:
 
 def predicted(wave: Wave, tau: Floats) -> Complexes:
     """X(τ) (T, 3) of p, q, φ by theory."""
-    k = wavevector_of(wave.mode.wavenumber, wave.mode.direction)
-    branch = int(directions.branch_index(wave.mode.name, k, wave.contact))
+    mode = wave.mode
+    return predicted_along([mode.direction], mode.wavenumber, wave, tau)[0]
+
+
+def predicted_along(angles: ArrayLike, wavenumber: float, wave: Wave, tau: Floats) -> Complexes:
+    """X(τ) (A, T, 3) of p, q, φ by theory, with another wave number and other directions (A,), in degrees."""
+    k = np.array([[wavevector_of(wavenumber, angle)] for angle in np.asarray(angles, dtype=float)])
+    branch = directions.branch_index(wave.mode.name, k, wave.contact)
     field = directions.doubled_wave(k, branch, wave.amplitude, tau, wave.contact, phase=wave.phase)
     return in_frame(field, k)
 

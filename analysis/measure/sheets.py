@@ -30,7 +30,12 @@ def rest_of(particles: Any) -> Floats:
 
 def fields_of(particles: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
     """Fields (T, N, 3) of u, v, φ of the snapshots of a run, in D0, or by other names their rates."""
-    return np.concatenate([particles.stack(moved), particles.stack(turned)[..., None]], axis=-1)
+    return np.array([field_of(each, moved, turned) for each in particles])
+
+
+def field_of(spheres: Any, moved: str = "displacement", turned: str = "rotation") -> Floats:
+    """Field (N, 3) of one snapshot, as `fields_of`."""
+    return np.column_stack([getattr(spheres, moved), getattr(spheres, turned)])
 
 
 def carrier(sheet: Sheet, field: Floats, rate: Floats) -> Floats:
@@ -84,15 +89,15 @@ def compare(record: Record) -> Comparison:
     sphere, shape = record.scene.sphere, record.scene.shape
     if len(particles.tau) < 2:
         raise ValueError(f"{len(particles.tau)} snapshots; the theory starts from the first and predicts the others")
-    fields, rates = fields_of(particles), fields_of(particles, "velocity", "spin")
+    fields, rate = fields_of(particles), field_of(particles[0], "velocity", "spin")
     if np.isnan(fields[..., 2]).any():
         raise ValueError("the angles are not in the snapshots; run with effects.tracking = true")
     sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
     if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
         raise ValueError("the spheres at rest are not where this theory has them, row by row")
     # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
-    linear, second = evolve(sheet, fields[0], rates[0], particles.tau, timestep=particles.scene.time.step)
-    amplitude, wavevector = record.scene.wave.amplitude, carrier(sheet, fields[0], rates[0])
+    linear, second = evolve(sheet, fields[0], rate, particles.tau, timestep=particles.scene.time.step)
+    amplitude, wavevector = record.scene.wave.amplitude, carrier(sheet, fields[0], rate)
     return Comparison(sheet, amplitude, wavevector, particles.tau, fields, linear, amplitude * second)
 
 

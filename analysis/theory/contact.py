@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios, ratios
 from analysis.theory.damping import restitution_viscosity
@@ -84,12 +85,17 @@ class Contact:
         """True if the spheres turn."""
         return self.shear and self.rotation
 
+    @cached_property
+    def mobility(self) -> NDArray[np.float64]:
+        """C, C, C/Ĩ with C = 1/(2(κ+3)), (3, 1): p'', q'', φ'' of unit forces; the last is 0 if spheres do not turn."""
+        return np.array([[1.0], [1.0], [1 / self.inertia if self.rotation else 0.0]]) / (2 * (self.kappa + 3))
+
     @property
     def incremental(self) -> bool:
         """True if the shear force itself is the state, not the slip."""
         return self.law == "incremental"
 
-    @property
+    @cached_property
     def has_history(self) -> bool:
         """True if the shear of a contact is a state of its own rather than a function of the displacements."""
         return self.shear and (self.incremental or self.overlap_ratio > 0)

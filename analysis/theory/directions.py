@@ -207,7 +207,7 @@ def mean_rotation(
 
 def doubled_wave(
     wavevector: ArrayLike,
-    branch: int,
+    branch: ArrayLike,
     amplitude: float,
     tau: ArrayLike,
     contact: Contact,
@@ -225,10 +225,10 @@ def doubled_wave(
 
     Parameters
     ----------
-    wavevector : (2,), in 1/lattice constant
-    branch : 0, 1 or 2
+    wavevector : (..., 2), in 1/lattice constant
+    branch : (...), 0, 1 or 2
     amplitude : D0/Δ0
-    tau : (...), dimensionless time
+    tau : (...), dimensionless time; broadcasts against the wave vectors, as in `analysis.theory.mixing.mixed_wave`
     phase : of the fundamental, Re U exp i(k·r − Ωτ + phase)
     contact : secant or incremental law; its dashpots are left out
 

@@ -86,8 +86,8 @@ def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
     kinetic = (contact.kappa + 3) * (p_rate**2 + q_rate**2 + contact.inertia * phi_rate**2)
     return Energy(
         kinetic=kinetic.mean(axis=-1),
-        normal=normal.sum(axis=0).mean(axis=-1),
-        shear=shear.sum(axis=0).mean(axis=-1),
+        normal=normal.sum(axis=-2).mean(axis=-1),
+        shear=shear.sum(axis=-2).mean(axis=-1),
     )
 
 
@@ -100,11 +100,9 @@ def law_power(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats
     if not WORK_SIGN[contact.law]:
         return np.zeros(state.shape[-1])
     now = touching(state, contact, neighbours)
-    n_p, n_q = neighbours.normal
     softening = np.divide(contact.shear_stiffness, 2 * now.root, out=np.zeros_like(now.root), where=now.root > 0)
     tangential = state[6:] / (contact.shear_stiffness * now.root) if contact.has_history else now.slip()
-    parting = neighbours.ahead(state[3:5]) - state[3:5]
-    stretching = n_p * parting[:, 0] + n_q * parting[:, 1]
+    stretching = neighbours.deform(state[3:6])[0]
     power: Floats = -0.5 * WORK_SIGN[contact.law] * (softening * tangential**2 * stretching).sum(axis=0)
     return power
 
@@ -136,7 +134,7 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     start, neighbours = on_torus(wave, points)
 
     def closed(_: float, y: Floats) -> float:
-        return float(1 - np.max(_stretch(y.reshape(start.shape)[:2], neighbours)))
+        return float(1 - np.max(touching(y.reshape(start.shape), laws, neighbours).stretch))
 
     closed.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
@@ -154,33 +152,13 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     return float(solution.t[-1]) if solution.status == 1 else None
 
 
-def _apart(values: Floats, neighbours: Neighbours) -> tuple[Floats, Floats]:
-    """Differences ahead − here and sums ahead + here of values (..., C, K), each (C, 3, ..., K)."""
-    ahead = neighbours.ahead(values.reshape(-1, values.shape[-1])).reshape(3, *values.shape)
-    return np.moveaxis(ahead - values, -2, 0), np.moveaxis(ahead + values, -2, 0)
-
-
-def _along(components: tuple[Floats, Floats], difference: Floats) -> Floats:
-    """n·d of the three contacts, (3, ..., K), from the (p, q) components of n and the differences (2 or more, ...)."""
-    n_p, n_q = (component.reshape(3, *[1] * (difference.ndim - 2)) for component in components)
-    return n_p * difference[0] + n_q * difference[1]
-
-
-def _stretch(p_and_q: Floats, neighbours: Neighbours) -> Floats:
-    """Elongation (3, ..., K) of the contacts ahead from p, q (..., 2, K), or its rate from p', q'."""
-    return _along(neighbours.normal, _apart(p_and_q, neighbours)[0])
-
-
 def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Floats, Floats, Floats]:
-    """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (3, ..., K)."""
+    """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (..., 3, K)."""
     _refuse(contact)
-    difference, sums = _apart(states[..., :3, :], neighbours)
-    stretch = _along(neighbours.normal, difference)
-    overlap = np.maximum(1 - stretch, 0)
+    now = touching(states, contact, neighbours)
     if contact.has_history:
-        return stretch, np.moveaxis(states[..., 6:9, :], -2, 0) / (contact.shear_stiffness * np.sqrt(overlap)), overlap
-    n_p, n_q = neighbours.normal
-    return stretch, _along((-n_q, n_p), difference) - sums[2], overlap
+        return now.stretch, states[..., 6:, :] / (contact.shear_stiffness * now.root), now.overlap
+    return now.stretch, now.slip(), now.overlap
 
 
 def _refuse(contact: Contact) -> None:

@@ -48,95 +48,106 @@ from analysis.theory.wave import Wave
 Floats = NDArray[np.float64]
 
 
-def stretch_and_normal(
-    dp: Floats, dq: Floats, normal: tuple[Floats, Floats], overlap_ratio: float
-) -> tuple[Floats, Floats, Floats]:
-    """Elongation x of contacts with the directions `normal` at rest, and the (p, q) components of their normals.
-
-    dp, dq (…, 3, K) are the displacements of their far ends less those of the near ones. With η > 0 the vector between
-    centres is r = ℓ n0 + (dp, dq), ℓ = 1/η − 1, and x = |r| − ℓ.
-    """
-    along = normal[0] * dp + normal[1] * dq
-    if overlap_ratio == 0:
-        return along, *normal
-    length = 1 / overlap_ratio - 1
-    # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
-    excess = 2 * length * along + dp**2 + dq**2
-    distance = np.sqrt(length**2 + excess)
-    return excess / (distance + length), (length * normal[0] + dp) / distance, (length * normal[1] + dq) / distance
-
-
 class Touching(NamedTuple):
-    """The contacts ahead as the places and velocities of a state make them, before their forces.
+    """The contacts ahead as the places and velocities of a state make them, before their forces; bonds before spheres.
 
     Attributes
     ----------
-    apart : ahead − here (3, C, K) of p, q, φ, and of their rates where those matter.
-    sums : ahead + here (3, C/3, K) of φ, and of its rate.
-    n_p, n_q : components of the contacts' directions, (3, K) or (3, 1).
-    overlap, root : (1−x)₊ and its root, (3, K).
+    apart : n·d, t·d, σ (..., 3, 3, K) along the directions at rest, as of `neighbours.Neighbours.deform`.
+    rates : the same of the velocities, where those matter; empty elsewhere.
+    turned : cos and sin (..., 3, K) of the angle by which the contact has turned, None where its direction is fixed.
+    stretch : x (..., 3, K).
+    overlap, root : (1−x)₊ and its root, (..., 3, K).
     """
 
     apart: Floats
-    sums: Floats
-    n_p: Floats
-    n_q: Floats
+    rates: Floats
+    turned: tuple[Floats, Floats] | None
+    stretch: Floats
     overlap: Floats
     root: Floats
 
+    def _along(self, apart: Floats) -> Floats:
+        """Return the component of d along the contact's direction of now."""
+        along, across = apart[..., 0, :, :], apart[..., 1, :, :]
+        return along if self.turned is None else self.turned[0] * along + self.turned[1] * across
+
+    def _slid(self, apart: Floats) -> Floats:
+        """Return t·d − σ with the contact's tangent of now."""
+        along, across, turning = apart[..., 0, :, :], apart[..., 1, :, :], apart[..., 2, :, :]
+        return (across if self.turned is None else self.turned[0] * across - self.turned[1] * along) - turning
+
     def slip(self) -> Floats:
-        """Return s (3, K) as the places make it; with η > 0 the slip is no function of them."""
-        return self.n_p * self.apart[:, 1] - self.n_q * self.apart[:, 0] - self.sums[:, 0]
+        """Return s (..., 3, K) as the places make it; with η > 0 the slip is no function of them."""
+        return self._slid(self.apart)
 
     def slip_rate(self) -> Floats:
-        """Return ds/dτ (3, K)."""
-        return self.n_p * self.apart[:, 4] - self.n_q * self.apart[:, 3] - self.sums[:, 1]
+        """Return ds/dτ (..., 3, K)."""
+        return self._slid(self.rates)
+
+    def stretch_rate(self) -> Floats:
+        """Return dx/dτ (..., 3, K)."""
+        return self._along(self.rates)
 
     def shear_rate(self, contact: Contact) -> Floats:
-        """Return the rate (3, K) of the contacts' own state: of the slip, or of the force of the incremental law."""
+        """Return the rate of the contacts' own state: of the slip, or of the force of the incremental law."""
         return contact.shear_stiffness * self.root * self.slip_rate() if contact.incremental else self.slip_rate()
 
 
 def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touching:
     """Return the contacts ahead of the spheres of a state; arguments as of `rhs`."""
     # Velocities are asked for only where they matter: where slip is a state, and where there is damping.
-    here = state[: 6 if contact.has_history or contact.dashpot else 3]
-    apart = neighbours.ahead(here)
-    sums = apart[:, 2::3] + here[2::3]  # φ₊ + φ, and its rate
-    apart -= here
-    x, n_p, n_q = stretch_and_normal(apart[:, 0], apart[:, 1], neighbours.normal, contact.overlap_ratio)
-    overlap = np.maximum(1 - x, 0)
-    return Touching(apart, sums, n_p, n_q, overlap, np.sqrt(overlap))
+    kinds = 2 if contact.has_history or contact.dashpot else 1
+    places = state[..., : 3 * kinds, :]
+    apart = neighbours.deform(places.reshape(*places.shape[:-2], kinds, 3, places.shape[-1]))
+    return as_placed(apart[..., 0, :, :, :], apart[..., -1, :, :, :], contact.overlap_ratio)
+
+
+def as_placed(apart: Floats, rates: Floats, overlap_ratio: float) -> Touching:
+    """Return the contacts by n·d, t·d, σ along the directions at rest, and the rates of these.
+
+    With η > 0 the vector between centres is r = ℓ n + d, ℓ = 1/η − 1, and x = |r| − ℓ.
+    """
+    along, across = apart[..., 0, :, :], apart[..., 1, :, :]
+    stretch, turned = along, None
+    if overlap_ratio:
+        length = 1 / overlap_ratio - 1
+        # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
+        ahead = length + along
+        excess = (length + ahead) * along + across * across
+        distance = np.sqrt(length**2 + excess)
+        stretch, turned = excess / (distance + length), (ahead / distance, across / distance)
+    overlap = np.maximum(1 - stretch, 0)
+    return Touching(apart, rates, turned, stretch, overlap, np.sqrt(overlap))
 
 
 def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Neighbours) -> Floats:
-    """p'', q'', φ'' (3, K) of a state whose contacts are `now`: the equations of motion at the top of this module."""
-    apart, _, n_p, n_q, overlap, root = now
+    """p'', q'', φ'' (..., 3, K) of a state with the contacts `now`: the equations at the top of this module."""
+    overlap, root = now.overlap, now.root
     normal = (1 - contact.prestress - overlap * root) / 1.5
-    stiffness = contact.shear_stiffness * root
     if contact.has_history:
-        shear = state[6:] if contact.incremental else stiffness * state[6:]
+        shear = state[..., 6:, :] if contact.incremental else contact.shear_stiffness * root * state[..., 6:, :]
     else:
         slip = now.slip()
-        shear = stiffness * slip
+        shear = contact.shear_stiffness * root * slip
         if contact.law == "potential":
             normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
     if contact.dashpot:
         dashpot = 2 * (contact.kappa + 3) * contact.dashpot
         closed = np.sqrt(root) if contact.restitution else overlap.real > 0
-        normal = normal + dashpot * closed * (n_p * apart[:, 3] + n_q * apart[:, 4])
+        normal = normal + dashpot * closed * now.stretch_rate()
         if contact.shear:
             shear = shear + dashpot * closed * now.slip_rate()
 
-    force = np.empty_like(apart[:, :3])
-    force[:, 0] = n_p * normal - n_q * shear
-    force[:, 1] = n_q * normal + n_p * shear
-    force[:, 2] = shear * (1 - contact.overlap_ratio * overlap) if contact.overlap_ratio else shear
-    total, behind = np.add.reduce(force, axis=0), neighbours.behind(force)
-    total[:2] -= behind[:2]
-    total[2] = (total[2] + behind[2]) / contact.inertia if contact.rotation else 0.0
-    total /= 2 * (contact.kappa + 3)
-    return total
+    force = np.empty_like(now.apart)
+    if now.turned is None:
+        force[..., 0, :, :], force[..., 1, :, :] = normal, shear
+    else:
+        cosine, sine = now.turned
+        force[..., 0, :, :] = cosine * normal - sine * shear
+        force[..., 1, :, :] = sine * normal + cosine * shear
+    force[..., 2, :, :] = shear * (contact.overlap_ratio * overlap - 1) if contact.overlap_ratio else -shear
+    return neighbours.gather(force[..., None, :, :, :])[..., 0, :, :] * contact.mobility
 
 
 def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
@@ -144,48 +155,40 @@ def rhs(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
 
     Parameters
     ----------
-    state : (6, K): p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (9, K) for a contact with history, whose last
-        three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
+    state : (..., 6, K): p, q, φ, p', q', φ' of K spheres, displacements in Δ0; (..., 9, K) for a contact with history,
+        whose last three are the slip s (secant) or shear force S (incremental, in k1Δ0) of the contacts ahead.
     contact : the contact's constants.
-    neighbours : the contacts' directions and far ends.
+    neighbours : what the contacts feel of the spheres and do to them.
     """
     now = touching(state, contact, neighbours)
     rate = np.empty_like(state)
-    rate[:3] = state[3:6]
-    rate[3:6] = accelerations(state, now, contact, neighbours)
+    rate[..., :3, :] = state[..., 3:6, :]
+    rate[..., 3:6, :] = accelerations(state, now, contact, neighbours)
     if contact.has_history:
-        rate[6:] = now.shear_rate(contact)
+        rate[..., 6:, :] = now.shear_rate(contact)
     return rate
 
 
-def initial_state(
-    mode: Mode, amplitude: float | Floats, phases: Floats, contact: Contact, neighbours: Neighbours
-) -> Floats:
-    """State of a mode of amplitude D0/Δ0 at τ=0, ϑ = phases (K,) [ICqTR, ICrTR, IC], with the shear of the contacts."""
+def initial_state(mode: Mode, amplitude: ArrayLike, phases: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
+    """State (..., 6 or 9, K) of a mode with amplitudes D0/Δ0 (...) at τ=0, ϑ = phases (K,) [ICqTR, ICrTR, IC]."""
     cos, sin = np.cos(phases), np.sin(phases)
     omega = mode.frequency
     moving = np.stack(
         [mode.p * cos, mode.q * cos, -mode.f * sin, mode.p * omega * sin, mode.q * omega * sin, mode.f * omega * cos]
     )
-    return with_shear(amplitude * moving, contact, neighbours)
+    return with_shear(np.asarray(amplitude)[..., None, None] * moving, contact, neighbours)
 
 
 def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floats:
-    """The state (6, K), with the rows of the contacts' shear appended where the contact has a history."""
+    """The state (..., 6, K), with the rows of the contacts' shear appended where the contact has a history."""
     if not contact.has_history:
         return moving
-    x, start = stretch_and_slip(moving[:3], contact.overlap_ratio, neighbours)
+    apart = neighbours.deform(moving[..., None, :3, :])[..., 0, :, :, :]
+    start = as_placed(apart, apart, contact.overlap_ratio)
+    shear = start.slip()
     if contact.incremental:
-        start *= contact.shear_stiffness * np.sqrt(np.maximum(1 - x, 0))
-    return np.concatenate([moving, start])
-
-
-def stretch_and_slip(places: Floats, overlap_ratio: float, neighbours: Neighbours) -> tuple[Floats, Floats]:
-    """Elongation x and tangential displacement (3, K) of the contacts ahead, from p, q, φ (3, K)."""
-    ahead = neighbours.ahead(places)
-    dp, dq = ahead[:, 0] - places[0], ahead[:, 1] - places[1]
-    x, n_p, n_q = stretch_and_normal(dp, dq, neighbours.normal, overlap_ratio)
-    return x, n_p * dq - n_q * dp - (ahead[:, 2] + places[2])
+        shear *= contact.shear_stiffness * start.root
+    return np.concatenate([moving, shear], axis=-2)
 
 
 REACH = 5.0  # see `longest_step`
@@ -270,14 +273,13 @@ def torus_trajectories(
     """
     sizes = np.asarray(amplitudes)
     neighbours = torus_neighbours(mode.wavenumber, points, mode.direction)
-    phases = np.tile(torus_phases(points), len(sizes))
-    start = initial_state(mode, np.repeat(sizes, points), phases, contact, neighbours)
+    start = initial_state(mode, sizes, torus_phases(points), contact, neighbours)
     states = motion(start, contact, neighbours, tau, rtol, float(np.min(np.abs(sizes))))
-    return np.moveaxis(states[:, :3].reshape(len(states), 3, len(sizes), points), 2, 0)
+    return np.moveaxis(states[..., :3, :], 1, 0)
 
 
 def on_torus(wave: Wave, points: int) -> tuple[Floats, Neighbours]:
-    """Return the state of a wave at τ=0 on the phase torus of K points, and who touches whom there."""
+    """Return the state of a wave at τ=0 on the phase torus of K points, and its neighbours there."""
     neighbours = torus_neighbours(wave.mode.wavenumber, points, wave.mode.direction)
     return initial_state(wave.mode, wave.amplitude, torus_phases(points), wave.contact, neighbours), neighbours
 

@@ -193,8 +193,8 @@ def mixed_wave(pair: Pair, tau: ArrayLike) -> Complexes:
 
     Parameters
     ----------
-    pair : a single one
-    tau : (...), dimensionless time
+    pair : a single one, or pairs (...)
+    tau : (...), dimensionless time; broadcasts against the pairs, so that pairs (P, 1) at times (T,) give (P, T, 3)
 
     Returns
     -------
@@ -202,9 +202,11 @@ def mixed_wave(pair: Pair, tau: ArrayLike) -> Complexes:
     """
     time = np.asarray(tau, dtype=float)[..., None]
     frequencies, shapes = pair.targets
-    running, left = (shapes @ each / (shapes**2 @ pair.springs.mass) for each in pair.drives)
-    answer = running * duhamel(frequencies, pair.frequency, time) + left * duhamel(frequencies, 0.0, time)
-    return -1j * GAUGE * (answer @ shapes)
+    weights = shapes**2 @ pair.springs.mass
+    running, left = (np.einsum("...jc,...c->...j", shapes, each) / weights for each in pair.drives)
+    forcing = pair.frequency[..., None]
+    answer = running * duhamel(frequencies, forcing, time) + left * duhamel(frequencies, 0.0, time)
+    return -1j * GAUGE * np.einsum("...j,...jc->...c", answer, shapes)
 
 
 def detunings(pair: Pair) -> Floats:

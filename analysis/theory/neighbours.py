@@ -11,6 +11,9 @@ in any direction and at any ξ. The shift is a spectral one, a K×K matrix, and 
 
 Components are p, along k, and q, along ẑ × k. Along y the bonds of 60° and 120° are the paper's right and left contacts
 to the next row, and the one of 0° stays within the row.
+
+What a contact feels of the two spheres at its ends is linear. With n its direction at rest, t = ẑ × n its tangent and
+d = ahead − here of (p, q), it is stretched by n·d along n, displaced by t·d across it, and turned by σ = φ₊ + φ.
 """
 
 from collections.abc import Callable
@@ -26,18 +29,17 @@ BOND_ANGLES = (0.0, 60.0, 120.0)  # directions of the contacts ahead, degrees fr
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Directions of the three contacts ahead of a sphere, and the spheres at their other ends.
+    """The three contacts ahead of each of K spheres, as what they feel of the spheres and do to them.
 
     Attributes
     ----------
-    normal : (p, q) components of the three contacts' directions at rest, each (3, 1).
-    ahead : values (C, K) of K spheres → those of their neighbours ahead (3, C, K).
-    behind : values (3, C, K) of the contacts ahead → those of the contacts behind, summed (C, K).
+    deform : p, q, φ (..., 3, K) of the spheres → n·d, t·d, σ of their contacts, (..., 3, 3, K), bonds before spheres.
+    gather : forces (..., 3, 3, K) of the contacts against each of these → on p, q, φ (..., 3, K). It is the transpose
+        of `deform` with the sign turned, so forces do the work that the contacts take.
     """
 
-    normal: tuple[Floats, Floats]
-    ahead: Callable[[Floats], Floats]
-    behind: Callable[[Floats], Floats]
+    deform: Callable[[Floats], Floats]
+    gather: Callable[[Floats], Floats]
 
 
 def periodic_kernel(angle: Floats, points: int) -> Floats:
@@ -63,6 +65,40 @@ def directions_at_rest(direction: float) -> tuple[Floats, Floats]:
     return np.sin(np.radians(90 - np.abs(angles))), np.sin(np.radians(angles))
 
 
+def shifted(direction: float, ahead: Callable[[Floats], Floats], behind: Callable[[Floats], Floats]) -> Neighbours:
+    """Neighbours by where they are.
+
+    Parameters
+    ----------
+    direction : of p, degrees from a close-packed row.
+    ahead : values (..., K) of the spheres → those of their neighbours ahead (..., 3, K).
+    behind : values (..., 3, K) of the contacts ahead → those of the contacts behind, summed (..., K).
+    """
+    n_p, n_q = directions_at_rest(direction)
+
+    def deform(places: Floats) -> Floats:
+        here, there = places[..., None, :], ahead(places)
+        result = np.empty_like(there)
+        dp, dq = there[..., 0, :, :] - here[..., 0, :, :], there[..., 1, :, :] - here[..., 1, :, :]
+        result[..., 0, :, :] = n_p * dp + n_q * dq
+        result[..., 1, :, :] = n_p * dq - n_q * dp
+        result[..., 2, :, :] = there[..., 2, :, :] + here[..., 2, :, :]
+        return result
+
+    def gather(forces: Floats) -> Floats:
+        along, across = forces[..., 0, :, :], forces[..., 1, :, :]
+        pull = np.empty_like(forces)
+        pull[..., 0, :, :] = n_p * along - n_q * across
+        pull[..., 1, :, :] = n_q * along + n_p * across
+        pull[..., 2, :, :] = -forces[..., 2, :, :]
+        result, back = np.add.reduce(pull, axis=-2), behind(pull)
+        result[..., :2, :] -= back[..., :2, :]
+        result[..., 2, :] += back[..., 2, :]
+        return result
+
+    return Neighbours(deform, gather)
+
+
 def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) -> Neighbours:
     """Neighbours on the phase torus of K points: a shift of the phase by k·d for each bond.
 
@@ -71,36 +107,51 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
 
     Raises ValueError for a K that is none of `torus_phases`.
     """
-    phases, normal = torus_phases(points), directions_at_rest(direction)
-    shifts = 2 / np.sqrt(3) * wavenumber * normal[0][:, :, None]
+    return by_matrix(torus_matrix(wavenumber, points, direction))
+
+
+def torus_matrix(wavenumber: float, points: int, direction: float = 90.0) -> Floats:
+    """Return `torus_neighbours` as the matrix (3K, 9K) of its `deform`."""
+    phases = torus_phases(points)
+    shifts = 2 / np.sqrt(3) * wavenumber * directions_at_rest(direction)[0][:, :, None]
     # Exactly itself where nothing is shifted: within a row along y, mirror symmetry then holds to the last bit.
     back = np.where(shifts == 0, np.eye(points), periodic_kernel(phases[:, None] + shifts - phases, points))
-    forward = np.ascontiguousarray(back.swapaxes(1, 2))
+    ends = shifted(
+        direction,
+        lambda values: np.einsum("...k,bjk->...bj", values, back),
+        lambda values: np.einsum("...bk,bkj->...j", values, back),
+    )
+    return ends.deform(np.eye(3 * points).reshape(-1, 3, points)).reshape(3 * points, -1)
 
-    def ahead(values: Floats) -> Floats:
-        return (values.reshape(-1, points) @ forward).reshape(3, *values.shape)
 
-    def behind(values: Floats) -> Floats:
-        total: Floats = np.add.reduce(values.reshape(3, -1, points) @ back, axis=0).reshape(values.shape[1:])
-        return total
+def by_matrix(deforming: Floats) -> Neighbours:
+    """Neighbours from the matrix (3K, 9K) of `deform`; from W of them, (W, 3K, 9K), for places (W, n, 3, K)."""
+    size = deforming.shape[-2]
+    gathering = -deforming.swapaxes(-1, -2)
 
-    return Neighbours(normal, ahead, behind)
+    def deform(places: Floats) -> Floats:
+        return (places.reshape(*places.shape[:-2], size) @ deforming).reshape(*places.shape[:-2], 3, 3, size // 3)
+
+    def gather(forces: Floats) -> Floats:
+        return (forces.reshape(*forces.shape[:-3], 3 * size) @ gathering).reshape(*forces.shape[:-3], 3, size // 3)
+
+    return Neighbours(deform, gather)
 
 
 def ring_neighbours() -> Neighbours:
     """Rows on a ring, for waves along y: the exact infinite lattice for waves with ξN a multiple of 2π."""
 
     def ahead(values: Floats) -> Floats:
-        result = np.empty((3, *values.shape), dtype=values.dtype)
-        result[0] = values
-        result[1:, ..., :-1] = values[..., 1:]
-        result[1:, ..., -1] = values[..., 0]
+        result = np.empty((*values.shape[:-1], 3, values.shape[-1]), dtype=values.dtype)
+        result[..., 0, :] = values
+        result[..., 1:, :-1] = values[..., None, 1:]
+        result[..., 1:, -1] = values[..., None, 0]
         return result
 
     def behind(values: Floats) -> Floats:
-        result, before = values[0].copy(), values[1] + values[2]
+        result, before = values[..., 0, :].copy(), values[..., 1, :] + values[..., 2, :]
         result[..., 1:] += before[..., :-1]
         result[..., 0] += before[..., -1]
         return result
 
-    return Neighbours(directions_at_rest(90.0), ahead, behind)
+    return shifted(90.0, ahead, behind)

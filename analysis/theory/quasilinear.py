@@ -113,6 +113,12 @@ class Sheet:
         return modes(self.wavevectors, Contact(self.poisson_ratio, inertia=self.inertia))
 
     @cached_property
+    def _projections(self) -> Complexes:
+        """U†M/(U†MU) of all modes, as `modes`."""
+        shapes, mass = self.modes[1], np.array([1.0, 1.0, self.inertia])
+        return shapes.conj() * mass / (np.abs(shapes) ** 2 @ mass)[..., None]
+
+    @cached_property
     def _turn(self) -> Complexes:
         return np.exp(-0.5j * self.wavevectors[0, :, 0] * self._index[2][:, :1])[..., None]
 
@@ -120,21 +126,21 @@ class Sheet:
         """Share of each mode U in a field (..., N, 3): U†My/(U†MU), (..., R, columns//2 + 1, mode)."""
         rows = field.reshape(*field.shape[:-2], self.rows, self.columns, 3)
         waves = np.fft.fft(np.fft.rfft(rows, axis=-2) * self._turn, axis=-3)
-        shapes, mass = self.modes[1], np.array([1.0, 1.0, self.inertia])
-        return (shapes.conj() @ (mass * waves)[..., None])[..., 0] / (np.abs(shapes) ** 2 @ mass)
+        return np.einsum("...jc,...c->...j", self._projections, waves)
 
     def field(self, shares: Complexes) -> Floats:
         """The field (..., N, 3) of these shares of the modes."""
-        waves = (shares[..., None, :] @ self.modes[1])[..., 0, :]
+        waves = np.einsum("...j,...jc->...c", shares, self.modes[1])
         rows = np.fft.irfft(np.fft.ifft(waves, axis=-3) * self._turn.conj(), self.columns, axis=-2)
         return rows.reshape(*rows.shape[:-3], self.rows * self.columns, 3)
 
 
 def elongations(sheet: Sheet, field: Floats) -> Bonds:
     """δN, δT and δS of the six contacts of every sphere, (6, N) each, in a field (N, 3)."""
-    ends = field[sheet.neighbours]  # contact, sphere, component
-    stretch, sideways = (np.einsum("lnc,lc->ln", ends[..., :2] - field[:, :2], each) for each in (NORMAL, TANGENT))
-    return stretch, sideways, sideways - ends[..., 2] - field[:, 2]
+    x, y, turned = np.ascontiguousarray(field.T)
+    dx, dy, turning = x[sheet.neighbours] - x, y[sheet.neighbours] - y, turned[sheet.neighbours] + turned
+    stretch, sideways = (each[:, :1] * dx + each[:, 1:] * dy for each in (NORMAL, TANGENT))
+    return stretch, sideways, sideways - turning
 
 
 def quadratic_acceleration(
@@ -149,7 +155,7 @@ def quadratic_acceleration(
     slip = -kappa * (0.5 * stretch * slide + h * gathered)
     normal = -0.25 * stretch**2 + h * sideways * (0.5 * sideways - kappa * slide)
     shear = slip + h * sideways * stretch
-    push = np.einsum("ln,lc->nc", normal, NORMAL) + np.einsum("ln,lc->nc", shear, TANGENT)
+    push = normal.T @ NORMAL + shear.T @ TANGENT
     torque = (slip + h * kappa * stretch * slide).sum(axis=0)
     return np.column_stack([push, torque / sheet.inertia]) / (2 * (kappa + 3))
 
@@ -222,6 +228,7 @@ def component(field: Floats, rest: Floats, wavevector: ArrayLike) -> Complexes:
 
 
 def in_frame(field: FieldOrWave, wavevector: ArrayLike) -> FieldOrWave:
-    """(…, 3) of u, v, φ as p along a wave vector, q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
-    x, y = unit(wavevector)
-    return field @ np.array([[x, -y, 0], [y, x, 0], [0, 0, 1]])
+    """(…, 3) of u, v, φ as p along k (…, 2), q along ẑ × k, φ; k = 0 counts as along y, as in `bloch.unit`."""
+    x, y = np.moveaxis(unit(wavevector), -1, 0)
+    u, v, phi = np.moveaxis(field, -1, 0)
+    return np.stack([x * u + y * v, x * v - y * u, phi], axis=-1)

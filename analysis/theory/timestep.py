@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
-from analysis.theory.neighbours import Neighbours, torus_neighbours
+from analysis.theory.neighbours import Neighbours, by_matrix, torus_matrix
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -35,14 +35,13 @@ TAU = SAMPLE * np.arange(RECORDS + 1)
 
 @dataclass(frozen=True)
 class _Contacts(Contact):
-    """The contacts of several waves, alike but for κ, each of which holds for as many points of the last axis."""
+    """The contacts of several waves, alike but for κ, for states (waves, 9, K)."""
 
     kappas: tuple[float, ...] = ()
-    points: int = 1
 
     @cached_property
-    def kappa(self) -> Floats:  # type: ignore[override]  # κ of each point
-        return np.repeat(self.kappas, self.points)
+    def kappa(self) -> Floats:  # type: ignore[override]  # κ of each wave
+        return np.array(self.kappas)[:, None, None]
 
 
 def stepped(
@@ -64,25 +63,31 @@ def stepped(
         raise ValueError(f"overlap_ratio = {paper[0].contact.overlap_ratio} must be above 0: LAMMPS steps the slip")
     state, contact, neighbours = _side_by_side(waves, points)
     step = sample / per_sample
-    record = np.empty((records + 1, 3, len(waves)))
-    record[0] = state[:3, ::points]
+    places, speeds, slip = state[:, :3], state[:, 3:6], state[:, 6:]
+    record = np.empty((records + 1, len(waves), 3))
+    record[0] = places[..., 0]
     with np.errstate(over="ignore", invalid="ignore"):
         acceleration = accelerations(state, touching(state, contact, neighbours), contact, neighbours)
         for index in range(1, records + 1):
             for _ in range(per_sample):
-                state[3:6] += step / 2 * acceleration
-                state[:3] += step * state[3:6]
+                speeds += step / 2 * acceleration
+                places += step * speeds
                 now = touching(state, contact, neighbours)  # the slip is no part of it
                 if contact.has_history:  # which without shear it has not
-                    state[6:] += step * now.shear_rate(contact)
+                    slip += step * now.shear_rate(contact)
                 acceleration = accelerations(state, now, contact, neighbours)
-                state[3:6] += step / 2 * acceleration
-            record[index] = state[:3, ::points]
-    return np.transpose(record / [wave.amplitude for wave in waves], (2, 0, 1))
+                speeds += step / 2 * acceleration
+            record[index] = places[..., 0]
+    return np.moveaxis(record, 1, 0) / _amplitudes(waves)
+
+
+def _amplitudes(waves: Sequence[Wave]) -> Floats:
+    """Return D0/Δ0 of each wave, (waves, 1, 1)."""
+    return np.array([wave.amplitude for wave in waves])[:, None, None]
 
 
 def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, Neighbours]:
-    """Return the states of waves on tori that lie one after the other in the last axis, with what `rhs` needs of them.
+    """Return the states (waves, 9, K) of waves on tori, with what `rhs` needs of them.
 
     Raises ValueError unless they run along y with phase 0, in contacts without restitution that differ in ν at most.
     """
@@ -97,26 +102,9 @@ def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, 
     alike = {replace(wave.contact, poisson_ratio=0.0) for wave in waves}
     if len(alike) != 1:
         raise ValueError(f"{len(alike)} kinds of contact: waves that are integrated side by side may differ in ν only")
-    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves), points=points)
-    state = np.concatenate([on_torus(wave, points)[0] for wave in waves], axis=-1)
-    return state, contact, _neighbours([wave.mode.wavenumber for wave in waves], points)
-
-
-def _neighbours(wavenumbers: Sequence[float], points: int) -> Neighbours:
-    """The neighbours of several tori, one after the other in the last axis."""
-    waves, tori = len(wavenumbers), [torus_neighbours(xi, points) for xi in wavenumbers]
-    forward = np.stack([torus.ahead(np.eye(points)) for torus in tori])  # (waves, 3, K, K)
-    back = np.ascontiguousarray(forward.swapaxes(2, 3))
-
-    def ahead(values: Floats) -> Floats:
-        apart = values.reshape(-1, 1, waves, points).transpose(2, 1, 0, 3) @ forward  # (waves, 3, C, K)
-        return apart.transpose(1, 2, 0, 3).reshape(3, *values.shape)
-
-    def behind(values: Floats) -> Floats:
-        apart = values.reshape(3, -1, waves, points).transpose(2, 0, 1, 3) @ back
-        return apart.sum(axis=1).swapaxes(0, 1).reshape(values.shape[1:])
-
-    return Neighbours(tori[0].normal, ahead, behind)
+    contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves))
+    state = np.stack([on_torus(wave, points)[0] for wave in waves])
+    return state, contact, by_matrix(np.stack([torus_matrix(wave.mode.wavenumber, points) for wave in waves]))
 
 
 def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
@@ -125,13 +113,12 @@ def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> F
     The waves run along y with phase 0, in contacts without restitution that differ in ν at most. They are integrated
     side by side, with the steps that the fastest needs. Raises ValueError for others.
     """
-    points = 25
-    state, contact, neighbours = _side_by_side(waves, points)
-    amplitudes = np.array([wave.amplitude for wave in waves])
+    state, contact, neighbours = _side_by_side(waves, points=25)
+    amplitudes = _amplitudes(waves)
     # The error is a mean over all numbers: one wave's is larger by the root of their number at most
     share, longest = rtol / np.sqrt(len(waves)), min(longest_step(wave.contact) for wave in waves)
     states = integrate(lambda y: rhs(y, contact, neighbours), state, tau, share, amplitudes.min(), longest)
-    return np.moveaxis(states[:, :3, ::points] / amplitudes, 2, 0)
+    return np.moveaxis(states[:, :, :3, 0], 1, 0) / amplitudes
 
 
 def extrapolated(coarse: Floats, fine: Floats) -> Floats:

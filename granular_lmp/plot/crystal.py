@@ -147,6 +147,7 @@ def run_movie(
         for number in range(len(snapshots)):
             scenery.show(snapshots[number])
             yield figure
+            figure.set_layout_engine("none")  # all frames keep the layout of the first, which takes most of its time
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -103,7 +103,7 @@ def opening_time(wave: Scene) -> float:
     )
 
     def closed(_: float, y: Floats) -> float:
-        return float(1 - np.max(lattice.stretch_and_slip(y.reshape(start.shape)[:3], ETA, neighbours)[0]))
+        return float(1 - np.max(lattice.touching(y.reshape(start.shape), contact, neighbours).stretch))
 
     closed.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
