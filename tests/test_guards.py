@@ -9,11 +9,11 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.effects.effect import Case
-from granular_lmp.errors import EffectError
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEVER, columns, measured, watches_part, words_between_runs
-from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
+from granular_lmp.errors import EffectError, RunInterrupted
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEVER, look_interval, measured, watches_part
+from granular_lmp.lammps.outputs import CONTACTS, LOG, read_log, read_snapshots
 from granular_lmp.runs.record import read_status
-from tests.hard.guard_study import FAMILIES, Comparison, compared, random_scene
+from tests.hard.guard_study import FAMILIES, Comparison, blind_rules, compared, random_scene
 
 # A standing L wave that opens a contact for a twelfth of its period, between what looks every 50 steps see
 STANDING = Scene.load("tr_periodic").with_values(
@@ -156,18 +156,32 @@ def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_
     assert contacts.tolist() == [[1, 2], [3, 4]]
 
 
-def test_a_stopped_run_says_what_its_looks_found() -> None:
-    names = columns(["largest_slip", "open_contacts"], build(WALLED).scene)
-    looks = np.array([[0.1, NEVER, 0.0, NEVER, 0.9], [0.3, NEVER, 2.0, 1.5, 0.4], [0.2, NEVER, 0.0, NEVER, 0.8]])
-    said = dict(zip(names, words_between_runs(names, looks), strict=True))
-    assert [float(said[f"v_{name}"]) for name in ("slip", "slip_at", "open", "open_at", "overlap")] == [
-        0.3,
-        NEVER,
-        2.0,
-        1.5,
-        0.4,
-    ]
-    assert {said[name] for name in ELSEWHERE} == {"nan"}
+def test_a_stopped_run_says_what_its_looks_found(tmp_path: Path) -> None:
+    scene = WALLED.with_values({"time.duration": 2000.0, "time.allow_echo": True, "wave.amplitude": 0.01})
+
+    def stop(step: int, steps: int) -> None:
+        if step > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "run", progress=stop)
+    table = read_log(tmp_path / "run" / LOG).table
+    last = {name: values[-1] for name, values in table.items()}
+    assert last["v_tau"] == pytest.approx(last["Step"] * scene.time.step)  # printed with all digits, and no rounding
+    assert last["Step"] % look_interval(build(scene).scene) == 0
+    # The wave takes hundredths of the overlap
+    assert 0.9 < last["v_overlap"] < 1
+    assert 0 < last["v_slip"] < 1
+    assert (last["v_open"], last["v_open_at"], last["v_slip_at"]) == (0, NEVER, NEVER)
+    assert all(np.isnan(last[name]) for name in ELSEWHERE)
+
+
+def test_the_dump_of_contacts_whose_interval_is_a_time_misses_no_look(tmp_path: Path) -> None:
+    scene = STANDING.with_values({"wave.form": "running", "wave.amplitude": 0.5, "effects.friction": 0.01})
+    with blind_rules(), pytest.raises(EffectError, match="sliding triggered its guard"):
+        run(scene, tmp_path / "run")
+    looks = [step for step, _, _ in read_snapshots(tmp_path / "run" / CONTACTS)]
+    assert looks == list(range(0, scene.time.steps + 1, look_interval(scene)))
 
 
 def test_every_guard_says_what_to_do() -> None:

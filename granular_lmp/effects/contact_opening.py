@@ -18,7 +18,8 @@ GUARD = Guard(
     name="open",
     lines=(
         *MISSED,
-        f"variable     open_now equal ceil(c_missing/2)+({BETWEEN:.4f}>v_overlap_now)"
+        "variable     changed equal ceil(c_missing/2)",
+        f"variable     open_looks vector look(v_changed)+({BETWEEN:.4f}>v_overlap_looks)"
         "  # one that hardly touches may open between looks",
     ),
     limit=0.0,

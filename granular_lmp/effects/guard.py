@@ -4,6 +4,7 @@ Each guard is defined in the file of its effect. `granular_lmp.lammps.guards` wr
 result.
 """
 
+import re
 from dataclasses import dataclass
 from math import cos, pi
 
@@ -21,36 +22,73 @@ BROKEN_SYMMETRY = 1e-6
 ROUNDINGS = 100.0
 
 
-def contact_lines(group: str, of: str, *, equal: bool) -> list[str]:
-    """Return the lines that measure the contacts of a group at a look: shear forces, and the smallest overlap.
+# A quantity that is kept at every look, in the lines of a guard: a vector of its values since the last line
+_LOOK = re.compile(r"look\(([^()]+)\)")
+
+
+def contact_lines(group: str, tag: str, *, equal: bool) -> list[str]:
+    """Return the lines that measure the contacts of a group: shear forces, lengths, and normal forces if they differ.
 
     Parameters
     ----------
     group : str
         Spheres that are looked at.
-    of : str
-        "now" for the spheres that are judged, "all" for all.
+    tag : str
+        End of the names of the computes: "" for the spheres that are judged, "_all" for all.
     equal : bool
-        True if all spheres are equal: the overlap of a contact is then 2R less its length. Otherwise the smallest
-        normal force is measured, and `v_overlap` is the overlap of two spheres of the lattice with that force.
+        True if all spheres are equal; see `overlap_line`.
     """
-    tag = "" if of == "now" else f"_{of}"
     extreme = f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local"
     if equal:
-        return [
-            f"compute      contact{tag} {group} pair/local dist p4",
-            extreme,
-            f"variable     overlap_{of} equal (2*v_R-c_extreme{tag}[1])/v_Delta0"
-            "  # the smallest, in Delta0, of contacts that touch",
-        ]
-    least = f"c_weakest{tag}+<adhesive_force>"
+        return [f"compute      contact{tag} {group} pair/local dist p4", extreme]
     return [
         f"compute      contact{tag} {group} pair/local dist p4 force cutoff radius",
         extreme,
         f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local",
-        f"variable     overlap_{of} equal (({least}>0)*({least})/<holding_force>)^(2/3)"
-        "  # of the smallest normal force, in Delta0",
     ]
+
+
+def overlap_line(of: str, *, equal: bool) -> str:
+    """Return the line of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
+
+    Parameters
+    ----------
+    of : str
+        "looks" for all looks since the last line of the thermo table, "now" for the present one, "all" for the present
+        one and all spheres.
+    equal : bool
+        True if all spheres are equal: the overlap of a contact is then 2R less its length. Otherwise it is the overlap
+        of two spheres of the lattice that have the smallest normal force.
+    """
+    tag, style = "_all" if of == "all" else "", "vector" if of == "looks" else "equal"
+    longest, weakest = (f"look({one})" if of == "looks" else one for one in (f"c_extreme{tag}[1]", f"c_weakest{tag}"))
+    if equal:
+        return (
+            f"variable     overlap_{of} {style} (2*v_R-{longest})/v_Delta0"
+            "  # the smallest, in Delta0, of contacts that touch"
+        )
+    least = f"{weakest}+<adhesive_force>"
+    return (
+        f"variable     overlap_{of} {style} (({least}>0)*({least})/<holding_force>)^(2/3)"
+        "  # of the smallest normal force, in Delta0"
+    )
+
+
+def kept_at_looks(lines: list[str], first: str) -> tuple[list[str], list[str]]:
+    """Return the quantities to be kept at every look, and lines in which ``look(QUANTITY)`` is their column.
+
+    Formulas are parsed anew at each evaluation, which takes LAMMPS as long as ten contacts. So a look keeps plain
+    numbers, and formulas of whole vectors are evaluated once a line of the thermo table.
+
+    Parameters
+    ----------
+    lines : list of str
+        Lines of guards.
+    first : str
+        Quantity of the first column.
+    """
+    kept = list(dict.fromkeys([first, *(name for line in lines for name in _LOOK.findall(line))]))
+    return kept, [_LOOK.sub(lambda match: f"f_looks[{kept.index(match[1]) + 1}]", line) for line in lines]
 
 
 @dataclass(frozen=True)
@@ -62,10 +100,11 @@ class Guard:
     title : str
         Name in ``run.json``.
     name : str
-        Prefix of the variables in the deck: NAME_now at a look, NAME the largest since the last line of the table,
-        NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
+        Prefix of the variables in the deck: NAME_looks at all looks since the last line of the table, NAME the largest
+        of them, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : tuple of str
-        Lines of the deck that compute NAME_now; ``<name>`` stands for a number of the scene.
+        Lines of the deck that compute NAME_looks; ``look(QUANTITY)`` stands for the values of a quantity at those
+        looks, ``<name>`` for a number of the scene.
     limit : float
         Value above which the guard triggers.
     meaning : str
@@ -75,7 +114,7 @@ class Guard:
     roundings : float
         Multiple of the rounding of positions (`farthest_rounding`) that is added to the limit.
     of_contacts : bool
-        True if the lines read `contact_lines`.
+        True if the lines read `contact_lines` or `overlap_line`.
     per_contact : bool
         True if NAME is only an upper bound, and contacts are dumped while it is above the limit.
     """

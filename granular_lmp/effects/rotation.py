@@ -22,7 +22,7 @@ GUARD = Guard(
     lines=(
         "compute      torques all property/atom tqz",
         "compute      turn inside reduce maxabs c_torques",
-        "variable     torque_now equal c_turn/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
+        "variable     torque_looks vector look(c_turn)/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
     ),
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,

@@ -25,7 +25,7 @@ GUARD = Guard(
     lines=(
         "variable     mu equal <friction_limit>",
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        "variable     slip_now equal c_extreme[2]/" + SLIDING_FORCE.replace("<of>", "now"),
+        "variable     slip_looks vector look(c_extreme[2])/" + SLIDING_FORCE.replace("<of>", "looks"),
     ),
     limit=1 - BETWEEN,
     meaning="of the sliding force: contacts may have slid, which the model does not",

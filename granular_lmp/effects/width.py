@@ -11,7 +11,8 @@ GUARD = Guard(
         "group        row id <centre_row>",
         "compute      most  row reduce max c_u[1] c_u[2]",
         "compute      least row reduce min c_u[1] c_u[2]",
-        "variable     spread_now equal (c_most[1]-c_least[1]+c_most[2]-c_least[2])/v_D0  # in the centre row",
+        "variable     spread_looks vector (look(c_most[1])-look(c_least[1])+look(c_most[2])-look(c_least[2]))/v_D0"
+        "  # in the centre row",
     ),
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,

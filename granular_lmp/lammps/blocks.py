@@ -37,7 +37,7 @@ variable R      equal <R>  # radius
 variable t0     equal <t0>  # one tau
 variable D0     equal v_amplitude*v_Delta0
 variable every  equal ceil(v_sample/v_timestep-1e-9)
-variable step   equal v_sample/v_every*v_t0
+variable step   equal $(v_sample/v_every*v_t0:%.17g)
 variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
 variable tau    equal step*v_step/v_t0"""
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import force_law
-from granular_lmp.effects.guard import LOOKS, NEVER, TOP, Guard, contact_lines
+from granular_lmp.effects.guard import LOOKS, NEVER, TOP, contact_lines, kept_at_looks, overlap_line
 from granular_lmp.effects.selection import guards
+from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import SLIDING_FORCE
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
@@ -148,37 +149,31 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
     text: list[str] = []
     for guard in watched:
-        of_contacts = contact_lines("inside", "now", equal=scene.perfect) if guard.of_contacts else []
+        of_contacts = _of_contacts("inside", "looks", scene) if guard.of_contacts else []
         text += [line for line in (*of_contacts, *guard.lines) if line not in text]
-    now = [*(guard.name for guard in watched), "overlap"]
+    for guard in watched:
+        name = guard.name
+        text += [
+            f"variable     {name} equal max(v_{name}_looks)",
+            f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)",
+            f"variable     {name}_at equal min(v_{name}_when)",
+        ]
+    text.append("variable     overlap equal min(v_overlap_looks)")
+    kept, text = kept_at_looks(text, "v_tau")
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
-        f"variable     look equal ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1)",
-        f"fix          now all ave/time ${{look}} 1 ${{look}} {' '.join(f'v_{name}_now' for name in now)}",
+        f"variable     look equal $(ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1))",
+        # Unlimited, it would fill the memory in a long run
+        f"fix          looks all vector ${{look}} {' '.join(kept)} nmax {_looks_per_line(scene) + 1}",
     ]
-    kept, extremes = [], []
-    for column, guard in enumerate(watched, start=1):
-        limit = guard.limit_in(scene)
-        text.append(f"variable     {guard.name}_when equal ternary({limit!r}>=f_now[{column}],{NEVER:g},v_tau)")
-        kept += [f"f_now[{column}]", f"v_{guard.name}_when"]
-        extremes += [(guard.name, "max"), (f"{guard.name}_at", "min")]
-    kept += [
-        f"f_now[{len(now)}]",
-        "nmax",
-        str(_looks_per_line(scene) + 1),
-    ]  # unlimited, it would fill the memory in a long run
-    text.append(f"fix          looks all vector ${{look}} {' '.join(kept)}")
-    for column, (name, extreme) in enumerate([*extremes, ("overlap", "min")], start=1):
-        text.append(f"variable     {name} equal {extreme}(f_looks[{column}])")
     if watches_part(scene):
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
-            *contact_lines("all", "all", equal=scene.perfect),
+            *_of_contacts("all", "all", scene),
             *(line for line in _ELSEWHERE_LINES if _is_there(line, names)),
         ]
-    for column, name in enumerate(names, start=1):
-        if GUARDS[name].per_contact and name in exact:
-            text += _written_out(GUARDS[name], column, scene)
+    if any(GUARDS[name].per_contact and name in exact for name in names):
+        text += _written_out(scene)
     return [
         *_inside(scene),
         *text,
@@ -200,31 +195,32 @@ def _is_there(text: str, names: list[str]) -> bool:
     return "largest_slip" in names or ("slip" not in text and "mu" not in text)
 
 
-def words_between_runs(names: list[str], looks: NDArray[np.float64]) -> list[str]:
-    """Return a line of the thermo table without its step from the values in ``fix looks``, with "nan" for the rest.
+def _of_contacts(group: str, of: str, scene: Scene) -> list[str]:
+    tag = "_all" if of == "all" else ""
+    return [*contact_lines(group, tag, equal=scene.perfect), overlap_line(of, equal=scene.perfect)]
 
-    LAMMPS writes no line at a step without a look, so that an interrupted run would lose its last looks.
+
+def _written_out(scene: Scene) -> list[str]:
+    """Return the lines that dump each contact while the upper bound of slip is above the limit, to judge it by itself.
+
+    LAMMPS counts contacts before it asks whether to skip. A dump whose interval is a time counts those that the look
+    has computed, while one whose interval is in steps has them computed again.
     """
-    least = [name == "v_overlap" or name.endswith("_at") for name in names]
-    found = iter(looks.T)
-    return [
-        "nan" if name in ("v_tau", "v_mu", *ELSEWHERE) else repr(float((np.min if low else np.max)(next(found))))
-        for name, low in zip(names, least, strict=True)
-    ]
-
-
-def _written_out(guard: Guard, column: int, scene: Scene) -> list[str]:
-    """Return the lines that dump each contact while the upper bound is above the limit, to judge it by itself."""
     columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
     if not scene.perfect:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
+    force = SLIDING_FORCE.replace("<of>", "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
     return [
-        f"# each contact, distance and shear force, at the looks where the bound v_{guard.name} does not decide",
+        "# each contact, distance and shear force, at the looks where the bound v_slip does not decide; the interval",
+        "# is a time, as LAMMPS would compute the contacts again for a dump whose interval is in steps",
         *ends,
-        f"variable     {guard.name}_holds equal {guard.limit_in(scene)!r}>=f_now[{column}]",
+        overlap_line("now", equal=scene.perfect),
+        f"variable     slip_holds equal {SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}",
+        "variable     next_look equal time+dt*(${look}-step%${look})",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts skip v_{guard.name}_holds format line "{numbers}"<contacts_append>',
+        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"'
+        "<contacts_append>",
     ]
 
 

@@ -18,10 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
-from granular_lmp.lammps.guards import words_between_runs
+from granular_lmp.lammps.guards import ELSEWHERE
 from granular_lmp.lammps.installation import lammps_module, lmp_command
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
 from granular_lmp.runs.phases import phase
@@ -154,13 +152,12 @@ def _to_next_look(instance: Any) -> list[str]:
 def _last_commands(instance: Any, columns: tuple[str, ...]) -> list[str]:
     """Return the commands that write a checkpoint and a thermo table of the step at which a run was stopped.
 
-    The continuation begins with no looks. LAMMPS sets the fix that holds them up again before it writes a checkpoint,
-    for a run of no steps, which after a continuation it cannot: the fix has to go first.
+    LAMMPS writes no line at the step of a stop, so that the run would lose its last looks. What is measured at lines
+    only is "nan". The continuation begins with no looks. LAMMPS sets the fix that holds them up again before it writes
+    a checkpoint, for a run of no steps, which after a continuation it cannot: the fix has to go first.
     """
-    rows, width = (instance.extract_fix("looks", 0, kind) for kind in (4, 5))  # LMP_SIZE_ROWS, LMP_SIZE_COLS
-    looks = np.array([[instance.extract_fix("looks", 0, 2, i, j) for j in range(width)] for i in range(rows)])
-    words = (str(instance.extract_global("ntimestep")), *words_between_runs(list(columns), looks))
-    table = [" ".join(("Step", *columns)), " ".join(words)]
+    words = ["nan" if name in ELSEWHERE else repr(instance.extract_variable(name[2:])) for name in columns]
+    table = [" ".join(("Step", *columns)), " ".join((str(instance.extract_global("ntimestep")), *words))]
     prints = [f'print "{line}"' for line in table]
     return ["thermo_style custom step", "unfix looks", f"write_restart {CHECKPOINTS[0]}", *prints]
 

@@ -68,7 +68,7 @@ def random_scene(family: str, seed: int) -> Scene:
         shape["imperfect"] |= {
             "disorder.radius": float(rng.uniform(0, 1e-4)),
             "disorder.density": float(rng.uniform(0, 0.2)),
-            "disorder.vacancies": round(float(rng.uniform(0, 0.05)) * 144) / 144,  # whole spheres
+            "disorder.vacancies": _whole_spheres(float(rng.uniform(0, 0.05)), 143),
             "disorder.seed": int(rng.integers(1, 1000)),
             "inclusion": [{"share": 0.1} | STEEL] if rng.uniform() < 0.3 else [],
         }
@@ -95,6 +95,11 @@ def random_scene(family: str, seed: int) -> Scene:
     slip = Case(scene).largest_slip() / more
     friction = slip * float(rng.uniform(0.6, 1.4)) if 0 < slip < inf else 1.0
     return scene.with_values({"effects.friction": float(np.clip(friction, 0.01, 100.0))})
+
+
+def _whole_spheres(share: float, free: int) -> float:
+    """Return a share of the free spheres, or 0 for less than half a sphere, which no crystal takes."""
+    return share if share * free > 0.5 else 0.0
 
 
 @contextmanager

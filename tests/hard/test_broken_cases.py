@@ -24,7 +24,7 @@ LARGER = (("amplitude index 0.2 ", "amplitude index 0.20000001 "),)
 A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"),)
 A_LOST_SPHERE = (("group        centre id 11\n", "group        centre id 11\ndelete_atoms group centre compress no\n"),)
 SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
-FAST_CLOCK = (("equal v_sample/v_every*v_t0", "equal 1.01*v_sample/v_every*v_t0"),)
+FAST_CLOCK = (("$(v_sample/v_every*v_t0:", "$(1.01*v_sample/v_every*v_t0:"),)
 
 # Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
 # are shorter than those of the table: what is wrong shows from the start.
