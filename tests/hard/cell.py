@@ -25,7 +25,6 @@ LAST = "run ${steps}\n"
 PER_CONTACT = """
 thermo_style custom step
 unfix looks
-unfix now
 undump contacts
 undump centre
 compute shears   all pair/local dist p1 p2 dx dy cutoff radius
