@@ -1,12 +1,16 @@
-"""How cost grows with the lattice: set-up, memory, speed, a second rank; and the error of the sphere at the centre.
+"""How cost grows with the lattice: set-up, memory, speed, ranks, a checkpoint; and the error of the centre sphere.
 
     python -m benchmarks.scale [--spheres N ...] [--ranks N ...] [--repeats N]
 
-The base case's wave on rows × 100 spheres. The exponent below the table is that of the seconds a step takes: 1 where
-cost is linear in the spheres.
+The base case's wave on rows × 100 spheres; each run crosses one checkpoint, half-way. The exponent below the table is
+that of the seconds a step takes: 1 where cost is linear in the spheres. *Processor* are the seconds of all ranks from
+the start of the program to its end, and *CPU use* is what LAMMPS says of its loop: below 100 % the machine did other
+work.
 """
 
 import argparse
+import os
+import re
 import subprocess
 import sys
 import time
@@ -21,27 +25,33 @@ from analysis.measure.norms import slope
 from benchmarks.problem import base_scene, centre_signals, errors, exact
 from benchmarks.timing import interleave, machine, rates, ratio, spread, table
 from granular_lmp import Scene, build
-from granular_lmp.errors import LammpsError
-from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.errors import LammpsError, LammpsMissingError
+from granular_lmp.lammps.installation import environment, lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
 from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.launch import core_count
 
 COLUMNS = 100
 WORK = 5e6  # particle-steps a run: a second or two on one core
 _GLANCE = 0.02  # s between two looks at a program
 HEAD = [
     *("spheres", "ranks", "build, s", "set-up, s", "peak MB a rank", "loop, s", "÷ 1 rank", "M particle-steps/s"),
-    *("ns per contact and step", "error of p", "of q"),
+    *("ns per contact and step", "checkpoint, s", "processor, s", "CPU use, %", "error of p", "of q"),
 ]
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run: seconds to build and write the deck, in LAMMPS before and after the loop, in the loop; MB; errors."""
+    """One run: seconds to build and write the deck, in LAMMPS before and after the loop, in the loop, of the checkpoint
+    in it; processor seconds; share of the cores that the loop had, %; MB; errors.
+    """
 
     build: float
     setup: float
     loop: float
+    checkpoint: float
+    processor: float
+    use: float
     steps: int
     spheres: int
     peak: float
@@ -69,12 +79,14 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
     deck.write(folder / "run")
     built = time.perf_counter()
     command = [*lmp_command(ranks), "-in", deck.input_name, "-log", LOG, "-screen", "none"]
-    process = subprocess.Popen(command, cwd=folder / "run", stdin=subprocess.DEVNULL)
-    peak = _wait(process)
+    command += ["-var", "checkpoint", str(scene.time.steps // 2 + 1)]  # one in the run
+    process = subprocess.Popen(command, cwd=folder / "run", env=environment(ranks), stdin=subprocess.DEVNULL)
+    peak, processor = _wait(process)
     ended = time.perf_counter()
     if process.returncode:
         raise LammpsError(f"exit status {process.returncode}", " ".join(command), "")
-    loop = read_log(folder / "run" / LOG).loop
+    log = read_log(folder / "run" / LOG)
+    loop = log.loop
     dump = read_centre(folder / "run" / DUMP)
     metre = units_for(scene.sphere.radius).number(1.0, length=1)
     p, q = centre_signals(scene, np.column_stack([dump["ux"], dump["uy"]]) / metre)
@@ -82,6 +94,11 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
         build=built - started,
         setup=ended - built - loop,
         loop=loop,
+        checkpoint=log.sections["loop.output"],  # and the records of one sphere, which take no time beside it
+        processor=processor,
+        use=float(
+            re.findall(r"^([\d.]+)% CPU use", (folder / "run" / LOG).read_text(encoding="utf-8"), re.MULTILINE)[-1]
+        ),
         steps=scene.time.steps,
         spheres=len(deck.packing),
         peak=peak,
@@ -89,17 +106,21 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
     )
 
 
-def _wait(process: "subprocess.Popen[bytes]") -> float:
-    """Wait for a program; the most memory that it or a program started by it held, MB (0 where there is no /proc).
+def _wait(process: "subprocess.Popen[bytes]") -> tuple[float, float]:
+    """Wait for a program; the most memory that it or a program started by it held, MB (0 where there is no /proc), and
+    the processor seconds of all of them.
 
-    ``lmp`` of the wheel is a script that starts the real one, and what wait4 reports is no less than what this Python
-    held when it started the script.
+    ``lmp`` of the wheel is a script that starts the real one, and the peak that wait4 reports is no less than what this
+    Python held when it started the script.
     """
     peak = 0.0
-    while process.poll() is None:
+    while True:
+        ended, status, usage = os.wait4(process.pid, os.WNOHANG)
+        if ended:
+            process.returncode = os.waitstatus_to_exitcode(status)
+            return peak, usage.ru_utime + usage.ru_stime
         peak = max(peak, *map(_held, _family(process.pid)))
         time.sleep(_GLANCE)
-    return peak
 
 
 def _family(process: int) -> list[int]:
@@ -124,7 +145,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--spheres", type=int, nargs="+", default=[10_000, 100_000, 1_000_000], metavar="N")
-    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2], metavar="N")
+    parser.add_argument("--ranks", type=int, nargs="+", default=_usual_ranks(), metavar="N")
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="rounds (default 3)")
     options = parser.parse_args(argv)
     scenes = {spheres: sized(spheres) for spheres in options.spheres}
@@ -145,6 +166,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _usual_ranks() -> list[int]:
+    """1, and 2 and 4 where there are as many cores and a program that starts ranks."""
+    try:
+        lmp_command(2)
+    except LammpsMissingError:
+        return [1]
+    return [ranks for ranks in (1, 2, 4) if ranks <= core_count()]
+
+
 def _line(ranks: int, done: list[Run], single: list[Run]) -> list[str]:
     last, loops = done[-1], [run.loop for run in done]
     return [
@@ -156,6 +186,9 @@ def _line(ranks: int, done: list[Run], single: list[Run]) -> list[str]:
         spread(loops),
         f"{ratio(loops, [run.loop for run in single]):.2f}",
         *rates(last.spheres * last.steps, loops),
+        spread([run.checkpoint for run in done]),
+        spread([run.processor for run in done]),
+        f"{min(run.use for run in done):.0f}",
         *(f"{error:.1g}" for error in last.error),
     ]
 

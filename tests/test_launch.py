@@ -325,6 +325,26 @@ def test_the_module_works_in_a_clean_environment() -> None:
     subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
 
 
+def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in [name for name in os.environ if name.startswith(("PMI_", "PMIX_", "OMPI_", "UCX_"))]:
+        monkeypatch.delenv(name)
+    alone = installation.environment(1)
+    assert alone["UCX_TLS"] == "self"
+    assert alone["UCX_MEM_MMAP_HOOK_MODE"] == "none"
+    assert installation.environment(2) == {**os.environ}  # ranks that talk need the network
+    before = {**os.environ}
+    installation.lammps_module.cache_clear()
+    installation.lammps_module()
+    assert {**os.environ} == before
+
+    monkeypatch.setenv("UCX_TLS", "tcp")
+    assert installation.environment(1)["UCX_TLS"] == "tcp"
+    monkeypatch.setenv("PMI_RANK", "3")  # started by mpiexec, one of several
+    assert installation.environment(1) == {**os.environ}
+
+
 def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
     with pytest.raises(LaunchError, match="launcher = 'mpi': must be one of module, lmp"):
         run(small, tmp_path / "run", launcher="mpi")

@@ -227,7 +227,7 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
     return np.flatnonzero(apart <= inclusion.disc[2] * np.sort(apart)[1] * (1 + _SAME_PLACE))
 
 
-def _stream(seed: int, stream: int) -> np.random.RandomState:
+def _stream(seed: int, stream: int) -> "np.random.RandomState":
     """Return a generator whose numbers stay the same in every version of NumPy."""
     return np.random.RandomState([seed, stream])  # noqa: NPY002 (the streams of Generator may change)
 

@@ -43,16 +43,21 @@ variable tau    equal step*v_step/v_t0"""
 
 FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
 
+# The spheres and their wave, from the data file
+READ = {
+    "spheres": f"{FIELD}\nread_data    ${{data}} fix wave NULL wave",
+    "wave_is": "the section wave of the data file holds",
+}
+
 _LATTICE = """\
-# --- lattice at rest; the section wave of the data file holds the wave for unit amplitude
+# --- lattice at rest; <wave_is> the wave for unit amplitude
 units        <style>
 dimension    2
 boundary     <along_x> <along_y> p
 atom_style   <atom_style>
 atom_modify  map array
 comm_modify  vel yes
-<field>
-read_data    ${data} fix wave NULL wave
+<spheres>
 <mass>
 group        mobile type <mobile>
 neighbor     <skin> bin"""

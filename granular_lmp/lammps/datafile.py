@@ -37,8 +37,9 @@ class DataFile:
         Centres at rest.
     diameter, density : (N,) arrays
         Diameter and density of each sphere.
-    wave : (N, 6) array, or (N, 4)
-        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0.
+    wave : (N, 6) array, (N, 4) or (N, 0)
+        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0. Without columns
+        the file has no section ``wave``.
     directed : bool
         True if the spheres have a direction (a dipole).
     """
@@ -67,8 +68,9 @@ class DataFile:
         yield f"{title}\n\n{len(self.kind)} atoms\n{types} atom types\n\n{faces}\n\n"
         yield f"Atoms # {style} ({ATOM_COLUMNS[style]})\n\n"
         yield from _lines(own, tail=" 0 1 0 0\n" if self.directed else "\n")
-        yield "\nwave\n\n"
-        yield from _lines([*self.wave.T], tail="\n")
+        if self.wave.size:
+            yield "\nwave\n\n"
+            yield from _lines([*self.wave.T], tail="\n")
 
     def text(self, title: str) -> str:
         """Return the whole file as one string."""
@@ -101,7 +103,7 @@ def read(path: str | Path) -> DataFile:
     Returns
     -------
     DataFile
-        ``wave`` is an empty array, (0, 0), if the file has no section ``wave``.
+        ``wave`` is an empty array, (N, 0), if the file has no section ``wave``.
 
     Raises
     ------
@@ -128,7 +130,7 @@ def read(path: str | Path) -> DataFile:
         position=np.column_stack([atoms["x"], atoms["y"], atoms["z"]]),
         diameter=atoms["diameter"],
         density=atoms["density"],
-        wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((0, 0)),
+        wave=wave[np.argsort(wave[:, 0])][:, 1:] if len(wave) else np.empty((count, 0)),
         directed=style == "hybrid",
     )
 

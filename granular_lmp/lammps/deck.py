@@ -20,7 +20,7 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.lammps import blocks, contact, guards, sources
+from granular_lmp.lammps import blocks, contact, guards, replicated, sources
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
@@ -141,23 +141,40 @@ class Deck:
         write_files(folder, self.files())
 
 
-def deck_of(problem: Problem) -> Deck:
+def deck_of(problem: Problem, *, all_spheres: bool = False) -> Deck:
     """Return the deck of a problem; no file is written.
 
     The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
     order in the amplitude.
+
+    Parameters
+    ----------
+    problem : Problem
+    all_spheres : bool
+        Write every sphere and its part of the wave into the data file, also of a large sheet that LAMMPS could make
+        from its first rows (`granular_lmp.lammps.replicated`).
 
     Raises
     ------
     SceneError
         If the scene has a tolerance and no time step; `granular_lmp.accuracy.ladder.build` chooses one.
     """
-    return Deck(problem, written_text(problem), _data(problem, units_for(problem.scene.sphere.radius)))
+    units = units_for(problem.scene.sphere.radius)
+    if all_spheres or not replicated.suits(problem.scene):
+        return Deck(problem, _text(problem, units, blocks.READ), _data(problem, units))
+    return Deck(problem, written_text(problem), replicated.first_rows(problem, units))
 
 
 def written_text(problem: Problem) -> str:
     """Return ``in.NAME`` of a problem as this package writes it."""
-    return blocks.filled_text(blocks.written(problem.scene), _values(problem, units_for(problem.scene.sphere.radius)))
+    units = units_for(problem.scene.sphere.radius)
+    made = replicated.suits(problem.scene)
+    return _text(problem, units, replicated.slots(problem, units) if made else blocks.READ)
+
+
+def _text(problem: Problem, units: Units, spheres: dict[str, str]) -> str:
+    """Return ``in.NAME``; `spheres` are the slots whose lines read the spheres and their wave, or make them."""
+    return blocks.filled_text(blocks.written(problem.scene), _values(problem, units) | spheres)
 
 
 def _title(scene: Scene) -> str:

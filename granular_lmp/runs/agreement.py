@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
-from granular_lmp.scene.at_rest import places
+from granular_lmp.scene.at_rest import sphere_count
 from granular_lmp.scene.scene import Scene
 
 Signals = dict[str, NDArray[np.float64]]
@@ -66,7 +66,7 @@ def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> No
 def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
     finished = info.get("status") == "finished"
     numbers = {
-        "particles": len(places(scene)),
+        "particles": sphere_count(scene),
         "wavenumber_used": scene.wavenumber,
         "direction_used": scene.direction,
         "amplitude": scene.wave.amplitude,

@@ -20,7 +20,7 @@ from typing import Any
 
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.lammps.guards import ELSEWHERE
-from granular_lmp.lammps.installation import lammps_module, lmp_command
+from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
 from granular_lmp.runs.phases import phase
 
@@ -97,7 +97,9 @@ def route_of(program: bool, ranks: int) -> Route:
     if 0 <= files < FEWEST_FILES:  # MPI would end this process without an error message
         raise LaunchError(f"ulimit -n = {files}: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI")
     with phase("start"):
-        return partial(_run_program, lmp_command(ranks)) if program else partial(_run_module, lammps_module())
+        if program:
+            return partial(_run_program, lmp_command(ranks), environment(ranks))
+        return partial(_run_module, lammps_module())
 
 
 def _run_module(module: Any, job: Job) -> None:
@@ -175,11 +177,12 @@ def _watch(work: "Future[Any]", look: Callable[[], None]) -> None:
     work.result()
 
 
-def _run_program(program: list[str], job: Job) -> None:
+def _run_program(program: list[str], variables: dict[str, str], job: Job) -> None:
     command = [*program, "-in", job.input_name, *job.switches, "-nonbuf"]
     with subprocess.Popen(
         command,
         cwd=job.folder,
+        env=variables,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -19,7 +19,7 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
-from granular_lmp.scene.at_rest import crystal_of, places
+from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.scene import Scene
 
 
@@ -85,7 +85,7 @@ class Snapshots:
                 "them, for instance output.particles = 1.0"
             )
         scene = Scene.load(path.parent / "scene.toml")
-        count = len(places(scene))
+        count = sphere_count(scene)
         whole = (each for each in whole_snapshots(path) if each.entries == count)
         return cls(path, scene, list(whole))
 
@@ -145,4 +145,4 @@ class Snapshots:
         )
 
     def __repr__(self) -> str:
-        return f"<Snapshots {self.path}: {len(self)} snapshots of {len(places(self.scene))} spheres>"
+        return f"<Snapshots {self.path}: {len(self)} snapshots of {sphere_count(self.scene)} spheres>"

@@ -101,6 +101,11 @@ def places(scene: Scene) -> ase.Atoms:
     return _imperfect(scene.sphere, scene.shape, scene.disorder, scene.inclusion)[0]
 
 
+def sphere_count(scene: Scene) -> int:
+    """Return the number of spheres of a scene; vacancies are none."""
+    return scene.shape.spheres if scene.perfect else len(places(scene))
+
+
 def _imperfect(
     sphere: Sphere, shape: Shape, disorder: Disorder, inclusions: tuple[Inclusion, ...]
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:

@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -129,6 +130,10 @@ class Document:
 
     def to_toml(self) -> str:
         """Return TOML text that `loads` reads back to an equal document, with a comment behind each value."""
+        return self._toml
+
+    @cached_property
+    def _toml(self) -> str:
         lines = head_lines(self.name, self.description)
         tables = self.to_dict()
         for key, kind in self.sections.items():

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from decimal import Decimal
 from difflib import get_close_matches
+from functools import cache
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
+_JSON = json.JSONEncoder(ensure_ascii=False)
 
 
 @dataclass(frozen=True)
@@ -245,7 +247,7 @@ def toml(value: Any) -> str:
         return f"[{', '.join(map(toml, value))}]"
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
         return f"{Decimal(repr(value)).normalize():e}"
-    return json.dumps(value, ensure_ascii=False)
+    return _JSON.encode(value)
 
 
 def assignment(text: str) -> tuple[str, Any]:
@@ -352,5 +354,8 @@ def one_line(error: Exception) -> str:
 
 def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
     """Return the fields of a record that a scene file holds, each with its rule."""
-    known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in fields(kind)]
+    known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind)]
     return [(item, rule) for item, rule in known if rule is not None]
+
+
+_fields = cache(fields)  # of each kind of record, which are few; a scene asks for them a hundred times

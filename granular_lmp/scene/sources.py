@@ -211,6 +211,8 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
     SceneError
         If a place is empty, or a sphere that is moved is moved or pushed by another source.
     """
+    if not sources:
+        return ()
     row, column = crystal.arrays["row"], crystal.arrays["column"]
     index: dict[tuple[int, ...], int] = {
         place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))

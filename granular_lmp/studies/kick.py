@@ -15,7 +15,7 @@ from granular_lmp.accuracy.ladder import build
 from granular_lmp.crystal.lattices import HEXAGONAL, lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.launch import run_files
@@ -52,10 +52,12 @@ def kicked(deck: Deck, seed: int = 0) -> Deck:
     EffectError
         If the spheres of the deck do not turn.
     """
-    if deck.data.wave.shape[1] != 6:
+    if not deck.problem.physics.rotation:
         raise EffectError(
             "effects.rotation is off: a kicked sheet needs spheres that turn, for instance wave.mode = TR"
         )
+    if len(deck.data.wave) < len(deck.packing):  # LAMMPS would make the spheres and their wave
+        deck = deck_of(deck.problem, all_spheres=True)
     velocity = np.random.default_rng(seed).uniform(-0.5, 0.5, (len(deck.data.wave), 3))
     velocity[:, :2] -= velocity[:, :2].mean(axis=0)
     return replace(deck, data=replace(deck.data, wave=np.hstack([np.zeros_like(velocity), velocity])))

@@ -1,0 +1,128 @@
+"""Large perfect sheets, which LAMMPS makes from their first rows, are those of a data file with every sphere."""
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from granular_lmp import Record, Scene, build, prepare, run
+from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.errors import RunInterrupted
+from granular_lmp.lammps import replicated
+from granular_lmp.lammps.datafile import read
+from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.studies.kick import kicked
+
+SHEET = Scene.load("tr_nonresonant").with_values(
+    {"packing.rows": 21, "packing.columns": 5, "time.duration": 2.0, "name": "sheet"}
+)
+WAVES = {
+    "between held rows": {},
+    "periodic": {"packing.ends": "periodic", "packing.rows": 22},
+    "oblique": {"packing.ends": "periodic", "packing.rows": 24, "packing.columns": 12, "wave.direction": 30.0},
+    "standing": {"wave.form": "standing", "wave.phase": 0.3},
+    "turning spheres": {"wave.mode": "RT"},
+    "spheres that do not turn": {"wave.mode": "L"},
+    "square": {"packing.lattice": "square"},
+    "at rest": {"wave.form": "none", "source": [{"spheres": [[10, 2]], "force": "x", "signal": "burst"}]},
+}
+# A cosine on the edge of two thirteenth decimals may be rounded to either: one unit, and the rounding of the difference
+SAME_FIELD = 1.01e-13
+
+
+def started(scene: Scene, folder: Path, *, all_spheres: bool, ranks: int = 1) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the spheres as LAMMPS has them before the preload, sorted by number, and the box."""
+    deck = deck_of(prepare(scene), all_spheres=all_spheres)
+    deck.write(folder)
+    fields = ["d_ux", "d_uy", "d_vx", "d_vy", *(["d_phi", "d_vphi"] if deck.problem.physics.rotation else [])]
+    dump = (
+        f"write_dump all custom start id type x y z diameter mass {' '.join(fields)} modify sort id format float %.17g"
+    )
+    text = deck.input_text[: deck.input_text.index("# --- contacts")]
+    (folder / "in.start").write_text(f"{text}\npair_style zero 1100\npair_coeff * *\n{dump}\n")
+    subprocess.run([*lmp_command(ranks), "-in", "in.start", "-screen", "none"], cwd=folder, check=True)
+    lines = (folder / "start").read_text().splitlines()
+    return np.array([line.split() for line in lines[9:]], dtype=float), lines[4:8]
+
+
+@pytest.fixture
+def small_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(replicated, "LARGE", 1)
+
+
+@pytest.mark.usefixtures("small_is_large")
+@pytest.mark.parametrize("values", WAVES.values(), ids=WAVES.keys())
+def test_lammps_makes_the_spheres_and_the_wave_of_the_data_file(values: dict[str, object], tmp_path: Path) -> None:
+    scene = SHEET.with_values(values)
+    expected, box = started(scene, tmp_path / "all", all_spheres=True)
+    made, made_box = started(scene, tmp_path / "made", all_spheres=False)
+    assert made_box == box
+    assert np.array_equal(made[:, :7], expected[:, :7])  # numbers, types, places, sizes and masses to the last bit
+    assert np.abs(made[:, 7:] - expected[:, 7:]).max() <= SAME_FIELD
+    assert np.abs(expected[:, 7:]).max() > 0.1 or scene.wave.form == "none"
+    rows = scene.lattice.row_period
+    assert len(read(tmp_path / "made" / "data.sheet").kind) == rows * scene.shape.columns
+
+
+@pytest.mark.usefixtures("small_is_large")
+def test_two_ranks_number_the_spheres_as_one_does(tmp_path: Path) -> None:
+    one, _ = started(SHEET, tmp_path / "one", all_spheres=False)
+    two, _ = started(SHEET, tmp_path / "two", all_spheres=False, ranks=2)
+    assert np.array_equal(two, one)
+
+
+@pytest.mark.usefixtures("small_is_large")
+def test_another_wave_is_seen(tmp_path: Path) -> None:
+    expected, _ = started(SHEET, tmp_path / "all", all_spheres=True)
+    other = SHEET.with_values({"wave.wavenumber": SHEET.wave.wavenumber * (1 + 1e-12)})
+    made, _ = started(other, tmp_path / "made", all_spheres=False)
+    assert np.abs(made[:, 7:] - expected[:, 7:]).max() > SAME_FIELD
+
+
+@pytest.mark.usefixtures("small_is_large")
+def test_a_run_of_it_is_that_of_the_data_file(tmp_path: Path) -> None:
+    made = run(SHEET, tmp_path / "made")
+    expected = run(deck_of(prepare(SHEET), all_spheres=True), tmp_path / "all")
+    assert "edited" not in made.info
+    for name, values in expected.signals.items():
+        # Fields that differ by 1e-13 D0 move the sphere by as much, over 2 tau by no more than ten times that
+        assert np.abs(made.signals[name] - values).max() < 1e-12
+    assert Record.load(tmp_path / "made").info["particles"] == 105
+
+
+@pytest.mark.usefixtures("small_is_large")
+def test_it_is_resumed_to_the_same_record(tmp_path: Path) -> None:
+    def stop(step: int, steps: int) -> None:
+        if 0 < step < steps:
+            raise KeyboardInterrupt
+
+    scene = SHEET.with_values({"time.timestep": 2e-4})  # long enough to be stopped
+    whole = run(scene, tmp_path / "whole")
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "stopped", progress=stop)
+    record = resume(tmp_path / "stopped")
+    for name, values in whole.signals.items():
+        # Contacts are summed in another order, which moves wide sheets between held rows by up to 1e-14 D0
+        assert np.abs(record.signals[name] - values).max() < 1e-12
+
+
+def test_small_and_imperfect_crystals_packets_and_driven_rows_keep_every_sphere_in_the_data_file() -> None:
+    rows = 2 * replicated.LARGE // 5 + 1
+    large = SHEET.with_values({"packing.rows": rows, "time.duration": 1.0})
+    assert replicated.suits(large)
+    assert not replicated.suits(SHEET)
+    assert not replicated.suits(large.with_values({"envelope.length": 20.0}))
+    assert not replicated.suits(large.with_values({"wave.form": "driven"}))
+    assert not replicated.suits(large.with_values({"disorder.density": 0.1}))
+
+
+@pytest.mark.usefixtures("small_is_large")
+def test_a_kicked_sheet_has_velocities_of_all_its_spheres() -> None:
+    deck = build(SHEET)
+    assert len(deck.data.kind) == 10
+    kick = kicked(deck, seed=3)
+    assert kick.data.wave.shape == (105, 6)
+    assert "read_data    ${data} fix wave NULL wave" in kick.input_text
