@@ -21,9 +21,11 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, line_interval
+from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -149,7 +151,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-            mend(folder)
+            mend(folder, deck.scene)
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
         report = _step_reporter(progress, deck.scene)
@@ -280,7 +282,7 @@ def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
         record = None
     try:
         if record is None:
-            mend(folder)
+            mend(folder, scene)
             record = Record.from_dump(folder, scene)
     except RunFolderError as error:
         raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
@@ -288,10 +290,10 @@ def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
     return record
 
 
-def mend(folder: Path) -> None:
-    """Mend the dumps of a run folder: `mend_dump`."""
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS))):
-        mend_dump(path)
+def mend(folder: Path, scene: Scene) -> None:
+    """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(scene)))):
+        (mend_binary if path.suffix == ".bin" else mend_dump)(path)
 
 
 def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> LammpsError | None:
