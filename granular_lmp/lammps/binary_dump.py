@@ -96,7 +96,9 @@ def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
             at += 8 * count
     except (struct.error, IndexError):
         return None
-    return BinarySnapshot(step, names, np.concatenate(parts).reshape(spheres, columns), begin, at)
+    return BinarySnapshot(
+        step, names, (parts[0] if chunks == 1 else np.concatenate(parts)).reshape(spheres, columns), begin, at
+    )
 
 
 def mend_binary(path: str | Path) -> None:

@@ -4,8 +4,11 @@ The motion is a binary dump with the columns of a snapshot of all spheres. Conta
 ``dump local`` in no other form; it holds those between all spheres in and around a monitor.
 """
 
+from pathlib import Path
+
+from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.blocks import SPHERE_COLUMNS, SPHERE_NAMES
-from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS
+from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
 from granular_lmp.lammps.sources import id_ranges
 from granular_lmp.problem import Problem
 from granular_lmp.scene.monitors import PlacedMonitor
@@ -25,6 +28,19 @@ def monitor_files(scene: Scene) -> list[str]:
         for each in scene.monitor
         for pattern in (MONITOR, *([MONITOR_CONTACTS] if each.with_contacts else []))
     ]
+
+
+def is_whole(path: Path, records: int, last: int) -> bool:
+    """Return whether a file of a monitor is there and ends with the record of the last step.
+
+    A file of motion has this number of records too; text is not counted, as that takes as long as to read it.
+    """
+    if not path.is_file():
+        return False
+    if path.suffix == ".bin":
+        steps = [each.step for each in binary_snapshots(path)]
+        return len(steps) == records and steps[-1] == last
+    return last_step(path) == last
 
 
 def lines(problem: Problem) -> str:

@@ -204,6 +204,18 @@ def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
             end += len(last)
 
 
+def last_step(path: Path) -> int | None:
+    """Return the step of the last snapshot of a LAMMPS text dump; None if its last line is cut off, or without one."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        for back in (1 << 16, 1 << 22, size):
+            stream.seek(max(0, size - back))
+            head, found, tail = stream.read().rpartition(_SNAPSHOT)
+            if found:
+                return int(tail.split(b"\n", 1)[0]) if tail.endswith(b"\n") else None
+    return None
+
+
 def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
     numbers = [line.strip() for line in head[1:4:2]]
     return entries > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries and last.endswith(b"\n")

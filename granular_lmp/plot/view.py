@@ -13,7 +13,7 @@ from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene, note
-from granular_lmp.studies.sweep import COLUMNS, Sweep
+from granular_lmp.studies.sweep import Sweep
 
 _LABELS = {
     "second_harmonic": r"second harmonic ($D_0$)",
@@ -116,7 +116,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     ViewError
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
-    allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
+    allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))

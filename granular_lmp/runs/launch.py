@@ -25,7 +25,7 @@ from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, line_interval
-from granular_lmp.lammps.monitors import monitor_files
+from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -46,6 +46,7 @@ from granular_lmp.runs.agreement import Signals, refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
+from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
@@ -252,8 +253,8 @@ def execute(
         messages = triggered(info)
         if messages and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(messages)}")
-        if judge is not None and failure is None:
-            info |= judge(record)
+        if failure is None:
+            info |= readouts_of(record) | (judge(record) if judge is not None else {})
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
@@ -304,6 +305,9 @@ def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> Lamm
         return LammpsError("the record holds numbers that are not finite", job.input_name, log_tail(job.folder))
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, log_tail(job.folder))
+    for name in monitor_files(record.scene):
+        if not is_whole(job.folder / name, expected, record.scene.time.steps):
+            return LammpsError(f"{name} lacks records", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
     steps = record.scene.time.steps
     missed = sorted({*range(0, steps, line_interval(record.scene)), steps} - {*table.get("Step", ())})
