@@ -9,18 +9,20 @@ A snapshot of revision 2 of the format is, in the byte order of the machine,
 https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE (``lammps-dump-binary``) read it too.
 """
 
-import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
+from shutil import copyfileobj
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest
 
+CONTINUED = ".next"
 _MAGIC = b"DUMPCUSTOM"
 _HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6di")
 _INT = struct.Struct("=i")
@@ -101,22 +103,27 @@ def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
     )
 
 
-def mend_binary(path: str | Path) -> None:
-    """Turn the binary dump of a stopped run, or of a run and its continuation, into that of one uninterrupted run.
+def continuation(path: Path) -> Path:
+    """Return the name under which a continued run writes a dump, as LAMMPS does not append to binary files."""
+    return path.with_name(path.name.removesuffix(".bin") + f"{CONTINUED}.bin")
+
+
+def mend_binary(path: Path) -> None:
+    """Turn the binary dump of a stopped run, or of a run and its `continuation`, into that of one uninterrupted run.
 
     As `granular_lmp.lammps.outputs.mend_dump`: a half snapshot is removed, and of two of a step the later one is kept.
+    The continuation is joined and removed; if that is interrupted, the next call does it again to the same end.
     """
-    path = Path(path)
-    kept: list[tuple[int, int, int]] = []
-    for snapshot in binary_snapshots(path):
-        while kept and kept[-1][0] >= snapshot.step:
-            kept.pop()
-        kept.append((snapshot.step, snapshot.begin, snapshot.end))
-    if sum(end - begin for _, begin, end in kept) == path.stat().st_size:
-        return
-    draft = path.with_name(path.name + ".part")
-    with path.open("rb") as source, draft.open("wb") as target:
-        for _, begin, end in kept:
-            source.seek(begin)
-            target.write(source.read(end - begin))
-    os.replace(draft, path)
+    _keep_whole(path)
+    after = continuation(path)
+    if after.is_file():
+        with after.open("rb") as source, path.open("ab") as target:
+            copyfileobj(source, target)
+        _keep_whole(path)
+        after.unlink()
+
+
+def _keep_whole(path: Path) -> None:
+    keep_latest(
+        path, (SnapshotPlace(each.step, len(each.table), each.begin, each.end) for each in binary_snapshots(path))
+    )

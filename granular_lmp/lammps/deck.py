@@ -21,6 +21,7 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.lammps import blocks, contact, guards, monitors, sources
+from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
@@ -202,7 +203,8 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     """
     values = _values(deck.problem, units_for(deck.scene.sphere.radius))
     return blocks.filled_text(
-        blocks.resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "append": " append yes"}
+        blocks.resumed(deck.scene),
+        values | {"from": checkpoint, "log": LOG, "append": " append yes", "continued": CONTINUED},
     )
 
 
@@ -224,6 +226,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "at_rest": "\n".join(guards.AT_REST),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.judged)),
         "append": "",
+        "continued": "",
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
         "names": " or ".join(blocks.NO_VARIABLES),
         "said": blocks.variables_line(scene, selection.lines(problem.on)),

@@ -50,11 +50,12 @@ def lines(problem: Problem) -> str:
 
 def _block(number: int, placed: PlacedMonitor) -> list[str]:
     name, tag = f"monitor{number}", str(number)
+    file = MONITOR.format(f"{placed.monitor.name}<continued>")
     lines = [
         f"# --- {name}: {placed.monitor.name}, {placed.words}",
         f"group        {name} id {id_ranges(placed.spheres)}",
-        f"dump         {name} {name} custom ${{every}} {MONITOR.format(placed.monitor.name)} {SPHERE_COLUMNS}",
-        f"dump_modify  {name} sort id {SPHERE_NAMES}<append>",
+        f"dump         {name} {name} custom ${{every}} {file} {SPHERE_COLUMNS}",
+        f"dump_modify  {name} sort id {SPHERE_NAMES}",
     ]
     if placed.monitor.with_contacts:
         columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, 6)]

@@ -227,9 +227,13 @@ def mend_dump(path: str | Path) -> None:
     Incomplete and empty snapshots are removed; of snapshots with the same step the later one, written by the
     continuation, is kept. The dump of an uninterrupted run is not touched.
     """
-    path = Path(path)
+    keep_latest(Path(path), whole_snapshots(path))
+
+
+def keep_latest(path: Path, snapshots: Iterable[SnapshotPlace]) -> None:
+    """Replace a file by its snapshots at these places, the last of each step, unless it holds just them."""
     kept: list[SnapshotPlace] = []
-    for snapshot in whole_snapshots(path):
+    for snapshot in snapshots:
         while kept and kept[-1].step >= snapshot.step:
             kept.pop()
         kept.append(snapshot)

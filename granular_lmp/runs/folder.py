@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.lammps.binary_dump import continuation
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -94,6 +95,7 @@ def clear(folder: Path) -> None:
     name, monitors = _names(folder)
     own = [pattern.format(name) for pattern in _DECK if name]
     own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
+    own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
     written = {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
     with writable(folder):
         for inner in [*folder.iterdir()]:

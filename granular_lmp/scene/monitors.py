@@ -30,6 +30,7 @@ WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
 _MOST = 10_000_000  # rows or columns
+_CONTACT_LINE = 110  # bytes
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,11 @@ class PlacedMonitor:
         """What is recorded in words."""
         count = len(self.spheres)
         return f"{self.monitor.what} of {count} sphere{'s' if count > 1 else ''}, {self.monitor.places}"
+
+    @property
+    def bytes(self) -> int:
+        """Size of a record, about: 13 doubles a sphere, and with contacts three lines of text a sphere."""
+        return 104 * len(self.spheres) + 3 * _CONTACT_LINE * len(self.around)
 
 
 def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) -> None:
