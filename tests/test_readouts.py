@@ -57,7 +57,7 @@ def test_harmonics_are_found_whatever_their_phases() -> None:
         assert value == pytest.approx(amplitude, abs=1e-12)  # rounding of sums of a hundred numbers of order 1
         assert error < 1e-12
     assert "phi" not in found  # which was not tracked
-    assert found["v"]["1"] == (0.0, 0.0)
+    assert found["v"]["1"] == [0.0, 0.0]
 
 
 def test_a_decaying_transient_is_within_the_error() -> None:

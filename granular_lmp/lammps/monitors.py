@@ -59,6 +59,7 @@ def _block(number: int, placed: PlacedMonitor) -> list[str]:
     ]
     if placed.monitor.with_contacts:
         columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, 6)]
+        names = " ".join(f"colname {column} {name}" for column, name in zip(columns, CONTACT_COLUMNS, strict=True))
         file = MONITOR_CONTACTS.format(placed.monitor.name)
         lines += [
             "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
@@ -66,6 +67,6 @@ def _block(number: int, placed: PlacedMonitor) -> list[str]:
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff radius",
             f"compute      push{tag} around{tag} pair/local {_VALUES} cutoff radius",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
-            f'dump_modify  contacts{tag} format line "{_FORMAT}"<append>',
+            f'dump_modify  contacts{tag} format line "{_FORMAT}" {names}<append>',
         ]
     return lines

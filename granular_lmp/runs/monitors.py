@@ -201,9 +201,9 @@ class MonitorRecord:
         path = self.folder / MONITOR_CONTACTS.format(self.monitor.name)
         when = {step: number for number, step in enumerate(self._motion[0].tolist())}
         times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(CONTACT_COLUMNS)))]
-        for step, _, table in read_snapshots(path):
-            if table.shape[1] != len(CONTACT_COLUMNS) and len(table):
-                raise RunFolderError(f"{path}: holds {table.shape[1]} columns, expected {len(CONTACT_COLUMNS)}")
+        for step, names, table in read_snapshots(path):
+            if tuple(names) != CONTACT_COLUMNS:
+                raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(CONTACT_COLUMNS)}")
             if step in when and len(table):  # a run that was killed may have written one of the two files
                 times.append(np.full(len(table), when[step]))
                 tables.append(table)
@@ -261,6 +261,8 @@ class MonitorRecord:
     @cached_property
     def flux(self) -> Floats:
         """Energy flux through each of `rows`, (T, R), positive along +y, in k1 D0²/t0.
+
+        That of a row that a source moves is off by first order in the time step, as its `velocity` is.
 
         Raises
         ------

@@ -121,7 +121,7 @@ def readout(record: MonitorRecord) -> dict[str, Any]:
     return found
 
 
-def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[str, tuple[float, float]]]:
+def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[str, list[float]]]:
     """Yield the static field and the harmonics of signals (T, N), each with its error, by name."""
     middle = len(tau) // 2
     whole, errors = fitted(_functions(tau, frequency), values)
@@ -129,11 +129,11 @@ def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[
         fitted(_functions(tau[part], frequency), values[part])[0] for part in (slice(middle), slice(middle, None))
     )
     changed = np.abs(late - early) / 2
-    yield "static", (float(whole[0].mean()), max(_rms(errors[0]), abs(float((late - early)[0].mean())) / 2))
+    yield "static", [float(whole[0].mean()), max(_rms(errors[0]), abs(float((late - early)[0].mean())) / 2)]
     for order in range(1, HARMONICS + 1):
         both = slice(2 * order, 2 * order + 2)
         error = _rms(errors[both])
-        yield str(order), (_rms(np.hypot(*whole[both])), max(error, _rms(np.hypot(*changed[both]))))
+        yield str(order), [_rms(np.hypot(*whole[both])), max(error, _rms(np.hypot(*changed[both])))]
 
 
 def _functions(tau: Floats, frequency: float) -> Floats:
