@@ -109,6 +109,8 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
+	$(BIN)/granular-lmp sweep quiet_ends --workers $(CORES) --over source.1.frequency=0.3:0.8:51 -o runs/waves/response
+	$(BIN)/granular-lmp view runs/waves/response -o figures/response.png --column behind.v2
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,

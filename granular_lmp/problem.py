@@ -19,6 +19,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, check_steps, placed
 
@@ -64,6 +65,12 @@ class Problem:
         """Sources in the crystal."""
         return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode)
 
+    @cached_property
+    def monitors(self) -> tuple[PlacedMonitor, ...]:
+        """Monitors in the crystal."""
+        contacts = None if self.scene.perfect else self.at_rest.contacts
+        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, self.on)
+
     @property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
@@ -104,8 +111,9 @@ def prepare(scene: Scene) -> Problem:
     Raises
     ------
     SceneError
-        If effects contradict each other (`granular_lmp.effects.selection.select`), a source does not fit the crystal
-        (`granular_lmp.scene.sources`), or the time step is beyond the stability limit of velocity Verlet.
+        If effects contradict each other (`granular_lmp.effects.selection.select`), a source or a monitor does not fit
+        the crystal (`granular_lmp.scene.sources`, `granular_lmp.scene.monitors`), or the time step is beyond the
+        stability limit of velocity Verlet.
     """
     chosen = select(scene)
     shape = scene.shape
@@ -118,6 +126,7 @@ def prepare(scene: Scene) -> Problem:
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
     check_steps(problem.sources, scene.time)
+    check_groups(problem.monitors, len(problem.sources))
     limit, echo = problem.largest_step, resolved.echo_time / swiftness(resolved)
     if scene.time.duration > echo and not scene.time.allow_echo:
         raise SceneError(

@@ -64,7 +64,7 @@ KNOWN = frozenset().union(*HOLDS.values())
 REFERENCES = tuple(name for name in HOLDS if not name.startswith("analysis."))  # what a record is compared with
 
 # Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
-KEYS = frozenset(
+KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.runs.readouts import fitted
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 
@@ -65,7 +66,7 @@ def second_harmonic(record: Record) -> SecondHarmonic | None:
     seen = scene.time.sample * max(free, 2 * own) < pi
     if not seen or detuning == 0 or len(tau) < _FEWEST * len(columns):
         return None
-    factors, errors = _fit(np.column_stack(columns), record.p)
+    factors, errors = fitted(np.column_stack(columns), record.p)
     return SecondHarmonic(float(abs(factors[0] / detuning)), float(abs(errors[0] / detuning)), 2 * own)
 
 
@@ -78,13 +79,3 @@ def _response(tau: Floats, own: float, free: float, phase: float) -> Floats:
     to_sine = (np.sin(free * tau) / free - np.cos(mean * tau) * beat) / (2 * mean)
     to_cosine = np.sin(mean * tau) * beat / (2 * mean)
     return np.cos(2 * phase) * to_sine - np.sin(2 * phase) * to_cosine
-
-
-def _fit(matrix: Floats, signal: Floats) -> tuple[Floats, Floats]:
-    """Return the least-squares factors of the columns in a signal, and their standard errors."""
-    sizes = np.linalg.norm(matrix, axis=0)
-    factors, *_ = np.linalg.lstsq(matrix / sizes, signal)
-    rest = signal - matrix / sizes @ factors
-    variance = rest @ rest / (len(signal) - len(sizes))
-    covariance = variance * np.linalg.pinv((matrix / sizes).T @ (matrix / sizes))
-    return factors / sizes, np.sqrt(np.diag(covariance)) / sizes

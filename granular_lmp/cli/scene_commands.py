@@ -100,6 +100,7 @@ def _check(options: Options) -> int:
             | asdict(found)
             | {"effects": {effect.name: effect.on for effect in problem.effects}}
             | {"guards": problem.guards, "warnings": problem.warnings(), "sources": _sources(problem)}
+            | {"monitors": [{"name": each.monitor.name, "records": each.words} for each in problem.monitors]}
         )
         return 0
     runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
@@ -118,6 +119,8 @@ def _check(options: Options) -> int:
     say(f"guards    {', '.join(problem.guards) or 'none'}")
     for each in problem.sources:
         say(f"source    {each.words}, as much time as {each.cost} spheres")
+    for watched in problem.monitors:
+        say(f"monitor   {watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB")
     return 0
 
 

@@ -36,6 +36,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; .xyz: extended XYZ of the snapshots; "
         ".h5md: the snapshots as HDF5",
     )
+    export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
 
 
 def _view(options: Options) -> int:
@@ -52,6 +53,6 @@ def _export(options: Options) -> int:
     from granular_lmp.runs.export import export
     from granular_lmp.runs.record import Record
 
-    export(Record.load(options.folder), options.output)
+    export(Record.load(options.folder), options.output, options.monitor)
     say(options.output)
     return 0

@@ -123,14 +123,17 @@ fix          turn_drag quiet viscous/sphere 1.0 scale v_turn_drag"""
 
 RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
 
-# Slots of a scene with snapshots of all spheres. The names of the columns are those that OVITO knows; ASE keeps v_theta
+# Columns of spheres, with the names that OVITO knows; ASE keeps v_theta
+SPHERE_COLUMNS = "id type x y z radius<mass_column> c_u[1] c_u[2] vx vy vz<spin_column><angle_column>"
+SPHERE_NAMES = "colname c_u[1] Displacement.X colname c_u[2] Displacement.Y"
+
+# Slots of a scene with snapshots of all spheres
 PARTICLES = {
     "particles_variables": "variable particles index <particles>  # tau between snapshots of all spheres\n"
     "variable snapshots index <snapshots>",
     "particles_dump": "variable     apart equal v_every*ceil(v_particles/v_sample-1e-9)\n"
-    "dump         particles all custom ${apart} ${snapshots} id type x y z radius<mass_column> c_u[1] c_u[2] vx vy vz"
-    "<spin_column><angle_column>\n"
-    "dump_modify  particles sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
+    f"dump         particles all custom ${{apart}} ${{snapshots}} {SPHERE_COLUMNS}\n"
+    f"dump_modify  particles sort id format float %.17g {SPHERE_NAMES}",
     "particles_append": "dump_modify  particles append yes",
 }
 
@@ -180,7 +183,12 @@ def said_variables(log: str) -> dict[str, str] | None:
 def written(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of the deck of a scene."""
     start = _STARTS[scene.wave.form]
-    return (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD, "run ${steps}")
+    before = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD)
+    return (*before, *_monitors(scene), "run ${steps}")
+
+
+def _monitors(scene: Scene) -> tuple[str, ...]:
+    return ("<monitors>",) if scene.monitor else ()
 
 
 def resumed(scene: Scene) -> tuple[str, ...]:
@@ -196,6 +204,7 @@ def resumed(scene: Scene) -> tuple[str, ...]:
         _MOTION,
         _GUARDS,
         _RECORD + "\ndump_modify  centre append yes\n<particles_append>",
+        *_monitors(scene),
         "run ${steps} upto",
     )
 

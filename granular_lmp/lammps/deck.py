@@ -20,7 +20,8 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.lammps import blocks, contact, guards, replicated, sources
+from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources
+from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
@@ -219,7 +220,8 @@ def resume_text(deck: Deck, checkpoint: str) -> str:
     """
     values = _values(deck.problem, units_for(deck.scene.sphere.radius))
     return blocks.filled_text(
-        blocks.resumed(deck.scene), values | {"from": checkpoint, "log": LOG, "contacts_append": " append yes"}
+        blocks.resumed(deck.scene),
+        values | {"from": checkpoint, "log": LOG, "append": " append yes", "continued": CONTINUED},
     )
 
 
@@ -236,16 +238,18 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "field": blocks.FIELD,
         "ramp": blocks.RAMP if scene.wave.form == "driven" else "",
         "sources": sources.lines(problem, units),
+        "monitors": monitors.lines(problem),
         "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.AT_REST),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
-        "contacts_append": "",
+        "append": "",
+        "continued": "",
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
         "names": " or ".join(blocks.NO_VARIABLES),
         "said": blocks.variables_line(scene, selection.lines(problem.on)),
         "dump": DUMP,
         "snapshots": SNAPSHOTS,
-        "seen": "all" if all_seen else "centre",
+        "seen": "all" if all_seen or scene.monitor else "centre",
         "checkpoint": f"{minutes_between(scene):.3g}",
         "checkpoint_steps": str(steps_between(scene)),
         "checkpoints": " ".join(CHECKPOINTS),

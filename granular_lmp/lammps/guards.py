@@ -117,16 +117,22 @@ def _inside(scene: Scene) -> list[str]:
 
     The group holds all spheres if snapshots record them, or in a periodic plane wave. Otherwise it is a cone around the
     centre, which starts one row inside the strip whose echo arrives after the run (`quiet_rows`) and ends one row from
-    the centre. The group is renewed whenever the cone has lost a row.
+    the centre, and the like along y around the rows of each monitor. The group is renewed whenever the cone has lost a
+    row.
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
     far = (quiet_rows(scene.time.duration * swiftness(scene)) - 1) // 2
     row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * scene.lattice.row_spacing, length=1)
+    near = ["v_reach^2>x*x+y*y"]
+    for monitor in scene.monitor:
+        low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
+        near.append(f"v_reach>abs(y-({(low + high) / 2!r}))-{(high - low) / 2!r}")
+    where = "the centre or a monitor" if scene.monitor else "the centre"
     return [
-        "# spheres from where a signal still reaches the centre before the end: outside, a guard would judge walls",
+        f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",
         f"variable     reach equal {row!r}*(1.5+{far - 2.5}*(1-v_tau/(v_duration+(v_duration==0))))",
-        "variable     near atom v_reach^2>x*x+y*y",
+        f"variable     near atom {'||'.join(near)}",
         f"group        inside dynamic all var near every {max(1, int(scene.time.duration / far / scene.time.step))}",
     ]
 
@@ -219,8 +225,7 @@ def _written_out(scene: Scene) -> list[str]:
         f"variable     slip_holds equal {SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}",
         "variable     next_look equal time+dt*(${look}-step%${look})",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"'
-        "<contacts_append>",
+        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"<append>',
     ]
 
 

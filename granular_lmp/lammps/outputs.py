@@ -20,6 +20,8 @@ DUMP = "dump.centre"
 SNAPSHOTS = "dump.particles"
 PER_SAMPLE = "_per_sample"  # suffix of the folders that hold the runs of a tolerance
 CONTACTS = f"{DUMP}.contacts"  # single contacts at the looks where a guard needs them
+MONITOR = "monitor.{}.bin"  # motion of the spheres of a monitor, binary
+MONITOR_CONTACTS = "monitor.{}.contacts"  # forces of their contacts, text: LAMMPS writes no others
 LOG = "log.lammps"
 STATUS = "run.json"
 SWEEP = "sweep.json"
@@ -202,6 +204,18 @@ def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
             end += len(last)
 
 
+def last_step(path: Path) -> int | None:
+    """Return the step of the last snapshot of a LAMMPS text dump; None if its last line is cut off, or without one."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        for back in (1 << 16, 1 << 22, size):
+            stream.seek(max(0, size - back))
+            head, found, tail = stream.read().rpartition(_SNAPSHOT)
+            if found:
+                return int(tail.split(b"\n", 1)[0]) if tail.endswith(b"\n") else None
+    return None
+
+
 def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
     numbers = [line.strip() for line in head[1:4:2]]
     return entries > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries and last.endswith(b"\n")
@@ -213,9 +227,13 @@ def mend_dump(path: str | Path) -> None:
     Incomplete and empty snapshots are removed; of snapshots with the same step the later one, written by the
     continuation, is kept. The dump of an uninterrupted run is not touched.
     """
-    path = Path(path)
+    keep_latest(Path(path), whole_snapshots(path))
+
+
+def keep_latest(path: Path, snapshots: Iterable[SnapshotPlace]) -> None:
+    """Replace a file by its snapshots at these places, the last of each step, unless it holds just them."""
     kept: list[SnapshotPlace] = []
-    for snapshot in whole_snapshots(path):
+    for snapshot in snapshots:
         while kept and kept[-1].step >= snapshot.step:
             kept.pop()
         kept.append(snapshot)

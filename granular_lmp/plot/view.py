@@ -13,7 +13,7 @@ from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene, note
-from granular_lmp.studies.sweep import COLUMNS, Sweep
+from granular_lmp.studies.sweep import Sweep
 
 _LABELS = {
     "second_harmonic": r"second harmonic ($D_0$)",
@@ -109,14 +109,15 @@ def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
 def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     """Return a figure of a column over the key with most values, with a curve for each combination of the others.
 
-    Runs that are not finished leave gaps, and the title counts the finished ones.
+    A read-out of a monitor has its errors as bars. Runs that are not finished leave gaps, and the title counts the
+    finished ones.
 
     Raises
     ------
     ViewError
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
-    allowed = [name for name in COLUMNS if name not in ("run", "status", "message", "guards")]
+    allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))
@@ -127,6 +128,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
         raise ViewError(
             f"{sweep.folder}: {key} holds pairs, and is no axis; sweep over wave.direction and wave.wavenumber"
         )
+    read_off = "." in column and f"{column}_error" in allowed
     curves: dict[str, list[dict[str, Any]]] = {}
     for row in sweep.rows:
         name = ", ".join(f"{other} = {row[other]}" for other in sweep.over if other != key)
@@ -135,9 +137,14 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     axes = figure.subplots()
     for name, rows in curves.items():
         heights = [row[column] if row["status"] == "finished" else np.nan for row in rows]
-        axes.plot([row[key] for row in rows], heights, "o-", markersize=3, linewidth=1.0, label=name)
-    unit = note(key)
-    axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=_LABELS.get(column, column))
+        places = [row[key] for row in rows]
+        axes.plot(places, heights, "o-", markersize=3, linewidth=1.0, label=name)
+        if read_off:
+            bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
+            axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
+    unit = note(key).partition(", ")[0] if read_off else note(key)
+    said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
+    axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=said)
     missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"
     axes.set_title(f"{sweep.scene.name}{missing}", fontsize="medium")
     if len(curves) > 1:

@@ -19,6 +19,7 @@ from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
+from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.folder import clear, locked
@@ -93,6 +94,9 @@ def adopt(
     dump = source / values.get("dump", DUMP)
     if not dump.is_file():
         raise RunFolderError(f"{dump}: missing; the record is made from it")
+    for name in monitor_files(problem.scene):
+        if not (source / name).is_file():
+            raise RunFolderError(f"{source / name}: missing; the scene has the monitor that it is of")
     _refuse_other_beginning(source, dump.name, problem)
     deck = _deck(source, declared, problem)
     info = description(deck, deck.edits(), "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
@@ -106,10 +110,11 @@ def adopt(
             with writable(place):
                 shutil.copyfile(dump, place / DUMP)
                 shutil.copyfile(source / LOG, place / LOG)
-                for name, there in {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts"}.items():
+                others = {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts"}
+                for name, there in (others | {name: name for name in monitor_files(problem.scene)}).items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)
-            mend(place)
+            mend(place, problem.scene)
 
         with collected() as seconds:
             return execute(deck, Job(place, deck.input_name, LOG, lock, lambda step: None), copy, info, seconds)

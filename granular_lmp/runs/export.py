@@ -1,7 +1,11 @@
-"""A run for other programs: SI units as CSV, netCDF for xarray, its snapshots as extended XYZ or as HDF5."""
+"""A run for other programs: SI units as CSV, netCDF for xarray, its snapshots as extended XYZ or as HDF5.
+
+What a monitor recorded is written as CSV in SI units.
+"""
 
 import csv
 from collections.abc import Callable
+from functools import partial
 from io import StringIO
 from pathlib import Path
 
@@ -11,6 +15,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import replace_text, writable
 from granular_lmp.runs.h5md import write_h5md
+from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 
@@ -27,13 +32,41 @@ def si_columns(record: Record) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def write_si(record: Record, path: Path) -> None:
-    """Write the trajectory in SI units as CSV, each number in the shortest form that reads back to the same double."""
-    columns, stream = si_columns(record), StringIO()
+def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
+    """Return `MonitorRecord.columns` in SI units by column; places stay rows and columns of the packing.
+
+    Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
+    ``normal_N``, ``shear_N``, ``overlap_m``; of flux ``flux_W``.
+    """
+    sphere, unit = monitor.scene.sphere, monitor.scene.displacement_amplitude
+    time, force = sphere.time_scale, sphere.normal_stiffness * unit
+    units = {
+        "tau": ("t_s", time),
+        **{"u": ("u_m", unit), "v": ("v_m", unit), "phi": ("theta_rad", unit / sphere.radius)},
+        **{"u_t": ("u_t_m_s", unit / time), "v_t": ("v_t_m_s", unit / time)},
+        "phi_t": ("theta_t_rad_s", unit / sphere.radius / time),
+        **{"normal": ("normal_N", force), "shear": ("shear_N", force), "overlap": ("overlap_m", sphere.static_overlap)},
+        "flux": ("flux_W", monitor.watt),
+    }
+    found = {}
+    for name, values in monitor.columns().items():
+        said, factor = units.get(name, (name, None))
+        found[said] = values if factor is None else values * factor
+    return found
+
+
+def _write_csv(columns: dict[str, NDArray[np.float64]], path: Path) -> None:
+    """Write columns as CSV, each number in the shortest form that reads back to the same double."""
+    stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(np.column_stack(list(columns.values())).tolist())
+    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     replace_text(path, stream.getvalue())
+
+
+def write_si(record: Record, path: Path) -> None:
+    """Write the trajectory in SI units as CSV."""
+    _write_csv(si_columns(record), path)
 
 
 def write_extxyz(particles: Snapshots, path: Path) -> None:
@@ -84,20 +117,33 @@ FORMATS: dict[str, Callable[[Record, Path], None]] = {
 }
 
 
-def export(record: Record, path: str | Path) -> None:
+def export(record: Record, path: str | Path, monitor: str | None = None) -> None:
     """Write a run in the format of the file's ending; its folder is made, a file that is there is replaced.
+
+    Parameters
+    ----------
+    record : Record
+    path : path
+    monitor : str, optional
+        Write what this monitor recorded, as CSV, in place of the trajectory of the centre sphere.
 
     Raises
     ------
     RunFolderError
-        For another ending, a run without snapshots, or a file that cannot be written.
+        For another ending, a run without snapshots or without the monitor, or a file that cannot be written.
     PackageMissingError
         For netCDF without xarray, HDF5 without h5py.
     """
     path = Path(path)
-    write = FORMATS.get(path.suffix.lower())
+    formats = FORMATS if monitor is None else {".csv": partial(_write_monitor, name=monitor)}
+    write = formats.get(path.suffix.lower())
     if write is None:
-        raise RunFolderError(f"{path}: must end in one of {', '.join(FORMATS)}")
+        of = "" if monitor is None else " for a monitor"
+        raise RunFolderError(f"{path}: must end in one of {', '.join(formats)}{of}")
     with writable(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         write(record, path)
+
+
+def _write_monitor(record: Record, path: Path, name: str) -> None:
+    _write_csv(si_columns_of_monitor(record.monitor(name)), path)

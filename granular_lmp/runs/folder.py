@@ -9,12 +9,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.lammps.binary_dump import continuation
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
     COST,
     DUMP,
     LOG,
+    MONITOR,
+    MONITOR_CONTACTS,
     PER_SAMPLE,
     SCENE,
     SNAPSHOTS,
@@ -22,7 +25,7 @@ from granular_lmp.lammps.outputs import (
     SWEEP,
     writable,
 )
-from granular_lmp.scene.schema import NOT_TOML, checked_name, file_text, shown
+from granular_lmp.scene.schema import NAME_PATTERN, NOT_TOML, checked_name, file_text, shown
 
 # Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
 _FILES = (
@@ -89,8 +92,11 @@ def clear(folder: Path) -> None:
     for name, study in _STUDIES.items():
         if (folder / name).exists():
             raise RunFolderError(f"{folder}: holds {study} ({name}); choose another folder")
-    deck = [pattern.format(name) for name in _scene_name(folder) for pattern in _DECK]
-    written = {name + end for name in (*deck, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
+    name, monitors = _names(folder)
+    own = [pattern.format(name) for pattern in _DECK if name]
+    own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
+    own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
+    written = {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
     with writable(folder):
         for inner in [*folder.iterdir()]:
             if inner.name in written:
@@ -101,11 +107,15 @@ def clear(folder: Path) -> None:
                     inner.rmdir()
 
 
-def _scene_name(folder: Path) -> list[str]:
-    """Return the name of the scene in a folder, which is part of the deck's file names; an empty list without one."""
+def _names(folder: Path) -> tuple[str, list[str]]:
+    """Return the names of the scene in a folder and of its monitors, which are parts of file names; "" without one."""
     with suppress(SceneError, *NOT_TOML):
-        return [checked_name(tomllib.loads(file_text(folder / SCENE)), folder.name, "the deck")]
-    return []
+        tables = tomllib.loads(file_text(folder / SCENE))
+        monitors = tables.get("monitor", ())
+        named = [str(each.get("name")) for each in monitors if isinstance(each, dict)]
+        safe = [each for each in named if re.fullmatch(NAME_PATTERN, each)]
+        return checked_name(tables, folder.name, "the deck"), safe
+    return "", []
 
 
 def refuse_long(folder: Path) -> None:

@@ -21,9 +21,11 @@ from granular_lmp.errors import (
     RunFolderError,
     RunInterrupted,
 )
+from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, line_interval
+from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     CONTACTS,
@@ -44,6 +46,7 @@ from granular_lmp.runs.agreement import Signals, refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
+from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
@@ -149,7 +152,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
-            mend(folder)
+            mend(folder, deck.scene)
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
         report = _step_reporter(progress, deck.scene)
@@ -250,8 +253,8 @@ def execute(
         messages = triggered(info)
         if messages and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(messages)}")
-        if judge is not None and failure is None:
-            info |= judge(record)
+        if failure is None:
+            info |= readouts_of(record) | (judge(record) if judge is not None else {})
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
@@ -280,7 +283,7 @@ def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
         record = None
     try:
         if record is None:
-            mend(folder)
+            mend(folder, scene)
             record = Record.from_dump(folder, scene)
     except RunFolderError as error:
         raise LammpsError(str(error), f"in.{scene.name}", log_tail(folder)) from error
@@ -288,10 +291,10 @@ def _collect(folder: Path, scene: Scene, *, stopped: bool) -> Record:
     return record
 
 
-def mend(folder: Path) -> None:
-    """Mend the dumps of a run folder: `mend_dump`."""
-    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS))):
-        mend_dump(path)
+def mend(folder: Path, scene: Scene) -> None:
+    """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(scene)))):
+        (mend_binary if path.suffix == ".bin" else mend_dump)(path)
 
 
 def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> LammpsError | None:
@@ -302,6 +305,9 @@ def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> Lamm
         return LammpsError("the record holds numbers that are not finite", job.input_name, log_tail(job.folder))
     if len(record.tau) != expected:
         return LammpsError(f"{len(record.tau)} records instead of {expected}", job.input_name, log_tail(job.folder))
+    for name in monitor_files(record.scene):
+        if not is_whole(job.folder / name, expected, record.scene.time.steps):
+            return LammpsError(f"{name} lacks records", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
     steps = record.scene.time.steps
     missed = sorted({*range(0, steps, line_interval(record.scene)), steps} - {*table.get("Step", ())})

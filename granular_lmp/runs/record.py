@@ -30,6 +30,7 @@ from granular_lmp.runs.agreement import (
     refuse_other_trajectory,
 )
 from granular_lmp.runs.folder import is_held
+from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
 
@@ -180,6 +181,18 @@ class Record:
         if self.folder is None:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without snapshots")
         return Snapshots.load(self.folder)
+
+    def monitor(self, name: str) -> MonitorRecord:
+        """Return what a monitor recorded, by its name in the scene.
+
+        Raises
+        ------
+        RunFolderError
+            If the scene has no such monitor, or its files are missing or damaged.
+        """
+        if self.folder is None:
+            raise RunFolderError(f"{self!r}: is of no run folder, and so without monitors")
+        return MonitorRecord.load(self.folder, name)
 
     def plot(self) -> "Picture":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""

@@ -22,6 +22,8 @@ from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.scene import Scene
 
+Floats = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Spheres:
@@ -47,6 +49,31 @@ class Spheres:
     def energy(self) -> NDArray[np.float64]:
         """Kinetic energy of each sphere, ½v² + ½(I/mR²)(Rω)², in m(D0/t0)²; (N,)."""
         return (np.sum(self.velocity**2, axis=1) + INERTIA_RATIO * self.spin**2) / 2
+
+
+def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return displacement (..., 2), velocity (..., 2), rotation and spin from the columns of a dump, (...) each.
+
+    As in `Spheres`; the columns are in the units of the deck.
+    """
+    sphere, still = scene.sphere, np.zeros(columns["id"].shape)
+    units = units_for(sphere.radius)
+    displacement = units.number(scene.displacement_amplitude, length=1)
+    velocity = displacement / units.number(sphere.time_scale, time=1)
+    radius = units.number(sphere.radius, length=1)
+    untracked = still + (np.nan if "omegaz" in columns else 0.0)
+    return (
+        np.stack([columns["Displacement.X"], columns["Displacement.Y"]], axis=-1) / displacement,
+        np.stack([columns["vx"], columns["vy"]], axis=-1) / velocity,
+        columns.get("v_theta", untracked) * radius / displacement,
+        columns.get("omegaz", still) * radius / velocity,
+    )
+
+
+def finest(folder: Path, name: str) -> Path | None:
+    """Return a file of a run folder, or that of the finest step of a run with a tolerance; None without it."""
+    finer = sorted(folder.glob(f"*{PER_SAMPLE}/{name}"), key=lambda path: int(path.parent.name.split("_")[0]))
+    return next(filter(Path.is_file, [folder / name, *reversed(finer)]), None)
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,8 +104,7 @@ class Snapshots:
             If the run has no snapshots.
         """
         folder = Path(folder)
-        finer = sorted(folder.glob(f"*{PER_SAMPLE}/{SNAPSHOTS}"), key=lambda path: int(path.parent.name.split("_")[0]))
-        path = next(filter(Path.is_file, [folder / SNAPSHOTS, *reversed(finer)]), None)
+        path = finest(folder, SNAPSHOTS)
         if path is None:
             raise RunFolderError(
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
@@ -130,19 +156,7 @@ class Snapshots:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 
     def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
-        sphere, still = self.scene.sphere, np.zeros(len(columns["id"]))
-        units = units_for(sphere.radius)
-        displacement = units.number(self.scene.displacement_amplitude, length=1)
-        velocity = displacement / units.number(sphere.time_scale, time=1)
-        radius = units.number(sphere.radius, length=1)
-        untracked = still + (np.nan if "omegaz" in columns else 0.0)
-        return Spheres(
-            tau=step * self.scene.time.step,
-            displacement=np.column_stack([columns["Displacement.X"], columns["Displacement.Y"]]) / displacement,
-            velocity=np.column_stack([columns["vx"], columns["vy"]]) / velocity,
-            rotation=columns.get("v_theta", untracked) * radius / displacement,
-            spin=columns.get("omegaz", still) * radius / velocity,
-        )
+        return Spheres(step * self.scene.time.step, *dimensionless(columns, self.scene))
 
     def __repr__(self) -> str:
         return f"<Snapshots {self.path}: {len(self)} snapshots of {sphere_count(self.scene)} spheres>"

@@ -9,9 +9,19 @@ from dataclasses import MISSING, dataclass
 from typing import Any
 
 from granular_lmp.scene.scene import REPEATED, SECTION_RULES, SECTIONS, note
-from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, ArrayRule, Rule, declared_fields, toml
+from granular_lmp.scene.schema import (
+    LONGEST_DESCRIPTION,
+    LONGEST_NAME,
+    NAME_PATTERN,
+    ArrayRule,
+    NameRule,
+    Rule,
+    declared_fields,
+    toml,
+)
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_NOTHING = (None, (), "")  # defaults of keys that may be left out, or must be given
 _KINDS = {float: "number", int: "integer", bool: "boolean", str: "string"}
 
 
@@ -75,7 +85,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _value(key: Key) -> dict[str, Any]:
-    rule, default = key.rule, {} if key.default in (None, ()) else {"default": key.default}
+    rule, default = key.rule, {} if key.default in _NOTHING else {"default": key.default}
     described = {"description": rule.note} if rule.note else {}
     return _values(rule) | described | default
 
@@ -86,6 +96,8 @@ def _values(rule: Rule) -> dict[str, Any]:
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))
         one = {"type": "array", "items": number, "minItems": rule.length, "maxItems": rule.length}
         return {"type": "array", "items": one} if rule.several else one
+    if isinstance(rule, NameRule):
+        return {"type": "string", "pattern": f"^{NAME_PATTERN}$"}
     if rule.kind is str:
         return {"enum": list(rule.words)}
     numbers: dict[str, Any] = {"type": _KINDS[rule.kind]}
@@ -107,7 +119,7 @@ def reference() -> str:
             title = f"[[{section}]]" if section in REPEATED else f"[{section}]"
             lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
-        default = "must be given" if key.required else "–" if key.default in (None, ()) else f"`{toml(key.default)}`"
+        default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"
         row = (f"`{key.name}`", key.rule.unit, default, key.rule.allowed, key.rule.meaning)
         lines.append("| " + " | ".join(row) + " |")
     return "\n".join(lines).strip() + "\n"

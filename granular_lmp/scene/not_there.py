@@ -51,12 +51,6 @@ NOT_THERE = (
         "square chain honeycomb kagome cubic",
     ),
     NotThere(
-        "monitors of single spheres or rows, energy flux, contact forces over time",
-        "a run records the centre sphere, and with `output.particles` all spheres at intervals",
-        "a `dump` of your own in the deck: `build(scene).edited(...)`",
-        "monitor monitors flux probe detector receiver",
-    ),
-    NotThere(
         "strikers, and lattices that just touch",
         "a scene begins at rest, held together by adhesion or compression, which gives it its unit of time",
         "`granular-lmp collide` for two spheres; `analysis.theory.chain` for struck chains",
@@ -112,6 +106,7 @@ NOT_THERE = (
 ELSEWHERE = {
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
+    "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",
 }
 
 

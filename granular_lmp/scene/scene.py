@@ -1,10 +1,10 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
-``[effects]``, ``[output]`` and ``[absorb]`` (`granular_lmp.scene.sections`), and any number of ``[[inclusion]]`` and
-``[[source]]`` (`granular_lmp.scene.sources`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in
-units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics in
-`granular_lmp.effects`.
+``[effects]``, ``[output]`` and ``[absorb]`` (`granular_lmp.scene.sections`), and any number of ``[[inclusion]]``,
+``[[source]]`` (`granular_lmp.scene.sources`) and ``[[monitor]]`` (`granular_lmp.scene.monitors`). Times are in units of
+t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the packing is decided
+here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 """
 
 from collections.abc import Mapping
@@ -23,6 +23,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
+from granular_lmp.scene.monitors import Monitor, check_monitors, monitor_echo
 from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import (
@@ -53,7 +54,7 @@ SECTIONS: dict[str, type] = {
     "output": Output,
     "absorb": Absorb,
 }
-REPEATED: dict[str, type] = {"inclusion": Inclusion, "source": Source}
+REPEATED: dict[str, type] = {"inclusion": Inclusion, "source": Source, "monitor": Monitor}
 SECTION_RULES = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
 # A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
 EXCLUSIVE = {
@@ -114,6 +115,7 @@ class Scene(Document):
     disorder: Disorder = Disorder()
     inclusion: tuple[Inclusion, ...] = ()
     source: tuple[Source, ...] = ()
+    monitor: tuple[Monitor, ...] = ()
 
     # --- reading and writing ---
 
@@ -350,6 +352,9 @@ class Scene(Document):
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
                 f"{self.time.steps_per_sample} to a sample"
             )
+        for each in self.monitor:
+            if (echo := self.echo_at(each)) < self.time.duration:
+                said.append(f"monitor {each.name}: the echo of the walls may reach it at tau = {echo:.4g}")
         return said
 
     def _frequency_remark(self) -> str:
@@ -390,11 +395,17 @@ class Scene(Document):
             return source_echo(self.source, self.shape, quiet=quiet)
         return echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
+    def echo_at(self, monitor: Monitor) -> float:
+        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
+        driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
+        return monitor_echo(monitor, self.source, self.shape, driven=driven, quiet=quiet)
+
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere)
         check_quiet(self.source, self.absorb)
+        check_monitors(self.monitor, self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)

@@ -5,6 +5,7 @@ writing and the error messages.
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
@@ -23,6 +24,8 @@ AUTO = "auto"
 # Python's stack ends
 NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
+LONGEST_PART = 40  # characters of a name that is a part of file names
+NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 _JSON = json.JSONEncoder(ensure_ascii=False)
@@ -149,6 +152,22 @@ class ArrayRule(Rule):
             raise SceneError(f"{key} = {shown(list(value))}: must be {self.allowed}")
         number = Rule(self.kind, self.unit, "", self.interval)
         return tuple(number.value(each, f"{key}[{place}]") for place, each in enumerate(value))
+
+
+@dataclass(frozen=True)
+class NameRule(Rule):
+    """A name of one's own that becomes part of file names and of names in LAMMPS."""
+
+    @property
+    def allowed(self) -> str:
+        """Allowed values in words."""
+        return f"a name of at most {LONGEST_PART} ASCII letters, digits and '_'"
+
+    def value(self, value: Any, key: str) -> str:
+        """Return `value`, or raise SceneError if it is no such name."""
+        if not (isinstance(value, str) and re.fullmatch(NAME_PATTERN, value)):
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
+        return value
 
 
 Rules = Mapping[str, Rule]  # for a record of another room, whose fields carry no rules

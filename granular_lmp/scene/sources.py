@@ -24,6 +24,7 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.places import in_words, place_troubles, spheres_at
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
@@ -93,7 +94,7 @@ class Source:
     @property
     def places(self) -> str:
         """The spheres in words."""
-        return f"rows = {list(self.rows)}" if self.rows else f"spheres = {shown([list(each) for each in self.spheres])}"
+        return in_words(self.rows, self.spheres)
 
     def pulsation(self, sphere: Sphere, default: float) -> float:
         """Return Ω in rad/t0; `default` is that of the wave."""
@@ -172,24 +173,16 @@ def check_sources(
 
 def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) -> Iterator[str]:
     """Yield what is wrong with a source by itself."""
-    for one, other in (("rows", "spheres"), ("motion", "force")):
-        given = [name for name in (one, other) if getattr(source, name)]
-        if len(given) != 1:
-            yield f"{' and '.join(given) or 'neither'} given: must be either {one} or {other}"
+    yield from place_troubles(source.rows, source.spheres, shape)
+    given = [name for name in ("motion", "force") if getattr(source, name)]
+    if len(given) != 1:
+        yield f"{' and '.join(given) or 'neither'} given: must be either motion or force"
     if source.frequency is not None and source.hertz is not None:
         yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
     for key, signals in _OWN.items():
         if source.signal not in signals and getattr(source, key) != getattr(Source, key):
             allowed = " or ".join(signals)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.signal}"'
-    if source.rows and not 0 <= source.rows[0] <= source.rows[1] < shape.rows:
-        yield f"rows = {list(source.rows)}: must be [first, last], from 0 to {shape.rows - 1}"
-    for row, column in source.spheres:
-        if row >= shape.rows or column >= shape.columns:
-            yield (
-                f"sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{shape.rows - 1}, "
-                f"{shape.columns - 1}]"
-            )
     if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
         yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
     largest = sphere.radius / sphere.static_overlap / 10 / amplitude
@@ -214,19 +207,13 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
     if not sources:
         return ()
     row, column = crystal.arrays["row"], crystal.arrays["column"]
-    index: dict[tuple[int, ...], int] = {
-        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
-    }
     found = []
     by: dict[int, tuple[int, bool]] = {}
     for number_, source in enumerate(sources, 1):
-        for place in source.spheres:
-            if tuple(place) not in index:
-                raise SceneError(f"source {number_}: sphere {list(place)}: is a vacancy, and cannot be a source")
-        inside = source.rows and (source.rows[0] <= row) & (row <= source.rows[1])
-        chosen = np.flatnonzero(inside) if source.rows else np.unique([index[tuple(at)] for at in source.spheres])
-        if not len(chosen):
-            raise SceneError(f"source {number_}: {source.places}: holds vacancies only")
+        try:
+            chosen = spheres_at(source.rows, source.spheres, crystal, "source")
+        except SceneError as error:
+            raise SceneError(f"source {number_}: {error}") from error
         for each in chosen.tolist():
             other, moved = by.get(each, (0, False))
             if other and (moved or source.motion):

@@ -10,7 +10,7 @@ _HEAD = """\
 # What it would take:            granular-lmp check {file}
 # Change one value:              granular-lmp run {file} --set wave.amplitude=0.1
 # Every key, with what is allowed: docs/reference/scene.md, and granular-lmp schema for editors
-# Tables that may be added:      [disorder], [[inclusion]], [absorb], [[source]]
+# Tables that may be added:      [disorder], [[inclusion]], [absorb], [[source]], [[monitor]]
 
 """
 

@@ -109,7 +109,7 @@ def _measured(scene: Scene) -> tuple[float | None, float | None, str]:
             {
                 **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
                 **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
-                "source": [],
+                **{"source": [], "monitor": []},
                 **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
             }
         )

@@ -88,8 +88,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        If the lattice is not hexagonal, the scene has fixed ends, its columns are not a multiple of 3, or its records
-        are too few or too far apart.
+        If the lattice is not hexagonal, the scene has fixed ends or monitors, its columns are not a multiple of 3, or
+        its records are too few or too far apart.
     RunFolderError
         If the folder exists (without `force`).
     EffectError
@@ -126,6 +126,8 @@ def _refuse_unfit(scene: Scene) -> None:
         raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
     if scene.wave.form == "none":
         raise SceneError('wave.form = "none": must be another for a sheet that is kicked, which has no sources')
+    if scene.monitor:
+        raise SceneError("monitor: must be left out for a sheet that is kicked, all of whose spheres are recorded")
     if shape.columns % 3:  # the rows of a periodic cell are even
         raise SceneError(
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "

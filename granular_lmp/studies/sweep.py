@@ -55,7 +55,8 @@ class Sweep:
     rows : list of dict
         For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
         is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
-        names those that were not quiet, ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`.
+        names those that were not quiet, ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`. Read-outs of
+        monitors of motion follow (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
     """
 
     folder: Path
@@ -83,6 +84,12 @@ class Sweep:
         rows = {name: row_of(folder / RUNS / name) for _, name, _ in grid}
         return cls(folder, scene, over, table_of(grid, rows))
 
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns of the table."""
+        first = [*self.over, *COLUMNS]
+        return first + [name for name in (self.rows[0] if self.rows else ()) if name not in first]
+
     def column(self, name: str) -> NDArray[Any]:
         """Return one column of the table in the order of `rows`; unknown numbers are nan."""
         values = [row[name] for row in self.rows]
@@ -108,7 +115,7 @@ class Sweep:
     def to_csv(self) -> str:
         """Return the table as CSV, each number in the shortest form that reads back to the same double."""
         stream = io.StringIO()
-        writer = csv.DictWriter(stream, [*self.over, *COLUMNS], lineterminator="\n")
+        writer = csv.DictWriter(stream, self.columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(self.rows)
         return stream.getvalue()
@@ -121,7 +128,7 @@ class Sweep:
         PackageMissingError
             If pandas is not installed.
         """
-        return optional_package("pandas").DataFrame(self.rows, columns=[*self.over, *COLUMNS])
+        return optional_package("pandas").DataFrame(self.rows, columns=self.columns)
 
     def to_xarray(self) -> Any:
         """Return the table as an ``xarray.Dataset`` with a dimension for each swept key.

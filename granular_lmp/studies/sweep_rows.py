@@ -9,6 +9,7 @@ import numpy as np
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.errors import GranularError, RunFolderError, SceneError
 from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import Record, read_status
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
@@ -19,7 +20,7 @@ Point = dict[str, Any]
 RUNS = "runs"
 # What a line of the table says beside the swept values: of run.json; the largest |p|, |q|, |phi| of the record, in D0;
 # the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the smallest overlap
-# in Delta0 and the largest shear over sliding force
+# in Delta0 and the largest shear over sliding force. Read-outs of monitors follow
 COLUMNS = (
     *("run", "status", "message", "seconds", "steps", "particles", "contacts_per_sphere"),
     *("wavenumber_used", "direction_used", "frequency"),
@@ -38,8 +39,12 @@ def info_of(folder: Path) -> dict[str, Any]:
 
 
 def table_of(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
-    """Return a line for each point of the grid; points of the same scene share a run."""
-    return [point | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
+    """Return a line for each point of the grid; points of the same scene share a run.
+
+    A line has None in the columns of monitors that only other lines have.
+    """
+    empty = dict.fromkeys(key for row in rows.values() for key in row)
+    return [point | empty | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
 
 
 def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
@@ -91,6 +96,7 @@ def summary_of(info: dict[str, Any], record: Record | None) -> Point:
         "smallest_overlap": info.get("smallest_overlap"),
         "largest_slip": info.get("guards", {}).get("largest_slip", {}).get("value"),
         "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
+        **readout_columns(info),
     }
 
 

@@ -1,0 +1,129 @@
+"""Binary dumps of LAMMPS (``dump custom`` to a name that ends in ".bin"): all digits of a double, without text.
+
+A snapshot of revision 2 of the format is, in the byte order of the machine,
+
+    −10 (int64), "DUMPCUSTOM", 1, 2 (int), step, spheres (int64), triclinic, 6 boundaries (int), 6 faces (double),
+    columns (int), length and text of the units, 0 or 1 and a time (char, double), length and names of the columns,
+    chunks (int), and for each chunk the number of its doubles (int) and these
+
+https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE (``lammps-dump-binary``) read it too.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from shutil import copyfileobj
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest
+
+CONTINUED = ".next"
+_MAGIC = b"DUMPCUSTOM"
+_HEAD = struct.Struct(f"=q{len(_MAGIC)}siiqqi6i6di")
+_INT = struct.Struct("=i")
+
+
+@dataclass(frozen=True)
+class BinarySnapshot:
+    """A whole snapshot of a binary dump.
+
+    Attributes
+    ----------
+    step : int
+    names : list of str
+        Names of the columns.
+    table : (spheres, columns) array
+    begin, end : int
+        Offsets in the file, bytes.
+    """
+
+    step: int
+    names: list[str]
+    table: NDArray[np.float64]
+    begin: int
+    end: int
+
+
+def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
+    """Yield the whole snapshots of a binary dump; one that a killed run wrote half of is left out.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be read or is not such a dump.
+    """
+    begin = 0
+    try:
+        if not Path(path).stat().st_size:
+            return
+        with Path(path).open("rb") as stream:
+            content = mmap(stream.fileno(), 0, access=ACCESS_READ)
+        while begin < len(content):
+            snapshot = _snapshot(content, begin)
+            if snapshot is None:
+                return
+            yield snapshot
+            begin = snapshot.end
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: not a binary dump of LAMMPS: {error}") from error
+
+
+def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
+    """Return the snapshot at an offset, or None if the file ends within it."""
+    try:
+        size, magic, byte_order, revision, step, spheres, *_, columns = _HEAD.unpack_from(content, begin)
+        if (size, magic, byte_order, revision) != (-len(_MAGIC), _MAGIC, 1, 2):
+            raise ValueError(f"at byte {begin} {(size, magic, byte_order, revision)!r}, expected {_MAGIC!r}, 1, 2")
+        at = begin + _HEAD.size
+        at += _INT.size + _INT.unpack_from(content, at)[0]  # the units
+        at += 1 + (8 if content[at] else 0)  # the time
+        (length,) = _INT.unpack_from(content, at)
+        at += _INT.size
+        names = content[at : at + length].decode().split()
+        at += length
+        (chunks,) = _INT.unpack_from(content, at)
+        at += _INT.size
+        parts = []
+        for _ in range(chunks):
+            (count,) = _INT.unpack_from(content, at)
+            at += _INT.size
+            if at + 8 * count > len(content):
+                return None
+            parts.append(np.frombuffer(content, np.float64, count, at))
+            at += 8 * count
+    except (struct.error, IndexError):
+        return None
+    return BinarySnapshot(
+        step, names, (parts[0] if chunks == 1 else np.concatenate(parts)).reshape(spheres, columns), begin, at
+    )
+
+
+def continuation(path: Path) -> Path:
+    """Return the name under which a continued run writes a dump, as LAMMPS does not append to binary files."""
+    return path.with_name(path.name.removesuffix(".bin") + f"{CONTINUED}.bin")
+
+
+def mend_binary(path: Path) -> None:
+    """Turn the binary dump of a stopped run, or of a run and its `continuation`, into that of one uninterrupted run.
+
+    As `granular_lmp.lammps.outputs.mend_dump`: a half snapshot is removed, and of two of a step the later one is kept.
+    The continuation is joined and removed; if that is interrupted, the next call does it again to the same end.
+    """
+    _keep_whole(path)
+    after = continuation(path)
+    if after.is_file():
+        with after.open("rb") as source, path.open("ab") as target:
+            copyfileobj(source, target)
+        _keep_whole(path)
+        after.unlink()
+
+
+def _keep_whole(path: Path) -> None:
+    keep_latest(
+        path, (SnapshotPlace(each.step, len(each.table), each.begin, each.end) for each in binary_snapshots(path))
+    )

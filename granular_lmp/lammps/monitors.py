@@ -1,0 +1,72 @@
+"""The lines of a deck that record monitors: the motion of their spheres, and the forces of their contacts.
+
+The motion is a binary dump with the columns of a snapshot of all spheres. Contacts are a text dump, as LAMMPS writes
+``dump local`` in no other form; it holds those between all spheres in and around a monitor.
+"""
+
+from pathlib import Path
+
+from granular_lmp.lammps.binary_dump import binary_snapshots
+from granular_lmp.lammps.blocks import SPHERE_COLUMNS, SPHERE_NAMES
+from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
+from granular_lmp.lammps.sources import id_ranges
+from granular_lmp.problem import Problem
+from granular_lmp.scene.monitors import PlacedMonitor
+from granular_lmp.scene.scene import Scene
+
+# Columns of a contact: both spheres; normal force, repulsive above 0; tangential force on the first sphere; vector from
+# the second to the first. The vector needs every digit of a position, of which an overlap is the last ones
+CONTACT_COLUMNS = ("first", "second", "normal", "tangential_x", "tangential_y", "x", "y")
+_VALUES = "force p1 p2 p10 p11"
+_FORMAT = "%.0f %.0f %.13g %.13g %.13g %.17g %.17g"
+
+
+def monitor_files(scene: Scene) -> list[str]:
+    """Return the names of the files of all monitors of a scene."""
+    return [
+        pattern.format(each.name)
+        for each in scene.monitor
+        for pattern in (MONITOR, *([MONITOR_CONTACTS] if each.with_contacts else []))
+    ]
+
+
+def is_whole(path: Path, records: int, last: int) -> bool:
+    """Return whether a file of a monitor is there and ends with the record of the last step.
+
+    A file of motion has this number of records too; text is not counted, as that takes as long as to read it.
+    """
+    if not path.is_file():
+        return False
+    if path.suffix == ".bin":
+        steps = [each.step for each in binary_snapshots(path)]
+        return len(steps) == records and steps[-1] == last
+    return last_step(path) == last
+
+
+def lines(problem: Problem) -> str:
+    """Return the blocks of all monitors of a problem; their slots are those of `granular_lmp.lammps.blocks`."""
+    return "\n\n".join("\n".join(_block(number, each)) for number, each in enumerate(problem.monitors, 1))
+
+
+def _block(number: int, placed: PlacedMonitor) -> list[str]:
+    name, tag = f"monitor{number}", str(number)
+    file = MONITOR.format(f"{placed.monitor.name}<continued>")
+    lines = [
+        f"# --- {name}: {placed.monitor.name}, {placed.words}",
+        f"group        {name} id {id_ranges(placed.spheres)}",
+        f"dump         {name} {name} custom ${{every}} {file} {SPHERE_COLUMNS}",
+        f"dump_modify  {name} sort id {SPHERE_NAMES}",
+    ]
+    if placed.monitor.with_contacts:
+        columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, 6)]
+        names = " ".join(f"colname {column} {name}" for column, name in zip(columns, CONTACT_COLUMNS, strict=True))
+        file = MONITOR_CONTACTS.format(placed.monitor.name)
+        lines += [
+            "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
+            f"group        around{tag} id {id_ranges(placed.around)}",
+            f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff radius",
+            f"compute      push{tag} around{tag} pair/local {_VALUES} cutoff radius",
+            f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
+            f'dump_modify  contacts{tag} format line "{_FORMAT}" {names}<append>',
+        ]
+    return lines

@@ -1,0 +1,316 @@
+"""What a monitor recorded: motion of its spheres, forces of their contacts, and energy flux through its rows.
+
+Everything is dimensionless like `granular_lmp.runs.snapshots`: displacements in D0, times in t0, forces in k1 D0,
+torques in k1 D0 R, and powers in k1 D0²/t0.
+
+The energy flux through a row n, positive along +y, is half of what its spheres get from the contacts with the rows
+below, less half of what they get from those above,
+
+    J_n = ½ Σ_{i in n} [Σ_{j below} P_ij − Σ_{j above} P_ij],    P_ij = F_ij · v_i + T_ij ω_i
+
+with the force F_ij, normal and shear, and the torque T_ij of the contact on sphere i. As if a plane cut the spheres of
+the row and the contacts between them in halves: the energy between two rows, with half of that of both, changes by the
+difference of their fluxes, and by what sources, dashpots and the work of the shear law do between them. A source in the
+row itself acts half above and half below. Between LAMMPS's steps velocity and force are of the same time; in LAMMPS
+contacts see the velocity of half a step ago, so a dashpot's power is off by first order in the step.
+
+OVITO reads ``monitor.NAME.bin`` as a binary LAMMPS dump with the columns of a snapshot, and ``monitor.NAME.contacts``
+as a ``dump local``; ``pandas.DataFrame(monitor.columns())`` is a table of either.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.binary_dump import binary_snapshots
+from granular_lmp.lammps.monitors import CONTACT_COLUMNS
+from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SCENE, read_snapshots
+from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.snapshots import dimensionless, finest
+from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.monitors import Monitor, row_step
+from granular_lmp.scene.places import spheres_at
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import allowed_names
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Contacts of the spheres of a monitor over time: all that touched at any time.
+
+    Attributes
+    ----------
+    i, j : (C,) int arrays
+        Indices of the two spheres in the crystal, i < j.
+    vector : (T, C, 2) array
+        From the centre of i to that of j, in R; nan while they do not touch.
+    normal : (T, C) array
+        Force along n = vector/|vector| on j, in k1 D0: positive where it pushes the two apart; 0 while they do not
+        touch. It holds the static force, which is 0 in an adhesive crystal that nothing presses.
+    shear : (T, C) array
+        Force on j along t = ẑ × n, n turned by +90°, in k1 D0.
+    overlap : (T, C) array
+        In Δ0; nan while they do not touch.
+    """
+
+    i: Integers
+    j: Integers
+    vector: Floats
+    normal: Floats
+    shear: Floats
+    overlap: Floats
+
+    @property
+    def force(self) -> Floats:
+        """Force on j, (T, C, 2), in k1 D0; that on i is its opposite."""
+        direction = self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True)
+        across = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+        return np.nan_to_num(self.normal[..., None] * direction + self.shear[..., None] * across)
+
+
+@dataclass(frozen=True, repr=False)
+class MonitorRecord:
+    """Record of a monitor, read when it is used.
+
+    Attributes
+    ----------
+    monitor : Monitor
+        As the scene declares it.
+    scene : Scene
+        Scene of the run that wrote it.
+    folder : Path
+        Folder of that run.
+    """
+
+    monitor: Monitor
+    scene: Scene
+    folder: Path
+
+    @classmethod
+    def load(cls, folder: str | Path, name: str) -> Self:
+        """Return the record of a monitor in a run folder; for a run with a tolerance that of its finest step.
+
+        Raises
+        ------
+        RunFolderError
+            If the scene has no such monitor, or the run left no file of it.
+        """
+        folder = Path(folder)
+        known = {each.name: each for each in Scene.load(folder / SCENE).monitor}
+        if name not in known:
+            there = allowed_names(name, known) if known else "its scene has none"
+            raise RunFolderError(f"{folder}: monitor {name!r}: no such monitor; {there}")
+        path = finest(folder, MONITOR.format(name))
+        if path is None:
+            raise RunFolderError(f"{folder / MONITOR.format(name)}: missing; run the scene again with force=True")
+        return cls(known[name], Scene.load(path.parent / SCENE), path.parent)
+
+    # --- motion ---
+
+    @cached_property
+    def crystal(self) -> ase.Atoms:
+        """All spheres at rest; lengths in radii."""
+        return crystal_of(self.scene).atoms
+
+    @cached_property
+    def spheres(self) -> Integers:
+        """Indices of the spheres of the monitor in the crystal, (N,), ascending."""
+        return spheres_at(self.monitor.rows, self.monitor.spheres, self.crystal, "monitor")
+
+    @property
+    def row(self) -> Integers:
+        """Row of each sphere, (N,), counted from 0."""
+        return np.asarray(self.crystal.arrays["row"][self.spheres])
+
+    @property
+    def column(self) -> Integers:
+        """Column of each sphere, (N,), counted from 0."""
+        return np.asarray(self.crystal.arrays["column"][self.spheres])
+
+    @cached_property
+    def _motion(self) -> tuple[Integers, dict[str, Floats]]:
+        """Steps, and columns of the dump by name, (T, N) each."""
+        path = self.folder / MONITOR.format(self.monitor.name)
+        steps, tables, names = [], [], [""]
+        for each in binary_snapshots(path):
+            table = each.table[np.argsort(each.table[:, 0])]  # each rank writes its own
+            if not np.array_equal(table[:, 0], self.spheres + 1):
+                raise RunFolderError(f"{path}: holds other spheres at step {each.step} than those of the monitor")
+            steps.append(each.step)
+            tables.append(table)
+            names = each.names
+        samples = self.scene.time.samples + 1
+        if not steps or len(steps) > samples or np.any(np.diff(steps) <= 0):
+            raise RunFolderError(f"{path}: holds {len(steps)} records, expected up to {samples} at ascending steps")
+        return np.array(steps), dict(zip(names, np.moveaxis(np.array(tables), 2, 0), strict=True))
+
+    @cached_property
+    def _fields(self) -> tuple[Floats, Floats, Floats, Floats]:
+        return dimensionless(self._motion[1], self.scene)
+
+    @property
+    def tau(self) -> Floats:
+        """Times, (T,), in t0."""
+        return self._motion[0].astype(float) * self.scene.time.step
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement u, v from the place at rest, (T, N, 2), in D0."""
+        return self._fields[0]
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity, (T, N, 2), in D0/t0; of a sphere that a source moves that of half a step ago."""
+        return self._fields[1]
+
+    @property
+    def rotation(self) -> Floats:
+        """Rθ/D0, (T, N); 0 if spheres do not turn, nan if they turn and are not tracked."""
+        return self._fields[2]
+
+    @property
+    def spin(self) -> Floats:
+        """Rω t0/D0, (T, N); 0 if spheres do not turn."""
+        return self._fields[3]
+
+    # --- contacts ---
+
+    @cached_property
+    def contacts(self) -> ContactForces:
+        """Contacts of its spheres.
+
+        Raises
+        ------
+        RunFolderError
+            If the monitor records motion only, or its file is damaged.
+        """
+        if not self.monitor.with_contacts:
+            raise RunFolderError(
+                f'monitor {self.monitor.name}: what = "{self.monitor.what}": holds no contacts; run its scene with '
+                'what = "contacts" or "flux"'
+            )
+        path = self.folder / MONITOR_CONTACTS.format(self.monitor.name)
+        when = {step: number for number, step in enumerate(self._motion[0].tolist())}
+        times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(CONTACT_COLUMNS)))]
+        for step, names, table in read_snapshots(path):
+            if tuple(names) != CONTACT_COLUMNS:
+                raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(CONTACT_COLUMNS)}")
+            if step in when and len(table):  # a run that was killed may have written one of the two files
+                times.append(np.full(len(table), when[step]))
+                tables.append(table)
+        return self._by_pair(np.concatenate(times), np.concatenate(tables), len(when))
+
+    def _by_pair(self, time: Integers, table: Floats, count: int) -> ContactForces:
+        """Return the contacts of the monitor's spheres from the lines of the dump."""
+        atoms, units = self.crystal, units_for(self.scene.sphere.radius)
+        sphere = self.scene.sphere
+        first, second = table[:, :2].astype(int).T - 1
+        own = np.isin(first, self.spheres) | np.isin(second, self.spheres)
+        time, table, first, second = time[own], table[own], first[own], second[own]
+        i, j = np.minimum(first, second), np.maximum(first, second)
+        keys, pair = np.unique(i * len(atoms) + j, return_inverse=True)
+        of_i, of_j = keys // len(atoms), keys % len(atoms)
+        sign = np.where(first == i, -1.0, 1.0)  # the vector leads to the first, and the force is on the first
+        vector = np.full((count, len(keys), 2), np.nan)
+        vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
+        force = units.number(sphere.normal_stiffness * self.scene.displacement_amplitude, mass=1, length=1, time=-2)
+        normal, shear = np.zeros((2, count, len(keys)))
+        normal[time, pair] = table[:, 2] / force
+        x, y = (sign[:, None] * table[:, 5:7]).T / np.hypot(table[:, 5], table[:, 6])
+        shear[time, pair] = sign * (table[:, 4] * x - table[:, 3] * y) / force
+        radius = atoms.arrays["radius"]
+        length = np.linalg.norm(vector, axis=-1)
+        overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / sphere.static_overlap
+        return ContactForces(of_i, of_j, vector, normal, shear, overlap)
+
+    def power(self, end: str) -> Floats:
+        """Return the power P = F·v + T ω of each contact on the spheres at one end, (T, C), in k1 D0²/t0.
+
+        Parameters
+        ----------
+        end : "i" or "j"
+            It is 0 for spheres that are not of the monitor.
+        """
+        contacts, ratio = self.contacts, self.scene.sphere.static_overlap / self.scene.sphere.radius
+        index = getattr(contacts, end)
+        place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
+        own = self.spheres[place] == index
+        force = contacts.force if end == "j" else -contacts.force
+        # LAMMPS's lever arm; the torque has the same sense on both
+        arm = self.crystal.arrays["radius"][index] - np.nan_to_num(contacts.overlap) * ratio / 2
+        power = np.sum(force * self.velocity[:, place], axis=-1) - arm * contacts.shear * self.spin[:, place]
+        return np.where(own, power, 0.0)
+
+    # --- energy flux ---
+
+    @property
+    def rows(self) -> Integers:
+        """The rows of a monitor of whole rows, (R,)."""
+        first, last = self.monitor.span
+        return np.arange(first, last + 1)
+
+    @cached_property
+    def flux(self) -> Floats:
+        """Energy flux through each of `rows`, (T, R), positive along +y, in k1 D0²/t0.
+
+        That of a row that a source moves is off by first order in the time step, as its `velocity` is.
+
+        Raises
+        ------
+        RunFolderError
+            If the monitor is of another kind.
+        """
+        if self.monitor.what != "flux":
+            raise RunFolderError(
+                f'monitor {self.monitor.name}: what = "{self.monitor.what}": holds no flux; run its scene with '
+                'what = "flux" for rows'
+            )
+        row = self.crystal.arrays["row"]
+        flux = np.zeros((len(self.tau), len(self.rows)))
+        for end, other in (("i", "j"), ("j", "i")):
+            of, to = (row[getattr(self.contacts, name)] for name in (end, other))
+            up = row_step(to - of, self.scene.shape)  # 1 if the contact leads to the row above
+            flux -= self.power(end) @ (0.5 * up[:, None] * (of[:, None] == self.rows))
+        return flux
+
+    @property
+    def watt(self) -> float:
+        """The unit of power k1 D0²/t0, in W."""
+        sphere = self.scene.sphere
+        return sphere.normal_stiffness * self.scene.displacement_amplitude**2 / sphere.time_scale
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return what the monitor is for as columns of one length, dimensionless, time by time.
+
+        Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
+        contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap. Of flux one
+        for each time and row: tau, row, flux.
+        """
+        if self.monitor.what == "flux":
+            return self._long({"row": self.rows}, {"flux": self.flux})
+        if self.monitor.what == "contacts":
+            contacts, arrays = self.contacts, self.crystal.arrays
+            ends = {"i": contacts.i, "j": contacts.j}
+            which = {f"{name}_{end}": arrays[name][index] for end, index in ends.items() for name in ("row", "column")}
+            values = {name: getattr(contacts, name) for name in ("normal", "shear", "overlap")}
+            return self._long(which, values)
+        (u, v), (u_t, v_t) = np.moveaxis(self.displacement, 2, 0), np.moveaxis(self.velocity, 2, 0)
+        moving = {"u": u, "v": v, "phi": self.rotation, "u_t": u_t, "v_t": v_t, "phi_t": self.spin}
+        return self._long({"row": self.row, "column": self.column}, moving)
+
+    def _long(self, which: dict[str, Integers], values: dict[str, Floats]) -> dict[str, NDArray[Any]]:
+        times, count = len(self.tau), len(next(iter(which.values())))
+        named: dict[str, NDArray[Any]] = {name: np.tile(numbers, times) for name, numbers in which.items()}
+        return {"tau": np.repeat(self.tau, count)} | named | {name: each.ravel() for name, each in values.items()}
+
+    def __repr__(self) -> str:
+        return f"<MonitorRecord {self.monitor.name}: {self.monitor.what}, {self.monitor.places}, {self.folder}>"

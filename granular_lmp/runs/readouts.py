@@ -1,0 +1,185 @@
+"""What an experimenter reads off the monitors of a driven crystal: harmonics of the drive and the static field.
+
+In the steady part of a run, at the frequency Ω of the drive, each component of each sphere is fitted by
+
+    x(τ) = s + d (τ − middle) + Σ_{k=1}^{3} (c_k cos kΩτ + s_k sin kΩτ)
+
+by least squares; d takes up a slow drift. The amplitude of a harmonic is the root mean square of √(c_k² + s_k²) over
+the spheres of the monitor, which does not cancel where they move in different phases; the static field s is the mean.
+
+The steady part is the second half of the time that is left when the drive has risen and its fastest wave has come from
+the farthest source. It ends with the run, or with the echo of the walls unless the scene allows it. Nothing says that
+it is steady, so the error of each number is the larger of the standard error of the fit and of half the difference
+between the two halves of the steady part.
+"""
+
+from collections.abc import Iterator
+from math import isclose, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.runs.monitors import MonitorRecord
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.monitors import Monitor
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+
+Floats = NDArray[np.float64]
+
+HARMONICS = 3
+FEWEST_PERIODS = 4  # of the steady part, two in each half
+_FACTORS = 2 + 2 * HARMONICS
+
+
+class NoReadoutError(Exception):
+    """A run from which nothing can be read off, and why."""
+
+
+def drive_of(scene: Scene) -> tuple[float, float]:
+    """Return the frequency of the drive of a scene, rad/t0, and the time τ at which it has risen.
+
+    Raises
+    ------
+    NoReadoutError
+        If no driven row and no source is there, a source is no tone, or they have different frequencies.
+    """
+    usual = mode_of(scene).frequency
+    if scene.wave.form == "driven":
+        return usual, scene.envelope.ramp
+    if not scene.source:
+        raise NoReadoutError(f'wave.form = "{scene.wave.form}": nothing drives the crystal at one frequency')
+    for number, each in enumerate(scene.source, 1):
+        if each.signal != "tone":
+            raise NoReadoutError(f'source {number}: signal = "{each.signal}": must be "tone", which becomes steady')
+    found = [each.pulsation(scene.sphere, usual) for each in scene.source]
+    for number, frequency in enumerate(found, 1):
+        if not isclose(frequency, found[0], rel_tol=1e-12):
+            raise NoReadoutError(
+                f"source {number}: frequency = {frequency:.6g}: differs from {found[0]:.6g} of source 1"
+            )
+    return found[0], max(each.delay + each.ramp for each in scene.source)
+
+
+def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
+    """Return the frequency of the drive, rad/t0, and the beginning and the end of the steady part, τ.
+
+    Raises
+    ------
+    NoReadoutError
+        As `drive_of`, or if the steady part is too short, or samples are too far apart for the third harmonic.
+    """
+    frequency, risen = drive_of(scene)
+    first, last = monitor.span
+    rows = (
+        [(0, 0)] if scene.wave.form == "driven" else [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
+    )
+    far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
+    arrived = risen + far / FASTEST_ROWS_PER_TAU
+    recorded = scene.time.samples * scene.time.sample
+    end = recorded if scene.time.allow_echo else min(recorded, scene.echo_at(monitor))
+    begin = (arrived + end) / 2
+    periods = (end - begin) * frequency / (2 * pi)
+    if periods < FEWEST_PERIODS:
+        longer = arrived + 2 * FEWEST_PERIODS * 2 * pi / frequency
+        cure = "time.allow_echo = true or quiet ends" if end < recorded else "a longer time.duration"
+        raise NoReadoutError(
+            f"time.duration = {scene.time.duration!r}: leaves {max(periods, 0.0):.2g} steady periods up to tau = "
+            f"{end:.4g}; must be {FEWEST_PERIODS}, up to {longer:.4g}: {cure}"
+        )
+    longest = pi / (HARMONICS * frequency)
+    if scene.time.sample >= longest:
+        raise NoReadoutError(
+            f"time.sample = {scene.time.sample!r}: must be below {longest:.4g}, half a period of harmonic {HARMONICS}"
+        )
+    return frequency, begin, end
+
+
+def readout(record: MonitorRecord) -> dict[str, Any]:
+    """Return what ``run.json`` says of a monitor of motion.
+
+    Returns
+    -------
+    dict
+        ``frequency``, rad/t0; ``from`` and ``to``, τ; ``u``, ``v`` and ``phi``, each with ``static``, ``1``, ``2`` and
+        ``3``: the number and its error in D0. A component that was not recorded is missing. Of a run from which
+        nothing can be read off only ``why``.
+    """
+    try:
+        frequency, begin, end = steady_part(record.scene, record.monitor)
+    except NoReadoutError as error:
+        return {"why": str(error)}
+    tau = record.tau
+    steady = (tau >= begin) & (tau <= end * (1 + 1e-12))
+    signals = {"u": record.displacement[..., 0], "v": record.displacement[..., 1], "phi": record.rotation}
+    found: dict[str, Any] = {"frequency": frequency, "from": float(tau[steady][0]), "to": float(tau[steady][-1])}
+    for name, values in signals.items():
+        if not np.isnan(values).any():
+            found[name] = dict(_harmonics(tau[steady], values[steady], frequency))
+    return found
+
+
+def _harmonics(tau: Floats, values: Floats, frequency: float) -> Iterator[tuple[str, list[float]]]:
+    """Yield the static field and the harmonics of signals (T, N), each with its error, by name."""
+    middle = len(tau) // 2
+    whole, errors = fitted(_functions(tau, frequency), values)
+    early, late = (
+        fitted(_functions(tau[part], frequency), values[part])[0] for part in (slice(middle), slice(middle, None))
+    )
+    changed = np.abs(late - early) / 2
+    yield "static", [float(whole[0].mean()), max(_rms(errors[0]), abs(float((late - early)[0].mean())) / 2)]
+    for order in range(1, HARMONICS + 1):
+        both = slice(2 * order, 2 * order + 2)
+        error = _rms(errors[both])
+        yield str(order), [_rms(np.hypot(*whole[both])), max(error, _rms(np.hypot(*changed[both])))]
+
+
+def _functions(tau: Floats, frequency: float) -> Floats:
+    """Return the functions of time of the fit as columns: 1, τ, cos kΩτ, sin kΩτ."""
+    turning = [f(k * frequency * tau) for k in range(1, HARMONICS + 1) for f in (np.cos, np.sin)]
+    return np.column_stack([np.ones_like(tau), tau - tau.mean(), *turning])
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def fitted(matrix: Floats, signals: Floats) -> tuple[Floats, Floats]:
+    """Return the least-squares factors of the columns of a matrix in signals, and their standard errors.
+
+    Parameters
+    ----------
+    matrix : (T, F) array
+    signals : (T,) or (T, N) array
+
+    Returns
+    -------
+    factors, errors : (F,) or (F, N) arrays
+    """
+    sizes = np.linalg.norm(matrix, axis=0)
+    columns = matrix / sizes
+    scale = sizes if signals.ndim == 1 else sizes[:, None]
+    factors, *_ = np.linalg.lstsq(columns, signals)
+    rest = signals - columns @ factors
+    variance = np.sum(rest**2, axis=0) / (len(signals) - len(sizes))
+    spread = np.diag(np.linalg.pinv(columns.T @ columns))
+    return factors / scale, np.sqrt(np.multiply.outer(spread, variance)) / scale
+
+
+def readouts_of(record: Record) -> dict[str, Any]:
+    """Return the entry ``monitors`` of ``run.json`` from the record of a run; nothing without a monitor of motion."""
+    watched = [each.name for each in record.scene.monitor if each.what == "motion"]
+    return {"monitors": {name: readout(record.monitor(name)) for name in watched}} if watched else {}
+
+
+def readout_columns(info: dict[str, Any]) -> dict[str, float]:
+    """Return the read-outs in ``run.json`` as columns of a table: "line.u_static", "line.u1", "line.u1_error", …"""
+    found: dict[str, float] = {}
+    for monitor, said in info.get("monitors", {}).items():
+        for component in (name for name in ("u", "v", "phi") if name in said):
+            for order, (value, error) in said[component].items():
+                name = f"{monitor}.{component}{'_' * (order == 'static')}{order}"
+                found |= {name: value, f"{name}_error": error}
+    return found

@@ -1,0 +1,237 @@
+"""Monitors: spheres whose motion is recorded beside the centre sphere, with the forces of their contacts if wanted.
+
+A monitor has spheres, and records at every sample of the run
+
+    motion      displacement, velocity, angle and spin of each
+    contacts    that, and the force of each of their contacts
+    flux        that, of whole rows, whence the energy flux through each row (`granular_lmp.runs.monitors`)
+
+Recording changes no motion. What a run leaves is read by `granular_lmp.runs.monitors`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lattices import Shape
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.places import in_words, place_troubles, spheres_at
+from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, NameRule, choice
+from granular_lmp.scene.sections import Packing
+from granular_lmp.scene.shape import arrival_time
+from granular_lmp.scene.sources import Source
+
+WHAT = ("motion", "contacts", "flux")
+# LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
+MOST_GROUPS = 24
+_MOST = 10_000_000  # rows or columns
+_CONTACT_LINE = 110  # bytes
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """Spheres, and what is recorded of them.
+
+    Attributes
+    ----------
+    name : str
+        Names the files of the run and the columns of a sweep.
+    rows : (first, last)
+        All spheres of these rows and of those between, counted from 0; or
+    spheres : sequence of (row, column)
+    what : "motion", "contacts" or "flux"
+    """
+
+    name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
+    rows: Sequence[int] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
+    )
+    spheres: Sequence[tuple[int, int]] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
+    )
+    what: str = choice("contacts: motion and contact forces; flux: these of rows, for energy", WHAT, default="motion")
+
+    @property
+    def with_contacts(self) -> bool:
+        """True if the forces of contacts are recorded."""
+        return self.what != "motion"
+
+    @property
+    def places(self) -> str:
+        """The spheres in words."""
+        return in_words(self.rows, self.spheres)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First and last row in which it has spheres."""
+        rows = self.rows or [row for row, _ in self.spheres]
+        return min(rows), max(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMonitor:
+    """A monitor in its crystal.
+
+    Attributes
+    ----------
+    monitor : Monitor
+    spheres : (n,) int array
+        Indices of its spheres, ascending.
+    around : (m,) int array
+        Indices of these and of all spheres that they touch or may come to touch; empty for motion alone.
+    """
+
+    monitor: Monitor
+    spheres: NDArray[np.int64]
+    around: NDArray[np.int64]
+
+    @property
+    def words(self) -> str:
+        """What is recorded in words."""
+        count = len(self.spheres)
+        return f"{self.monitor.what} of {count} sphere{'s' if count > 1 else ''}, {self.monitor.places}"
+
+    @property
+    def bytes(self) -> int:
+        """Size of a record, about: 13 doubles a sphere, and with contacts three lines of text a sphere."""
+        return 104 * len(self.spheres) + 3 * _CONTACT_LINE * len(self.around)
+
+
+def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) -> None:
+    """Check each monitor by itself, that their names differ, and that the places that they name stay where they are."""
+    if not monitors:
+        return
+    if packing.rows == AUTO:
+        raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[monitor]], which counts rows")
+    names: dict[str, int] = {}
+    for number, each in enumerate(monitors, 1):
+        if not each.name:
+            raise SceneError(f"monitor {number}: name: missing key; must be {NameRule(str, '', '').allowed}")
+        if each.name.lower() in names:
+            raise SceneError(
+                f"monitor {number}: name = {each.name!r}: is that of monitor {names[each.name.lower()]} too"
+            )
+        names[each.name.lower()] = number  # some file systems know no capitals
+        if each.spheres and packing.columns == AUTO:
+            raise SceneError(
+                f"packing.columns = {packing.columns!r}: must be a number where a monitor has single spheres"
+            )
+        for trouble in place_troubles(each.rows, each.spheres, shape):
+            raise SceneError(f"monitor {each.name}: {trouble}")
+        if each.what == "flux" and not each.rows:
+            raise SceneError(f'monitor {each.name}: {each.places}: must be rows with what = "flux"')
+
+
+def placed_monitors(
+    monitors: Sequence[Monitor], crystal: ase.Atoms, shape: Shape, contacts: Contacts | None, on: Mapping[str, bool]
+) -> tuple[PlacedMonitor, ...]:
+    """Return the monitors of a scene in its crystal at rest.
+
+    Parameters
+    ----------
+    monitors : sequence of Monitor
+    crystal : ase.Atoms
+        Spheres at rest.
+    shape : Shape
+    contacts : Contacts, optional
+        Contacts of all spheres; None for a perfect lattice, whose spheres touch those of the next rows only.
+    on : mapping of str to bool
+        Effects that are on.
+
+    Raises
+    ------
+    SceneError
+        If a place is empty, contacts resist rolling, or contacts reach beyond the next row.
+    """
+    found = []
+    for each in monitors:
+        try:
+            chosen = spheres_at(each.rows, each.spheres, crystal, "monitor")
+        except SceneError as error:
+            raise SceneError(f"monitor {each.name}: {error}") from error
+        around = chosen[:0]
+        if each.with_contacts:
+            if on["rolling"]:
+                raise SceneError(
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" with effects.rolling, whose torque '
+                    "the record of contacts does not hold"
+                )
+            if contacts is not None and _far(contacts, crystal, shape):
+                raise SceneError(
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" where contacts reach beyond the next '
+                    "row, as they do in this crystal at rest"
+                )
+            around = _around(chosen, crystal, shape)
+        found.append(PlacedMonitor(each, chosen, around))
+    return tuple(found)
+
+
+def _far(contacts: Contacts, crystal: ase.Atoms, shape: Shape) -> bool:
+    """Return whether two spheres touch that are not in the same row or in rows next to each other."""
+    row = crystal.arrays["row"]
+    return bool((np.abs(row_step(row[contacts.j] - row[contacts.i], shape)) > 1).any())
+
+
+def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:
+    """Return differences of rows by the shorter way: across the ends of a periodic cell."""
+    if shape.ends != "periodic":
+        return difference
+    return (difference + shape.rows // 2) % shape.rows - shape.rows // 2
+
+
+def _around(chosen: NDArray[np.int64], crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
+    """Return the spheres of the rows around some spheres that are within 1½ lattice constants along x of one."""
+    row, x = crystal.arrays["row"], crystal.positions[:, 0]
+    width = float(crystal.cell.lengths()[0])
+    reach = 3.0 * float(crystal.arrays["radius"].max())
+    near = np.zeros(len(row), dtype=bool)
+    for each in np.unique(row[chosen]).tolist():
+        own = np.unique(x[chosen][row[chosen] == each])
+        beside = np.flatnonzero(np.abs(row_step(row - each, shape)) <= 1)
+        if len(own) * 3 > shape.columns:
+            near[beside] = True
+            continue
+        apart = np.abs(x[beside][:, None] - own)
+        apart = np.minimum(apart, width - apart) if shape.lattice.endless_rows else apart
+        near[beside[(apart < reach).any(axis=1)]] = True
+    return np.flatnonzero(near)
+
+
+def check_groups(monitors: Sequence[PlacedMonitor], sources: int) -> None:
+    """Check that LAMMPS has groups enough for monitors beside a number of sources."""
+    groups = len(monitors) + sum(each.monitor.with_contacts for each in monitors) + sources
+    if monitors and groups > MOST_GROUPS:
+        raise SceneError(
+            f"monitor: {len(monitors)} monitors beside {sources} sources take {groups} groups of LAMMPS, those with "
+            f"contacts two each; must be at most {MOST_GROUPS}"
+        )
+
+
+def monitor_echo(monitor: Monitor, sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
+    """Return the time τ at which an echo of the walls may reach a monitor, by the rule of `arrival_time`.
+
+    Waves of sources and of a driven row run to an end and from there to the monitor; a wave that fills the crystal is
+    disturbed by the walls from τ = 0 on. Ends that sources move send back waves of the others only, quiet ends none.
+    """
+    if shape.ends == "periodic":
+        return inf
+    first, last = monitor.span
+    end = shape.rows - 1
+    beyond = {0: first, end: end - last}  # rows from an end to the monitor
+    if driven:
+        return inf if quiet else arrival_time(end + beyond[end])
+    if not sources:
+        return inf if quiet else arrival_time(min(beyond.values()))
+    ways = [
+        abs(row - wall) + beyond[wall]
+        for each in sources
+        for wall in beyond
+        for row in each.rows_of()
+        if not each.is_in_row(wall) and (not quiet or any(other.is_in_row(wall) for other in sources))
+    ]
+    return arrival_time(min(ways)) if ways else inf

@@ -1,0 +1,67 @@
+"""Places in a packing: whole rows, or single spheres by row and column, as sources and monitors name them."""
+
+from collections.abc import Iterator, Sequence
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import Shape
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import shown
+
+Rows = Sequence[int]
+Spheres = Sequence[tuple[int, int]]
+
+
+def in_words(rows: Rows, spheres: Spheres) -> str:
+    """Return the places as a scene file has them: "rows = [3, 5]"."""
+    return f"rows = {list(rows)}" if rows else f"spheres = {shown([list(each) for each in spheres])}"
+
+
+def place_troubles(rows: Rows, spheres: Spheres, shape: Shape) -> Iterator[str]:
+    """Yield what is wrong with places in a packing of this shape: must be rows or spheres, and inside."""
+    given = [name for name, value in (("rows", rows), ("spheres", spheres)) if value]
+    if len(given) != 1:
+        yield f"{' and '.join(given) or 'neither'} given: must be either rows or spheres"
+    if rows and not 0 <= rows[0] <= rows[1] < shape.rows:
+        yield f"rows = {list(rows)}: must be [first, last], from 0 to {shape.rows - 1}"
+    for row, column in spheres:
+        if row >= shape.rows or column >= shape.columns:
+            yield (
+                f"sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{shape.rows - 1}, "
+                f"{shape.columns - 1}]"
+            )
+
+
+def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str) -> NDArray[np.int64]:
+    """Return the indices of the spheres at some places of a crystal, ascending.
+
+    Parameters
+    ----------
+    rows : (first, last)
+        All spheres of these rows and of those between; or
+    spheres : sequence of (row, column)
+    crystal : ase.Atoms
+        With the arrays ``row`` and ``column``.
+    role : str
+        What the places are for, "source" or "monitor", for the error message.
+
+    Raises
+    ------
+    SceneError
+        If a sphere is a vacancy, or the rows hold vacancies only.
+    """
+    row, column = crystal.arrays["row"], crystal.arrays["column"]
+    if rows:
+        chosen = np.flatnonzero((rows[0] <= row) & (row <= rows[1]))
+        if not len(chosen):
+            raise SceneError(f"{in_words(rows, spheres)}: holds vacancies only")
+        return chosen
+    index: dict[tuple[int, ...], int] = {
+        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
+    }
+    for place in spheres:
+        if tuple(place) not in index:
+            raise SceneError(f"sphere {list(place)}: is a vacancy, and cannot be a {role}")
+    return np.unique([index[tuple(at)] for at in spheres])

@@ -1,0 +1,310 @@
+"""Monitors: what a scene may ask of them, what they record, and how their files fare in run folders."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import ase.io
+import numpy as np
+import pytest
+
+from analysis import compare
+from analysis.theory.choice import traits_of
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.cli import main
+from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.problem import prepare
+from granular_lmp.runs.adopt import adopt
+from granular_lmp.runs.export import export
+from granular_lmp.runs.launch import resume
+from granular_lmp.scene.scene import note
+from granular_lmp.studies.kick import run_kicked
+from tests.conftest import PAPER
+
+PUSH: dict[str, Any] = {"spheres": [[6, 3]], "force": "y", "signal": "burst", "cycles": 2.0, "frequency": 1.0}
+BEHIND: dict[str, Any] = {"name": "behind", "rows": [8, 9], "what": "flux"}
+BESIDE: dict[str, Any] = {"name": "beside", "spheres": [[6, 4], [6, 3]], "what": "contacts"}
+LINE: dict[str, Any] = {"name": "line", "rows": [4, 4]}
+SHEET = PAPER.with_values(
+    {"name": "sheet", "wave.form": "none", "wave.amplitude": 0.05, "wave.wavenumber": 1.0, "time.duration": 12.0}
+    | {"packing.rows": 13, "packing.columns": 6, "source": [PUSH], "monitor": [BEHIND, BESIDE, LINE]}
+    | {"time.allow_echo": True, "time.sample": 0.25}
+)
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return run(SHEET.with_values({"output.particles": 0.25}), tmp_path_factory.mktemp("monitors") / "run")
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_is_read_back_from_its_text() -> None:
+    assert Scene.loads(SHEET.to_toml()) == SHEET
+    assert SHEET.with_values({"monitor.3.rows": [2, 5]}).monitor[2].rows == (2, 5)
+    assert "[[monitor]]" not in PAPER.to_toml()
+    assert note("monitor.1.name") == "of its files, and of columns of a sweep"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"monitor": [{"rows": [4, 4]}]}, "monitor 1: name: missing key; must be a name of at most 40 ASCII letters"),
+        ({"monitor.1.name": "a b"}, r"monitor\.1\.name = 'a b': must be a name of at most 40 ASCII letters, digits"),
+        ({"monitor.1.name": "a/../b"}, "must be a name of at most 40"),
+        ({"monitor.1.name": "LINE"}, "monitor 3: name = 'line': is that of monitor 1 too"),
+        ({"monitor.1.what": "heat"}, r'what = \'heat\': must be one of "motion", "contacts", "flux"'),
+        ({"monitor.1.spheres": [[1, 1]]}, "monitor behind: rows and spheres given: must be either rows or spheres"),
+        ({"monitor": [{"name": "a"}]}, "monitor a: neither given: must be either rows or spheres"),
+        ({"monitor.3.rows": [4, 13]}, r"monitor line: rows = \[4, 13\]: must be \[first, last\], from 0 to 12"),
+        ({"monitor.2.spheres": [[1, 6]]}, r"monitor beside: sphere \[1, 6\]: must be .* to \[12, 5\]"),
+        ({"monitor.2.what": "flux"}, r"monitor beside: spheres = .*: must be rows with what = \"flux\""),
+        ({"monitor.1.sample": 2.0}, r"monitor\.1\.sample: unknown key"),
+        ({"packing.rows": "auto", "wave.form": "running", "source": []}, r"packing\.rows = 'auto': must be a number"),
+        (
+            {"packing.columns": "auto", "wave.form": "running", "source": []},
+            r"packing\.columns = 'auto': must be a number where a monitor has single spheres",
+        ),
+        ({"inclusion": [{"spheres": [[6, 4]], "vacancy": True}]}, r"monitor beside: sphere \[6, 4\]: is a vacancy"),
+        (
+            {"effects.rolling_stiffness": 1.0, "effects.rolling_friction": 1e3},
+            r'monitor behind: what = "flux": must be "motion" with effects\.rolling',
+        ),
+        (
+            {"monitor": [BEHIND | {"name": f"m{k}"} for k in range(12)]},
+            "monitor: 12 monitors beside 1 sources take 25 groups of LAMMPS, .*; must be at most 24",
+        ),
+        ({"detector": []}, r"detector: unknown key; \[\[monitor\]\] declares what is recorded"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        prepare(SHEET.with_values(changes))
+
+
+def test_the_echo_at_a_monitor_is_said() -> None:
+    def echo(**changes: Any) -> float:
+        scene = PAPER.with_values({"packing.rows": 101, "time.allow_echo": True} | changes)
+        return scene.echo_at(scene.monitor[0])
+
+    near, far = ({"monitor": [{"name": "a", "rows": [row, row]}]} for row in (10, 50))
+    assert echo(**near) < echo(**far) == PAPER.with_values({"packing.rows": 101, "time.allow_echo": True}).echo_time
+    assert echo(**near, **{"packing.rows": 100, "packing.ends": "periodic"}) == np.inf
+    assert any("monitor line: the echo of the walls may reach it at tau = " in each for each in SHEET.remarks())
+
+
+def test_a_sheet_that_is_kicked_has_no_monitors(tmp_path: Path) -> None:
+    scene = Scene.load("tr_periodic").with_values({"packing.columns": 6, "monitor": [LINE]})
+    with pytest.raises(SceneError, match="monitor: must be left out for a sheet that is kicked"):
+        run_kicked(scene, tmp_path / "run")
+
+
+# --- what is recorded ------------------------------------------------------------------------------------------------
+
+
+def test_motion_is_that_of_the_snapshots(record: Record) -> None:
+    snapshots = record.snapshots()
+    for each in record.scene.monitor:
+        found = record.monitor(each.name)
+        np.testing.assert_array_equal(found.tau, snapshots.tau)
+        for name in ("displacement", "velocity", "rotation", "spin"):
+            np.testing.assert_array_equal(getattr(found, name), snapshots.stack(name)[:, found.spheres])
+    assert abs(record.monitor("line").displacement).max() > 1e-3
+    assert set(record.monitor("line").row) == {4}
+    assert record.monitor("beside").column.tolist() == [3, 4]
+
+
+def test_contact_forces_and_torques_are_what_moves_a_sphere(record: Record) -> None:
+    beside = record.monitor("beside")
+    contacts, scene = beside.contacts, record.scene
+    sphere = scene.sphere
+    number = int(beside.spheres[1])  # [6, 4], which nothing pushes from outside
+    sign = np.where(contacts.j == number, 1.0, np.where(contacts.i == number, -1.0, 0.0))
+    force = (sign[:, None] * contacts.force).sum(axis=1)
+    torque = -(abs(sign) * contacts.shear * (1 - contacts.overlap * sphere.overlap_ratio)).sum(axis=1)
+    unit = 2 * (sphere.stiffness_ratio + 3)  # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
+    rate = np.column_stack([beside.velocity[:, 1], 0.4 * beside.spin[:, 1]])
+    slope = unit * np.gradient(rate, 0.25, axis=0)[1:-1]
+    found = np.column_stack([force, torque])
+    # The central difference over two samples, h = 1/4 each, is the mean of the acceleration, of which Simpson's rule
+    # errs by h⁴/180 of the fourth derivative: 4e-4 at a frequency of 2, the top of all branches
+    mean = (found[:-2] + 4 * found[1:-1] + found[2:]) / 6
+    assert np.abs(slope - mean).max() < 1e-3 * np.abs(found).max()
+    assert np.abs(1.05 * slope - mean).max() > 1e-2 * np.abs(found).max()
+
+
+def test_theories_ignore_monitors(tmp_path: Path, small: Scene) -> None:
+    plain = run(small, tmp_path / "plain")
+    seen = run(small.with_values({"monitor": [LINE | {"what": "flux"}]}), tmp_path / "seen")
+    np.testing.assert_array_equal(seen.p, plain.p)
+    assert traits_of(seen) == traits_of(plain)
+    assert compare.compare(seen).error == compare.compare(plain).error
+
+
+def test_a_monitor_of_another_kind_or_name_is_refused_by_name(record: Record) -> None:
+    with pytest.raises(RunFolderError, match="monitor 'behid': no such monitor; did you mean 'behind'"):
+        record.monitor("behid")
+    with pytest.raises(RunFolderError, match='monitor line: what = "motion": holds no contacts'):
+        _ = record.monitor("line").contacts
+    with pytest.raises(RunFolderError, match='monitor beside: what = "contacts": holds no flux'):
+        _ = record.monitor("beside").flux
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_ase_reads_the_binary_motion(record: Record) -> None:
+    assert record.folder is not None
+    names = next(binary_snapshots(record.folder / "monitor.line.bin")).names
+    frames = ase.io.read(record.folder / "monitor.line.bin", index=":", format="lammps-dump-binary", colnames=names)
+    line = record.monitor("line")
+    assert len(frames) == len(line.tau)
+    radius = record.scene.sphere.radius * 1e9  # nm
+    rest = line.crystal.positions[line.spheres]
+    np.testing.assert_allclose(
+        frames[0].positions[:, :2] - frames[0].positions[0, :2], radius * (rest - rest[0])[:, :2]
+    )
+
+
+def test_csv_in_si_units_is_what_pandas_reads(record: Record, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    assert record.folder is not None
+    sphere, d0 = record.scene.sphere, record.scene.displacement_amplitude
+    tables = {}
+    for each in record.scene.monitor:
+        path = tmp_path / f"{each.name}.csv"
+        assert main(["export", str(record.folder), "--monitor", each.name, "-o", str(path)]) == 0
+        tables[each.name] = pandas.read_csv(path)
+    line, behind, beside = (record.monitor(name) for name in ("line", "behind", "beside"))
+    one = tables["line"].query("row == 4 and column == 2")
+    assert list(one.columns) == ["t_s", "row", "column", *("u_m", "v_m", "theta_rad", "u_t_m_s", "v_t_m_s")] + [
+        "theta_t_rad_s"
+    ]
+    # Factors of SI units, whose products round to 1e-16 each
+    same = {"rtol": 1e-14, "atol": 0.0}
+    np.testing.assert_allclose(one["t_s"], line.tau * sphere.time_scale, **same)
+    np.testing.assert_allclose(one["v_m"], line.displacement[:, 2, 1] * d0, **same)
+    np.testing.assert_allclose(one["theta_t_rad_s"] * sphere.radius * sphere.time_scale / d0, line.spin[:, 2], **same)
+    flux = tables["behind"].pivot(index="t_s", columns="row", values="flux_W").to_numpy()
+    watt = sphere.normal_stiffness * d0**2 / sphere.time_scale
+    np.testing.assert_allclose(flux, behind.flux * watt, **same)
+    touching = tables["beside"].query("row_i == 6 and column_i == 3 and row_j == 6 and column_j == 4")
+    (pair,) = np.flatnonzero((beside.contacts.i == beside.spheres[0]) & (beside.contacts.j == beside.spheres[1]))
+    force = sphere.normal_stiffness * d0
+    np.testing.assert_allclose(touching["shear_N"], beside.contacts.shear[:, pair] * force, **same)
+    with pytest.raises(RunFolderError, match=r"run\.nc: must end in one of \.csv for a monitor"):
+        export(record, tmp_path / "run.nc", "line")
+
+
+def test_check_names_monitors_with_their_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "sheet.toml"
+    path.write_text(SHEET.to_toml(), encoding="utf-8")
+    assert main(["check", str(path)]) == 0
+    assert "monitor   behind: flux of 12 spheres, rows = [8, 9], 0." in capsys.readouterr().out
+    assert main(["check", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["monitors"][2] == {
+        "name": "line",
+        "records": "motion of 6 spheres, rows = [4, 4]",
+    }
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("monitor.*"))}
+
+
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
+    scene = SHEET.with_values({"time.duration": 40.0, "output.checkpoint": 78 * 100 / SPEED / 60})
+
+    def interrupt(step: int, steps: int) -> None:
+        if step > steps / 3:
+            raise KeyboardInterrupt
+
+    for launcher in ("module", "lmp"):
+        run(scene, tmp_path / launcher, launcher=launcher)
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "stopped", progress=interrupt)
+    for path in (tmp_path / "stopped").glob("monitor.*"):  # as if it had been killed while it wrote
+        with path.open("ab") as stream:
+            stream.write(path.read_bytes()[:100])
+    unfinished = Record.load(tmp_path / "stopped", unfinished=True)
+    assert 0 < len(unfinished.monitor("behind").flux) < 161
+    assert resume(tmp_path / "stopped").info["status"] == "finished"
+    whole, *others = map(files_of, (tmp_path / name for name in ("module", "lmp", "stopped")))
+    assert list(whole) == [
+        "monitor.behind.bin",
+        "monitor.behind.contacts",
+        "monitor.beside.bin",
+        "monitor.beside.contacts",
+        "monitor.line.bin",
+    ]
+    assert others == [whole, whole]
+
+
+def test_two_ranks_record_the_same(record: Record, tmp_path: Path) -> None:
+    two = run(record.scene, tmp_path / "two", ranks=2)
+    for each in record.scene.monitor:
+        found, expected = two.monitor(each.name), record.monitor(each.name)
+        # Rounding of positions 6 µm from the origin, 1e-12 nm of D0 = 0.0125 nm, over 240 steps
+        np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-8)
+    # Forces: the same in k1 D0, times velocities of order 1
+    np.testing.assert_allclose(two.monitor("behind").flux, record.monitor("behind").flux, atol=1e-7)
+
+
+def test_adopted_and_forced_runs_take_their_monitors_along(record: Record, tmp_path: Path) -> None:
+    assert record.folder is not None
+    adopted = adopt(record.folder, tmp_path / "run")
+    np.testing.assert_array_equal(adopted.monitor("behind").flux, record.monitor("behind").flux)
+    (tmp_path / "run" / "monitor.mine.bin").write_text("not of the run")
+    short = SHEET.with_values({"time.duration": 2.0, "monitor": []})
+    run(short, tmp_path / "run", force=True)
+    assert list(files_of(tmp_path / "run")) == ["monitor.mine.bin"]
+    with pytest.raises(RunFolderError, match=r"monitor.line.bin: missing; the scene has the monitor"):
+        adopt(tmp_path / "run", tmp_path / "again", scene=short.with_values({"monitor": [LINE]}))
+
+
+def test_a_run_to_a_tolerance_has_the_monitors_of_its_finest_step(tmp_path: Path) -> None:
+    changes = {"time.duration": 6.0, "time.tolerance": 1e-2, "source.1.cycles": 1.0}
+    coarse = run(SHEET.with_values(changes), tmp_path / "run")
+    behind = coarse.monitor("behind")
+    assert sorted(path.name for path in (tmp_path / "run").glob("*_per_sample"))[-1] == behind.folder.name
+    assert behind.scene.time.step == min(coarse.info["extrapolated_from"])
+    assert coarse.info["monitors"]["line"] == {
+        "why": 'source 1: signal = "burst": must be "tone", which becomes steady'
+    }
+
+
+def test_what_is_left_of_a_dump_is_mended_and_what_is_another_is_refused(record: Record, tmp_path: Path) -> None:
+    assert record.folder is not None
+    content = (record.folder / "monitor.line.bin").read_bytes()
+    places = [(each.begin, each.end) for each in binary_snapshots(record.folder / "monitor.line.bin")]
+    path = tmp_path / "monitor.line.bin"
+    for cut in (0, 7, 60, 150, places[0][1] - 1):  # in the head, among the names, in the numbers
+        path.write_bytes(content[: places[1][1] + cut])
+        assert len(list(binary_snapshots(path))) == 2
+    path.write_bytes(content + content[places[40][0] :])  # a continuation from record 40
+    mend_binary(path)
+    assert path.read_bytes() == content
+    path.write_bytes(content[: places[45][1] + 20])
+    continuation(path).write_bytes(content[places[40][0] :])
+    mend_binary(path)
+    assert path.read_bytes() == content
+    assert not continuation(path).exists()
+    path.write_bytes(content[places[3][0] : places[3][0] + 40] + b"x" * 200)
+    assert not list(binary_snapshots(path))
+    path.write_bytes(b"x" * 200)
+    with pytest.raises(RunFolderError, match="not a binary dump of LAMMPS: at byte 0"):
+        list(binary_snapshots(path))
+    path.write_bytes(b"")
+    assert not list(binary_snapshots(path))
+
+
+def test_a_run_whose_monitor_lacks_records_fails(tmp_path: Path) -> None:
+    deck = build(SHEET.with_values({"time.duration": 2.0}))
+    for lost, gone in (("dump         monitor3", "undump monitor3"), ("dump_modify  contacts1", "undump contacts1")):
+        cut = deck.edited(before={"run": gone})
+        assert lost in deck.input_text
+        with pytest.raises(LammpsError, match=r"monitor\.\w+\.\w+ lacks records"):
+            run(cut, tmp_path / gone.replace(" ", "_"))
