@@ -190,7 +190,7 @@ scale: .venv/ready
 	$(BIN)/python -m benchmarks.scale
 
 decks: .venv/ready
-	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
+	for scene in lammps_inputs/*/scene.toml lammps_inputs/impacts/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
 
 # A warning is an error: a link, an anchor or a page of the navigation that is not there. The variable silences a notice of
 # the theme's vendor about another program

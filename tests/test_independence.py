@@ -87,9 +87,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "problem": {"errors", "crystal", "scene", "effects"},
     "lammps": {"errors", "crystal", "scene", "effects", "problem"},
     "runs": {"errors", "crystal", "scene", "effects", "problem", "lammps"},
+    "impact": {"errors", "crystal", "scene", "effects", "lammps", "runs"},
     "accuracy": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs"},
     "studies": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "accuracy"},
-    "plot": {"errors", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
+    "plot": {"errors", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)

@@ -12,8 +12,7 @@ of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres b
 from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-
+from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.sources import TORQUE, PlacedSource
@@ -103,7 +102,7 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
     signal = _Signal(source.signal, tag, unit, repr(length), repr(source.phase), f"t{tag}", f"t_was{tag}")
-    head = [f"group        {name} id {_ranges(placed)}"]
+    head = [f"group        {name} id {id_ranges(placed.spheres)}"]
     head += [] if source.signal == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
     head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
     if source.motion:
@@ -129,9 +128,3 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
         *signal.at(signal.now, "push", "s"),
         f"fix          {name} {name} {pushed[str(source.force)]}",
     ]
-
-
-def _ranges(placed: PlacedSource) -> str:
-    """Return the LAMMPS identifiers of the spheres, "4 7:9"."""
-    runs = np.split(placed.spheres + 1, np.flatnonzero(np.diff(placed.spheres) != 1) + 1)
-    return " ".join(f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

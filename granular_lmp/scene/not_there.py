@@ -57,12 +57,6 @@ NOT_THERE = (
         "monitor monitors flux probe detector receiver",
     ),
     NotThere(
-        "strikers, and lattices that just touch",
-        "a scene begins at rest, held together by adhesion or compression, which gives it its unit of time",
-        "`granular-lmp collide` for two spheres; `analysis.theory.chain` for struck chains",
-        "striker impact projectile",
-    ),
-    NotThere(
         "non-spherical grains",
         "LAMMPS's contact law is that of spheres",
         "LIGGGHTS, YADE, MercuryDPM",
@@ -110,6 +104,8 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
+    "a file with [[striker]] is an impact on spheres that just touch, for granular-lmp run, build, check, effects and "
+    "view, and holds no [wave]": "striker strikers impact projectile",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
 }
