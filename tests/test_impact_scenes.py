@@ -198,6 +198,9 @@ def test_a_scene_reads_back_what_it_writes() -> None:
     for name in NAMES:
         scene = ImpactScene.load(name)
         assert ImpactScene.loads(scene.to_toml()) == scene
+        for chosen in ({"output.rows": [1, 4]}, {"output.spheres": [[3, 0]]}):
+            changed = scene.with_values(chosen).with_values({"time.timestep": 0.02})
+            assert ImpactScene.loads(changed.to_toml()) == changed
 
 
 def test_the_scenes_of_waves_and_of_impacts_are_told_apart(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.impact.record", "granular_lmp.crystal.sphere"}
 
 
 def imports(source: str) -> set[str]:
