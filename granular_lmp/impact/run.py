@@ -13,6 +13,7 @@ from granular_lmp.impact.deck import COLUMNS, LONGEST_STEP, ImpactDeck, deck_of,
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import LOG, SNAPSHOTS, mend_dump, read_log, writable, write_files
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.folder import clear, locked
@@ -58,6 +59,8 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
     began = perf_counter()
     deck = what if isinstance(what, ImpactDeck) else deck_of(prepare(what))
     info = description(deck.problem, "lmp" if options.program else "module", options.ranks)
+    if deck is what and (edits := differing_lines(deck_of(deck.problem).input_text, deck.input_text)):
+        info["edited"] = edits
     route = route_of(options.program, options.ranks)
     folder = Path(folder).absolute()
     steps = deck.problem.scene.time.steps
