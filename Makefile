@@ -178,7 +178,12 @@ stability: .venv/ready
 guards: .venv/ready
 	$(BIN)/python -m tests.hard.guard_study --write docs/effects.md
 
+FRONTS = --set packing.rows=61 --set packing.columns=101 --set "striker.1.spheres=[[0, 50]]" --set time.duration=80.0 --set time.sample=0.4
+
 impact: .venv/ready
+	$(BIN)/granular-lmp run point_impact $(FRONTS) -o runs/impact/smooth --force
+	$(BIN)/granular-lmp run point_impact $(FRONTS) --set effects.friction=0.3 -o runs/impact/rough --force
+	$(BIN)/python -m analysis.figures.fronts runs/impact/smooth runs/impact/rough -o figures/fronts.png
 	$(BIN)/python -m analysis.figures.solitary -o figures/solitary.png
 	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
 
@@ -208,7 +213,7 @@ scale: .venv/ready
 	$(BIN)/python -m benchmarks.scale
 
 decks: .venv/ready
-	for scene in lammps_inputs/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
+	for scene in lammps_inputs/*/scene.toml lammps_inputs/impacts/*/scene.toml; do $(BIN)/granular-lmp build $$scene -o $$(dirname $$scene) --force || exit 1; done
 
 # A warning is an error: a link, an anchor or a page of the navigation that is not there. The variable silences a notice of
 # the theme's vendor about another program

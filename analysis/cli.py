@@ -21,6 +21,7 @@ SCRIPTS = {
     "effects": "the second harmonic over wave number, by what a scene leaves out or adds",
     "figure2": "the paper's figure 2: dispersion, resonance and antiresonance",
     "figure3": "the paper's figure 3: p, q and φ of runs beside theory",
+    "fronts": "the front of an impact on a hexagonal sheet: its decay and its speed",
     "impact": "error over cost of an impact: LAMMPS, two symplectic schemes, DOP853",
     "laws": "three shear laws side by side",
     "map": "the second harmonic over direction and wave number",

@@ -65,6 +65,11 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
         from granular_lmp.scene.json_schema import reference
 
         text = text.replace("<!-- scene keys -->", reference())
+    if "<!-- impact keys -->" in text:
+        from granular_lmp.impact.scene import ImpactScene
+        from granular_lmp.scene.json_schema import reference
+
+        text = text.replace("<!-- impact keys -->", reference(ImpactScene))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     source = {place: source for source, place in PAGES.items() if place != "index.md"}

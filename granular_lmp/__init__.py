@@ -7,9 +7,10 @@ the centre sphere::
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
-The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the table). A
-notebook's view of a scene, from the first of them, is drawn by the last: each asks for `html` here, by this package.
+The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `impact`,
+`accuracy`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
+table). A notebook's view of a scene, from the first of them, is drawn by the last: each asks for `html` here, by this
+package.
 """
 
 from importlib import import_module
@@ -18,6 +19,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from granular_lmp.accuracy.ladder import build as build
     from granular_lmp.accuracy.tolerance import run as run
+    from granular_lmp.impact.record import ImpactRecord as ImpactRecord
+    from granular_lmp.impact.run import run_impact as run_impact
+    from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
@@ -28,6 +32,8 @@ __version__ = "0.1.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {
+    "ImpactRecord": "impact.record",
+    "ImpactScene": "impact.scene",
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
     "build": "accuracy.ladder",
@@ -35,8 +41,9 @@ _HOMES = {
     "Record": "runs.record",
     "html": "plot.notebook",
     "prepare": "problem",
+    "run_impact": "impact.run",
 }
-__all__ = ["Deck", "Record", "Scene", "build", "html", "prepare", "run"]
+__all__ = ["Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "build", "html", "prepare", "run", "run_impact"]
 
 
 def __getattr__(name: str) -> Any:

@@ -154,7 +154,9 @@ def test_list_has_a_line_for_all_that_is_shipped(capsys: pytest.CaptureFixture[s
     status, out, _ = cli(capsys, "list")
     assert status == 0
     lines = [line.split(maxsplit=1) for line in out.splitlines() if line.startswith("  ")]
-    files = [*SHIPPED.glob("*/scene.toml"), *SHIPPED.glob("collisions/*.toml")]
+    files = [
+        each for glob in ("*/scene.toml", "impacts/*/scene.toml", "collisions/*.toml") for each in SHIPPED.glob(glob)
+    ]
     assert {name for name, _ in lines} == {path.parent.name if path.stem == "scene" else path.stem for path in files}
 
 

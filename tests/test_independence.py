@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.impact.record", "granular_lmp.crystal.sphere"}
 
 
 def imports(source: str) -> set[str]:
@@ -87,9 +87,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "problem": {"errors", "crystal", "scene", "effects"},
     "lammps": {"errors", "crystal", "scene", "effects", "problem"},
     "runs": {"errors", "crystal", "scene", "effects", "problem", "lammps"},
+    "impact": {"errors", "crystal", "scene", "effects", "lammps", "runs"},
     "accuracy": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs"},
     "studies": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "accuracy"},
-    "plot": {"errors", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
+    "plot": {"errors", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)

@@ -12,7 +12,7 @@ from PIL import Image
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
-from granular_lmp.plot import crystal, view
+from granular_lmp.plot import crystal, movie, view
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
@@ -107,7 +107,7 @@ def test_a_movie_has_a_frame_for_each_snapshot(seen: Path, tmp_path: Path) -> No
 def test_an_mp4_without_ffmpeg_is_refused_in_one_line(
     seen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(crystal.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
+    monkeypatch.setattr(movie.FFMpegWriter, "isAvailable", classmethod(lambda cls: False))
     with pytest.raises(ViewError, match="needs the program ffmpeg, which was not found; a .gif does without"):
         view.view(seen, tmp_path / "movie.mp4")
     assert not (tmp_path / "movie.mp4").exists()

@@ -3,6 +3,7 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -40,6 +41,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
 
 def _run(options: Options) -> int:
+    if impact := impacts.impact_of(options):
+        return impacts.run(impact, options)
     with phase("imports"):
         from granular_lmp.accuracy.tolerance import run
     with phase("scene"):

@@ -4,6 +4,7 @@ import argparse
 from math import pi
 from typing import TYPE_CHECKING
 
+from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -71,7 +72,11 @@ def _init(options: Options) -> int:
 def _list(options: Options) -> int:
     from granular_lmp.scene.shipped import shipped
 
-    groups = {"granular-lmp run NAME": "*/scene.toml", "granular-lmp collide NAME": "collisions/*.toml"}
+    groups = {
+        "granular-lmp run NAME": "*/scene.toml",
+        "granular-lmp run NAME, an impact": "impacts/*/scene.toml",
+        "granular-lmp collide NAME": "collisions/*.toml",
+    }
     for command, pattern in groups.items():
         say(f"{command}:")
         for name, description in shipped(pattern).items():
@@ -89,6 +94,8 @@ def _schema(options: Options) -> int:
 def _check(options: Options) -> int:
     from dataclasses import asdict
 
+    if impact := impacts.impact_of(options):
+        return impacts.check(impact, options)
     from granular_lmp.accuracy.ladder import build
     from granular_lmp.studies.forecast import forecast
 
@@ -131,6 +138,8 @@ def _sources(problem: "Problem") -> list[dict[str, object]]:
 def _build(options: Options) -> int:
     from pathlib import Path
 
+    if impact := impacts.impact_of(options):
+        return impacts.build(impact, options)
     from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.folder import clear, locked
 
@@ -145,6 +154,8 @@ def _build(options: Options) -> int:
 
 
 def _effects(options: Options) -> int:
+    if impact := impacts.impact_of(options):
+        return impacts.effects(impact, options)
     from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.manifest import effects_of
 

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.lammps.units import Units
+from granular_lmp.lammps.units import AnyUnits
 
 NORMAL_LAWS = ("dmt", "hertz")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
@@ -30,7 +30,7 @@ TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
 def model(
     sphere: Sphere,
-    units: Units,
+    units: AnyUnits,
     *,
     normal: str = "dmt",
     shear: str = "secant",
@@ -47,7 +47,7 @@ def model(
     ----------
     sphere : Sphere
         Material and radius.
-    units : Units
+    units : AnyUnits
         Unit style of the deck.
     normal : "dmt" or "hertz"
         Normal law with the work of adhesion w, or without it.
@@ -100,7 +100,7 @@ def model(
     return f"{force} &\n             tangential {slip}{turns} damping {loss_law}"
 
 
-def _rolling(units: Units, stiffness: float, viscosity: float, friction: float) -> str:
+def _rolling(units: AnyUnits, stiffness: float, viscosity: float, friction: float) -> str:
     spring, dashpot = units.number(stiffness, mass=1, time=-2), units.number(viscosity, mass=1, time=-1)
     return f"sds {spring!r} {dashpot!r} {friction!r}"
 

@@ -38,8 +38,8 @@ class DataFile:
     diameter, density : (N,) arrays
         Diameter and density of each sphere.
     wave : (N, 6) array, (N, 4) or (N, 0)
-        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0. Without columns
-        the file has no section ``wave``.
+        ux uy φ (ux uy if spheres do not turn) and their velocities for unit amplitude, in D0 and D0/t0. With no
+        columns, as without a wave, the file has no section ``wave``.
     directed : bool
         True if the spheres have a direction (a dipole).
     """
@@ -95,6 +95,12 @@ def _shortest(values: NDArray[Any]) -> list[str]:
     different, place = np.unique(np.ascontiguousarray(values).view(np.int64), return_inverse=True)
     words = np.array([repr(value) for value in different.view(values.dtype).tolist()], dtype=object)
     return words[place].tolist()
+
+
+def id_ranges(spheres: NDArray[np.int64]) -> str:
+    """Return the identifiers of spheres, given by ascending indices, for ``group NAME id``: "4 7:9"."""
+    runs = np.split(spheres + 1, np.flatnonzero(np.diff(spheres) != 1) + 1)
+    return " ".join(f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
 def read(path: str | Path) -> DataFile:

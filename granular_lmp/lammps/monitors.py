@@ -8,8 +8,8 @@ from pathlib import Path
 
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.blocks import SPHERE_COLUMNS, SPHERE_NAMES
+from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
-from granular_lmp.lammps.sources import id_ranges
 from granular_lmp.problem import Problem
 from granular_lmp.scene.monitors import PlacedMonitor
 from granular_lmp.scene.scene import Scene

@@ -12,9 +12,7 @@ of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres b
 from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-from numpy.typing import NDArray
-
+from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.sources import TORQUE, PlacedSource
@@ -130,9 +128,3 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
         *signal.at(signal.now, "push", "s"),
         f"fix          {name} {name} {pushed[str(source.force)]}",
     ]
-
-
-def id_ranges(spheres: NDArray[np.int64]) -> str:
-    """Return the LAMMPS identifiers of spheres, indices that ascend: "4 7:9"."""
-    runs = np.split(spheres + 1, np.flatnonzero(np.diff(spheres) != 1) + 1)
-    return " ".join(f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)

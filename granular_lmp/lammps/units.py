@@ -1,12 +1,19 @@
-"""LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1."""
+"""LAMMPS unit styles, chosen by the size of the spheres so that the numbers of a deck stay near 1, or its own units."""
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Value = TypeVar("Value", float, NDArray[np.float64])
+
+
+class AnyUnits(Protocol):
+    """Units of a deck."""
+
+    def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
+        """Return an SI quantity of dimension kg^mass m^length s^time in these units."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,19 @@ class Units:
         """
         exponent = mass * self.mass + length * self.length + time * self.time
         return value / 10.0**exponent if exponent > 0 else value * 10.0**-exponent
+
+
+@dataclass(frozen=True)
+class OwnUnits:
+    """Units of a deck of the style ``lj``, by their size in kg, m and s."""
+
+    mass: float
+    length: float
+    time: float
+
+    def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
+        """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in these units."""
+        return value / (self.mass**mass * self.length**length * self.time**time)
 
 
 NANO = Units("nano", -21, -9, -9, "ag, nm, ns, MPa, mJ/m2")

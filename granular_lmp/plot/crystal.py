@@ -4,25 +4,20 @@ Displacements of a wave are 1e-4 of a radius, so displacements and angles are ma
 the picture. A wave along y runs upward. A narrow periodic cell is drawn several times side by side.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import floor, inf, log10
 from pathlib import Path
-from subprocess import CalledProcessError
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.animation import FFMpegWriter
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
-from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
-from PIL import Image
 
 from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.movie import MARK, refuse_movie, write_movie
 from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, title
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots, Spheres
@@ -31,10 +26,6 @@ ROWS = 25  # rows drawn by default: three wavelengths of the paper's first case
 LARGEST_SHIFT = 0.5  # radii: largest D0 as drawn by the default magnification
 FEWEST_DRAWN = 8  # columns, with the copies of a narrow cell
 MOST_WITH_EDGES = 1500  # spheres; with more, edges and diameters would hide the colours
-FRAMES_PER_SECOND = 10
-MOVIES = (".gif", ".mp4")
-_MOVIE_DPI = 80
-_MARK = "tab:red"
 _DARK = 0.6  # share of the largest value above which both colour maps are too dark for a grey line
 
 
@@ -135,52 +126,15 @@ def run_movie(
         If the file cannot be written.
     """
     path = Path(path)
-    gif = path.suffix.lower() == ".gif"
-    if not gif and not FFMpegWriter.isAvailable():
-        raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
+    refuse_movie(path)
     _nearest(snapshots, None)
     moments = map(snapshots.__getitem__, range(len(snapshots)))
     scenery = _Scenery(record, snapshots, moments, colour, magnify, rows)
-    figure = scenery.figure
 
-    def frames() -> Iterator[Picture]:
-        for number in range(len(snapshots)):
-            scenery.show(snapshots[number])
-            yield figure
-            figure.set_layout_engine("none")  # all frames keep the layout of the first, which takes most of its time
+    def show(number: int) -> None:
+        scenery.show(snapshots[number])
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if gif:
-            _write_gif(frames(), path, scenery.crystal.colouring.colours)
-        else:
-            writer = FFMpegWriter(fps=FRAMES_PER_SECOND)
-            with writer.saving(figure, str(path), dpi=_MOVIE_DPI):
-                for _ in frames():
-                    writer.grab_frame()
-    except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
-    except CalledProcessError as error:
-        raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
-
-
-def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
-    """Write a GIF with one palette, without dither, for all frames.
-
-    The file is half as large as that of matplotlib's writer and does not flicker.
-    """
-    shades = [colormaps[colours](np.linspace(0, 1, 216)), colormaps["gray"](np.linspace(0, 1, 32))]
-    shades.append(LinearSegmentedColormap.from_list("", [_MARK, "white"])(np.linspace(0, 1, 8)))
-    palette = Image.new("P", (1, 1))
-    palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
-    images: list[Image.Image] = []
-    for figure in frames:
-        figure.set_dpi(_MOVIE_DPI)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
-    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
+    write_movie(scenery.figure, show, len(snapshots), path, scenery.crystal.colouring.colours)
 
 
 def _nearest(snapshots: Snapshots, tau: float | None) -> int:
@@ -216,9 +170,7 @@ class _Scenery:
             panel.tick_params(labelbottom=False)
         draw_signals(panels, record.tau, record.signals, names, record.scene)
         panels[0].set_title("centre sphere", fontsize="medium")
-        self.marks = [
-            panel.plot([], [], "o", color=_MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels
-        ]
+        self.marks = [panel.plot([], [], "o", color=MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels]
         self.axes = self.figure.add_subplot(grid[:, 0])
         self.crystal = _Crystal(self.axes, snapshots, _colouring(snapshots, colour), moments, magnify, rows)
         self.figure.suptitle(title(record.scene), fontsize="medium")

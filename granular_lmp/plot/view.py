@@ -6,9 +6,13 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.lammps.outputs import SWEEP
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.impact.scene import is_impact
+from granular_lmp.lammps.outputs import STATUS, SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
-from granular_lmp.plot.crystal import MOVIES, run_figure, run_movie
+from granular_lmp.plot.crystal import run_figure, run_movie
+from granular_lmp.plot.impact import impact_figure, impact_movie
+from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
@@ -39,6 +43,8 @@ def view(
     at_rest: bool = False,
 ) -> list[str]:
     """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
+
+    The run may be that of an impact, of which a chain is drawn over time and a sheet at `tau`.
 
     Parameters
     ----------
@@ -79,6 +85,14 @@ def view(
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
         save(sweep_figure(Sweep.load(folder), column or "largest_p"), path)
+        return []
+    if (folder / STATUS).is_file() and is_impact(folder):
+        _refuse(folder, "an impact", of_a_run | {"column": column, "tau": tau if movie else None})
+        impact = ImpactRecord.load(folder)
+        if movie:
+            impact_movie(impact, path)
+        else:
+            save(impact_figure(impact, tau), path)
         return []
     record = Record.load(folder, unfinished=True)
     if not len(record.tau):

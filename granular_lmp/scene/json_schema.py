@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from granular_lmp.scene.scene import REPEATED, SECTION_RULES, SECTIONS, note
+from granular_lmp.scene.document import Document
+from granular_lmp.scene.scene import REPEATED, SECTIONS, Scene, note
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -45,10 +46,10 @@ class Key:
     required: bool
 
 
-def keys() -> Iterator[Key]:
-    """Yield every key of a scene file, section by section."""
-    for section, kind in (SECTIONS | REPEATED).items():
-        for item, rule in declared_fields(kind, SECTION_RULES.get(section)):
+def keys(document: type[Document] = Scene) -> Iterator[Key]:
+    """Yield every key of a kind of file, section by section."""
+    for section, kind in {**document.sections, **document.repeated}.items():
+        for item, rule in declared_fields(kind, document.rules.get(section)):
             required = item.default is MISSING
             yield Key(section, item.name, rule, None if required else item.default, required)
 
@@ -109,14 +110,14 @@ def _values(rule: Rule) -> dict[str, Any]:
     return {"anyOf": [numbers, *others]} if others else numbers
 
 
-def reference() -> str:
+def reference(document: type[Document] = Scene) -> str:
     """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
     lines: list[str] = []
     section = ""
-    for key in keys():
+    for key in keys(document):
         if key.section != section:
             section = key.section
-            title = f"[[{section}]]" if section in REPEATED else f"[{section}]"
+            title = f"[[{section}]]" if section in document.repeated else f"[{section}]"
             lines += ["", f"## `{title}`", "", "| key | unit | default | allowed | meaning |"]
             lines.append("|---|---|---|---|---|")
         default = "must be given" if key.required else "–" if key.default in _NOTHING else f"`{toml(key.default)}`"

@@ -51,12 +51,6 @@ NOT_THERE = (
         "square chain honeycomb kagome cubic",
     ),
     NotThere(
-        "strikers, and lattices that just touch",
-        "a scene begins at rest, held together by adhesion or compression, which gives it its unit of time",
-        "`granular-lmp collide` for two spheres; `analysis.theory.chain` for struck chains",
-        "striker impact projectile",
-    ),
-    NotThere(
         "non-spherical grains",
         "LAMMPS's contact law is that of spheres",
         "LIGGGHTS, YADE, MercuryDPM",
@@ -104,6 +98,8 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
+    "a file with [[striker]] is an impact on spheres that just touch, for granular-lmp run, build, check, effects and "
+    "view, and holds no [wave]": "striker strikers impact projectile",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",

@@ -135,7 +135,8 @@ class Scene(Document):
             If there is no such file, it is not a scene, or a value is out of range.
         """
         path = Path(source)
-        found = first_file(source, (path, path / "scene.toml", SHIPPED / path / "scene.toml"))
+        shipped_at = (SHIPPED / path / "scene.toml", SHIPPED / "impacts" / path / "scene.toml")  # an impact is refused
+        found = first_file(source, (path, path / "scene.toml", *shipped_at))
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")

@@ -113,8 +113,36 @@ class Envelope:
 FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and LAMMPS counts to 9e18
 
 
+class Sampled:
+    """A duration in samples, and a sample in time steps."""
+
+    duration: float
+    timestep: float
+    sample: float
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of steps between two records; the step is rounded down to fit."""
+        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
+
+    @property
+    def step(self) -> float:
+        """Time step that is used, in units of time: ``sample / steps_per_sample``, at most ``timestep``."""
+        return self.sample / self.steps_per_sample
+
+    @property
+    def samples(self) -> int:
+        """Number of records after the one at τ = 0."""
+        return floor(self.duration / self.sample + 1e-9)
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps of the whole run."""
+        return self.samples * self.steps_per_sample
+
+
 @dataclass(frozen=True)
-class Time:
+class Time(Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
 
     With a `tolerance` the scene has no step until `granular_lmp.accuracy.tolerance` chooses one.
@@ -139,22 +167,7 @@ class Time:
         """
         if self.tolerance is not None:
             raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
-        return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
-
-    @property
-    def step(self) -> float:
-        """Time step that is used, in τ: ``sample / steps_per_sample``, at most ``timestep``."""
-        return self.sample / self.steps_per_sample
-
-    @property
-    def samples(self) -> int:
-        """Number of records after the one at τ = 0."""
-        return floor(self.duration / self.sample + 1e-9)
-
-    @property
-    def steps(self) -> int:
-        """Number of time steps of the whole run."""
-        return self.samples * self.steps_per_sample
+        return super().steps_per_sample
 
 
 @dataclass(frozen=True)

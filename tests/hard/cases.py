@@ -13,6 +13,8 @@ from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, origin, signal
 from tests.hard.scales import NUS, corners, similar
 from tests.hard.steps import at_the_limit, drift, drift_order, refused, reversal
+from tests.hard.strikes import energy, long_chain, velocities
+from tests.hard.strikes import order as order_of_strikes
 from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import ENDS, MODES, degenerate, end
 
@@ -46,6 +48,10 @@ FAST: Mapping[str, Measure] = {
     "limit of the step": partial(at_the_limit, 100_000),
     "time turned round": reversal,
     "L stays L": subspace,
+    "order of a struck chain": order_of_strikes,
+    **{f"struck at {velocity} m/s": partial(velocities, velocity) for velocity in (1e-6, 1e-3, 1e2)},
+    "energy of a struck chain": partial(energy, 1000.0),
+    "a long chain": partial(long_chain, 10_000, 20.0),
 }
 
 LONG: Mapping[str, Measure] = {
@@ -65,4 +71,6 @@ LONG: Mapping[str, Measure] = {
     "drift": partial(drift, 1_000_000, stride=10),
     "where the drift comes from": drift_order,
     "seed of TR on L": instability,
+    "energy of a struck chain, a million steps": partial(energy, 50_000.0),
+    "a chain of 1e5": partial(long_chain, 100_000, 20.0),
 }

@@ -24,7 +24,8 @@ input, broken decks, kills, full disks and honest status in `tests/hard/test_*.p
 Two limits are known: `**` as a word of a deck aborts LAMMPS itself, and the process with it (an uncaught `std::stol`);
 and a run that is killed before its first checkpoint, by default after about half a minute, starts anew.
 
-Units: lengths in D0, times in τ; spheres of the paper. "The works" is what the secant law, which has no potential, and
+Units: lengths in D0, times in τ; spheres of the paper. Impacts are in their own units, of steel spheres.
+"The works" is what the secant law, which has no potential, and
 LAMMPS's lever arm do on the wave (`tests/hard/ledger.py`).
 
 """

@@ -12,6 +12,8 @@ from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, moved, origin, signal
 from tests.hard.scales import corners, similar
 from tests.hard.steps import at_the_limit, drift, refused, reversal
+from tests.hard.strikes import energy, long_chain, velocities
+from tests.hard.strikes import order as order_of_strikes
 from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import degenerate, end
 
@@ -25,6 +27,8 @@ A_HELD_SPHERE = (("group        mobile type 1\n", "group        mobile id > 1\n"
 A_LOST_SPHERE = (("group        centre id 11\n", "group        centre id 11\ndelete_atoms group centre compress no\n"),)
 SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
 FAST_CLOCK = (("$(v_sample/v_every*v_t0:", "$(1.01*v_sample/v_every*v_t0:"),)
+FAST_STRIKE = (("equal v_sample/v_every\n", "equal 1.01*v_sample/v_every\n"),)
+LOSSY_STRIKE = ((" 0.0 0.3 &", " 0.02 0.3 &"),)  # m/t0
 
 # Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
 # are shorter than those of the table: what is wrong shows from the start.
@@ -53,6 +57,11 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "less friction": (partial(kept, 2, edits=SLIPPERY), "sliding force"),
     "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
     "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
+    "a struck chain on a fast clock": (partial(order_of_strikes, FAST_STRIKE), "order"),
+    "a slow striker on a fast clock": (partial(velocities, 1e-6, FAST_STRIKE), "velocities"),
+    "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),
+    "a long chain on a fast clock": (partial(long_chain, 1000, 20.0, FAST_STRIKE), "velocities"),
+    "a struck chain of lossy contacts": (partial(energy, 200.0, LOSSY_STRIKE), "energy"),
     "a law of noise ten times too large": (partial(floor, 16, 0.01, scale=10.0), "noise of p"),
     "a law of noise ten times too small": (partial(floor, 16, 0.01, scale=0.1), "noise of"),
     "a law far from the origin ten times too large": (partial(origin, scale=10.0), "noise of p"),

@@ -1,0 +1,95 @@
+"""The front of an impact on a hexagonal sheet: its height and its speed over the distance, in four directions.
+
+    python -m analysis.figures.fronts RUN [RUN ...] [-o FILE]
+
+RUN is a run folder of an impact with one striking sphere on the edge of a sheet that records all spheres, or those of
+the directions 0, 30, 60 and 90 degrees from the edge. The decay β of height ∝ distance^−β is printed, and
+the speed V over height^{1/5} at the near and at the far end, from ten diameters to where the record ends or the sheet
+does.
+"""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.figures.plotting import parser, save, start
+from analysis.measure.front import Front, front
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import GranularError
+
+DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
+NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
+FEWEST = 4  # spheres of a fit
+CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (analysis.theory.solitary)
+_STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
+
+
+def fronts(record: ImpactRecord) -> dict[int, Front]:
+    """Return direction → front, distances in diameters.
+
+    Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
+    """
+    strikers = np.concatenate(record.problem.strikers)
+    if len(strikers) != 1:
+        raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")
+    places = (record.rest - record.problem.crystal.positions[strikers[0], :2]) / 2
+    found = {}
+    for degrees in DIRECTIONS:
+        whole = front(record.tau, record.velocity, places, degrees)
+        part = whole.between(NEAREST, FARTHEST * record.scene.packing.rows)
+        if len(part.distance) < FEWEST:
+            raise ValueError(
+                f"{record.scene.name}: {len(part.distance)} recorded spheres at {degrees} degrees that the front has "
+                f"passed; must be at least {FEWEST} from {NEAREST:g} distances on: a larger sheet, or a longer run"
+            )
+        found[degrees] = part
+    return found
+
+
+def draw(runs: dict[str, dict[int, Front]]) -> Figure:
+    """Return the panels: height and scaled speed over distance; a colour for each run, a mark for each direction."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    heights, speeds = figure.subplots(1, 2)
+    for number, (name, each) in enumerate(runs.items()):
+        for degrees, found in each.items():
+            style = {"marker": _STYLES[degrees], "color": f"C{number}", "markersize": 3, "linewidth": 0.6}
+            heights.loglog(found.distance, found.height, label=f"{name}, {degrees}°", **style)
+            speeds.plot((found.distance[1:] + found.distance[:-1]) / 2, found.scaled_speed, **style)
+    heights.set(xlabel="distance (diameters)", ylabel="first crest of the speed (that of the striker)")
+    speeds.axhline(CHAIN, color="grey", linewidth=0.8, linestyle="--")
+    speeds.set(xlabel="distance (diameters)", ylabel=r"speed / height$^{1/5}$; dashed: a chain", ylim=(0.85, 1.0))
+    heights.legend(fontsize="x-small", frameon=False, ncols=max(len(runs), 1))
+    return figure
+
+
+def table(runs: dict[str, dict[int, Front]]) -> str:
+    """Return a line for each run and direction: decay, scaled speed at both ends, place and height of the last."""
+    lines = [f"{'run':16}{'degrees':>8}{'decay':>8}{'V/h^1/5':>9}{'there':>8}{'to':>7}{'height':>9}"]
+    for name, each in runs.items():
+        for degrees, found in each.items():
+            near, far = found.scaled_speed[[0, -1]]
+            last = f"{found.distance[-1]:7.1f}{found.height[-1]:9.4f}"
+            lines.append(f"{name:16}{degrees:8d}{found.decay:8.3f}{near:9.4f}{far:8.4f}{last}")
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    command: argparse.ArgumentParser = parser(__doc__, "figures/fronts.png")
+    command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of an impact on a sheet")
+    options = command.parse_args(argv)
+    try:
+        found = {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in options.runs}
+    except (GranularError, ValueError) as error:
+        raise SystemExit(str(error)) from error
+    print(table(found))
+    save(draw(found), options.output)
+    print(options.output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

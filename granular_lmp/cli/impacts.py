@@ -1,0 +1,116 @@
+"""What the commands run, build, check, effects and list say of an impact (`granular_lmp.impact`)."""
+
+from typing import TYPE_CHECKING
+
+from granular_lmp.cli.arguments import Options, changes_of
+from granular_lmp.cli.output import interruptible, say, say_json
+
+if TYPE_CHECKING:
+    from granular_lmp.impact.scene import ImpactScene
+
+
+def impact_of(options: Options) -> "ImpactScene | None":
+    """Return the impact that is asked for; None if it is the scene of a wave, or none at all.
+
+    Raises
+    ------
+    SceneError
+        If every effect is asked for, of which an impact has only those that it declares.
+    """
+    from granular_lmp.errors import SceneError
+    from granular_lmp.impact.scene import ImpactScene, is_impact
+
+    if not is_impact(options.scene):
+        return None
+    if options.all_effects:
+        raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
+    scene = ImpactScene.load(options.scene)
+    return scene.with_values(changes_of(options)) if options.changes else scene
+
+
+def build(scene: "ImpactScene", options: Options) -> int:
+    """Write the deck of an impact."""
+    from pathlib import Path
+
+    from granular_lmp.impact.deck import deck_of
+    from granular_lmp.impact.problem import prepare
+    from granular_lmp.runs.folder import clear, locked
+
+    deck = deck_of(prepare(scene))
+    folder = options.output or f"decks/{scene.name}"
+    with locked(Path(folder).absolute(), make=True, force=options.force):
+        clear(Path(folder).absolute())
+        deck.write(folder, force=True)
+    say(f"{folder}: {', '.join(deck.files())}")
+    return 0
+
+
+def run(scene: "ImpactScene", options: Options) -> int:
+    """Run an impact."""
+    from granular_lmp.impact.run import run_impact
+    from granular_lmp.runs.launch import Options as RunOptions
+
+    folder = options.output or f"runs/{scene.name}"
+    with interruptible() as progress:
+        record = run_impact(
+            scene, folder, RunOptions("lmp" if options.lmp else "module", options.np, options.force, progress)
+        )
+    info = record.info
+    say(
+        f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records of "
+        f"{info['recorded']} spheres in {info['wall_seconds']['total']:.2f} s"
+    )
+    return 0
+
+
+def check(scene: "ImpactScene", options: Options) -> int:
+    """Say what a run would take and do."""
+    from granular_lmp.impact.problem import prepare
+
+    problem, scale, time = prepare(scene), scene.scale, scene.time
+    said = {
+        "name": scene.name,
+        "description": scene.description,
+        "spheres": len(problem.crystal),
+        "recorded": len(problem.recorded),
+        "steps": time.steps,
+        "records": time.samples + 1,
+        "t0_s": scale.time,
+        "length_m": scale.length,
+        "velocity_m_s": scale.velocity,
+        "steps_per_collision": problem.shortest_collision / time.step,
+        "effects": problem.on,
+        "guards": [each.guard for each in problem.effects if each.guard],
+    }
+    if options.json:
+        say_json(said)
+        return 0
+    say(f"{scene.name}: {scene.words}")
+    say(f"spheres   {said['spheres']}")
+    say(f"steps     {said['steps']}; {said['records']} records of {said['recorded']} spheres")
+    say(f"scale     t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, l/R = {scale.length / scene.sphere.radius:.3g}")
+    say(f"duration  {time.duration * scale.time:.4g} s")
+    say(f"step      {problem.shortest_collision / time.step:.3g} to the shortest collision")
+    say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
+    say(f"guards    {', '.join(each.guard for each in problem.effects if each.guard)}")
+    return 0
+
+
+def effects(scene: "ImpactScene", options: Options) -> int:
+    """Say which physics the deck carries, and why."""
+    from granular_lmp.impact.problem import prepare
+
+    problem = prepare(scene)
+    if options.json:
+        found = {
+            each.name: {"on": each.on, "reason": each.finding, "guard": each.guard, "key": each.switch}
+            for each in problem.effects
+        }
+        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": scene.time.steps, "effects": found})
+        return 0
+    say(f"{scene.name}: {len(problem.crystal)} spheres, {scene.time.steps} steps")
+    say(f"{'effect':17}{'':5}{'guard':17}why")
+    for each in problem.effects:
+        say(f"{each.name:17}{'on' if each.on else 'off':5}{each.guard or '-':17}{each.finding}")
+    say("A guard fails the run when what it watches goes beyond the model: too deep an overlap, too long a step.")
+    return 0

@@ -1,0 +1,264 @@
+"""The LAMMPS deck of an impact, ``in.NAME`` and ``data.NAME``, which runs with plain ``lmp -in in.NAME``.
+
+Its units are the radius R and the mass m of a sphere, and t0 of the impact (``units lj``): spheres that touch then have
+exact positions (`granular_lmp.impact.lattice`).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.contacts import equivalent
+from granular_lmp.impact.problem import ImpactProblem
+from granular_lmp.impact.scene import PERIODIC, WALL
+from granular_lmp.lammps import contact
+from granular_lmp.lammps.datafile import DataFile, id_ranges
+from granular_lmp.lammps.deck import types
+from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, STATUS, writable, write_files
+from granular_lmp.lammps.units import OwnUnits
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+
+SKIN = 0.2  # radii
+LOOKS = 20  # looks of the guards in the shortest collision
+LONGEST_STEP = 0.5  # of 1/ω of the stiffest contact: beyond it a collision has hardly ten steps
+COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # of the thermo table behind the step
+_PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
+
+
+def dump_columns(problem: ImpactProblem) -> list[str]:
+    """Return the names of the columns of the dump, as OVITO knows them."""
+    return [*_PLACES, *(["omegaz"] if problem.on["rotation"] else [])]
+
+
+@dataclass(frozen=True)
+class ImpactDeck:
+    """The deck of an impact and the problem that it was made from."""
+
+    problem: ImpactProblem
+    input_text: str
+    data: DataFile
+
+    @property
+    def input_name(self) -> str:
+        """File name of the input."""
+        return f"in.{self.problem.scene.name}"
+
+    def files(self) -> dict[str, Iterable[str]]:
+        """Return name → text, in pieces, of the three files of a deck folder."""
+        scene = self.problem.scene
+        return {
+            SCENE: [scene.to_toml()],
+            self.input_name: [self.input_text],
+            f"data.{scene.name}": self.data.pieces(f"{scene.name}: {scene.words}; lengths in radii, masses in m"),
+        }
+
+    def write(self, folder: str | Path, *, force: bool = False) -> None:
+        """Write the three files into `folder`, which is created.
+
+        Raises
+        ------
+        RunFolderError
+            If the folder exists (without `force`) or cannot be written.
+        """
+        folder = Path(folder)
+        with writable(folder):
+            folder.mkdir(parents=True, exist_ok=force)
+            (folder / STATUS).unlink(missing_ok=True)
+        write_files(folder, self.files())
+
+
+def deck_of(problem: ImpactProblem) -> ImpactDeck:
+    """Return the deck of an impact; no file is written."""
+    return ImpactDeck(problem, _text(problem), _data(problem))
+
+
+def look_steps(problem: ImpactProblem) -> int:
+    """Return the steps between two looks of the guards, a whole number of them in a sample."""
+    time = problem.scene.time
+    most = min(max(int(problem.shortest_collision / LOOKS / time.step), 1), time.steps_per_sample)
+    return next(steps for steps in range(most, 0, -1) if time.steps_per_sample % steps == 0)
+
+
+def units_of(problem: ImpactProblem) -> OwnUnits:
+    """Return the units of the deck."""
+    scale = problem.scene.scale
+    return OwnUnits(scale.mass, problem.scene.sphere.radius, scale.time)
+
+
+def _data(problem: ImpactProblem) -> DataFile:
+    crystal = problem.crystal
+    low, size = crystal.get_celldisp().ravel(), crystal.cell.lengths()
+    high = low + size
+    # A chain of unequal spheres is longer or shorter than its cell
+    low[1] = min(low[1], crystal.positions[:, 1].min() - 1)
+    high[1] = max(high[1], crystal.positions[:, 1].max() + 1)
+    radius = crystal.arrays["radius"]
+    return DataFile(
+        box=np.column_stack([low, high]),
+        kind=types(crystal),
+        position=crystal.positions,
+        diameter=2 * radius,
+        density=problem.mass / (4 / 3 * np.pi * radius**3),
+        wave=np.empty((len(crystal), 0)),
+        directed=False,
+    )
+
+
+def _text(problem: ImpactProblem) -> str:
+    scene, units, materials = problem.scene, units_of(problem), problem.materials
+    time, scale, packing = scene.time, scene.scale, scene.packing
+    friction = scene.effects.friction
+    law: dict[str, Any] = {
+        "normal": "hertz",
+        "shear": scene.effects.shear_law if friction else "none",
+        "friction": friction,
+        "restitution": scene.effects.restitution if scene.effects.restitution < 1 else None,
+        "shear_damping": 1.0 if friction and scene.effects.restitution < 1 else 0.0,
+    }
+    pairs = contact.pairs(
+        {
+            (m, n): contact.model(equivalent(materials[m], materials[n]), units, **law)
+            for m, n in combinations_with_replacement(range(len(materials)), 2)
+        }
+    )
+    walls = [
+        _wall(name, place, contact.model(contact.rigid(each), units, **law), m)
+        for name, place in _walls(problem).items()
+        for m, each in enumerate(materials)
+    ]
+    spins = problem.on["rotation"]
+    everyone = len(problem.recorded) == len(problem.crystal)
+    lines = [
+        f"# {scene.name}: {scene.words}",
+        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
+        f"# With other values:             lmp -in in.{scene.name} -var timestep 0.01",
+        "# The run is invalid if, in the thermo table,",
+        f"#   v_overlap, the largest overlap over the diameter, is above {LARGEST_OVERLAP_RATIO}: too deep for Hertz",
+        f"#   v_omega_dt, the step times the frequency of the stiffest contact, is above {LONGEST_STEP}: too long",
+        "",
+        "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
+        f"variable timestep index {time.timestep!r}  # t0; rounded down to fit a whole number of steps into a sample",
+        f"variable sample   index {time.sample!r}  # t0 between records",
+        f"variable duration index {time.duration!r}  # t0",
+        f"variable data     index data.{scene.name}",
+        f"variable dump     index {SNAPSHOTS}",
+        "variable every    equal ceil(v_sample/v_timestep-1e-9)",
+        "variable step     equal v_sample/v_every",
+        "variable steps    equal v_every*floor(v_duration/v_sample+1e-9)",
+        "variable tau      equal step*v_step",
+        "",
+        f"# --- units: the radius R = {scene.sphere.radius!r} m, the mass m = {scale.mass!r} kg and "
+        f"t0 = {scale.time!r} s",
+        f"#     The fastest striker has {scale.velocity!r} m/s, and l = {scale.length!r} m is the unit of overlaps",
+        "units        lj",
+        "dimension    2",
+        f"boundary     {'p' if packing.sides == PERIODIC else 'm'} m p  # m: the box follows spheres that fly away",
+        "atom_style   sphere",
+        "atom_modify  map array",
+        "comm_modify  vel yes",
+        "read_data    ${data}",
+        f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(materials)))}",
+        f"neighbor     {SKIN} bin",
+        "timestep     $(v_step:%.17g)",
+        "",
+        "# --- contacts: normal law with E, damping and nu; tangential law with friction",
+        pairs,
+        *walls,
+        "",
+        "# --- strikers",
+        *(line for number, spheres in enumerate(problem.strikers, 1) for line in _striker(problem, number, spheres)),
+        "",
+        "# --- motion of the spheres that are not held",
+        "compute      u all displace/atom",
+        "fix          plane all enforce2d",
+        f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
+        "",
+        "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
+        "#     the stiffest pair of spheres",
+        *_guards(problem),
+        "",
+        "# --- record, all digits",
+        f"group        recorded id {id_ranges(problem.recorded)}",
+        f"dump         record {'all' if everyone else 'recorded'} custom ${{every}} ${{dump}} id type x y z radius "
+        f"mass c_u[1] c_u[2] vx vy vz{' omegaz' if spins else ''}",
+        "dump_modify  record sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
+        "",
+        "run          ${steps}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _striker(problem: ImpactProblem, number: int, spheres: NDArray[np.int64]) -> list[str]:
+    vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in problem.scene.striker[number - 1].components)
+    name = f"striker{number}"
+    return [
+        f"group        {name} id {id_ranges(spheres)}",
+        f"velocity     {name} set {vx!r} {vy!r} 0.0 units box",
+    ]
+
+
+def _walls(problem: ImpactProblem) -> dict[str, float]:
+    """Return the planes that touch the outermost spheres, "ylo" → place."""
+    packing, crystal = problem.scene.packing, problem.crystal
+    radius, places = crystal.arrays["radius"], crystal.positions
+    found = {}
+    for axis, name, low, high in ((1, "y", packing.first, packing.last), (0, "x", packing.sides, packing.sides)):
+        if low == WALL:
+            found[f"{name}lo"] = float((places[:, axis] - radius).min())
+        if high == WALL:
+            found[f"{name}hi"] = float((places[:, axis] + radius).max())
+    return found
+
+
+def _wall(name: str, place: float, model: str, material: int) -> str:
+    faces = f"{place!r} NULL" if name.endswith("lo") else f"NULL {place!r}"
+    return (
+        f"group        material{material + 1} type {2 * material + 1} {2 * material + 2}\n"
+        f"fix          {name}{material + 1} material{material + 1} wall/gran granular {model} &\n"
+        f"             {name[0]}plane {faces}"
+    )
+
+
+def _guards(problem: ImpactProblem) -> list[str]:
+    """Return the lines that measure the deepest overlap and the stiffest contact.
+
+    The largest force of a contact F makes no overlap above (F/A)^{2/3} of the softest pair of spheres, and no contact
+    is stiffer than one of the stiffest pair, or with a wall, at that overlap.
+    """
+    stiffness, walls = problem.contacts[3], _walls(problem)
+    softest, stiffest = float(stiffness.min(initial=1.0)), float(stiffness.max(initial=1.0))
+    lightest, largest = float(problem.mass.min()), float(problem.crystal.arrays["radius"].max())
+    length = units_of(problem).number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
+    square = 3 * stiffest / lightest  # ω²/√δ of two spheres, k (1/m + 1/m) with k = (3/2) A √δ
+    if walls:
+        own = [m.effective_modulus / problem.scene.sphere.effective_modulus for m in problem.materials]
+        square = max(square, 3 * sqrt(2 * largest) * max(own) / lightest)
+    lines = [
+        "compute      contact all pair/local force",
+        "compute      largest all reduce max c_contact inputs local",
+        f"variable     depth equal ((c_largest>0)*c_largest/{softest * length!r})^(2/3)  # of spheres, in l",
+    ]
+    for name, place in walls.items():
+        beyond = f"{place!r}-{name[0]}+radius" if name.endswith("lo") else f"{name[0]}+radius-({place!r})"
+        lines += [
+            f"variable     beyond_{name} atom ({beyond})/{length!r}",
+            f"compute      in_{name} all reduce max v_beyond_{name}",
+        ]
+    depth = "v_depth"
+    for name in walls:
+        depth = f"ternary(c_in_{name}>{depth},c_in_{name},{depth})"
+    return [
+        *lines,
+        f"variable     deepest equal {depth}",
+        f"variable     overlap equal v_deepest*{length / 2!r}",
+        f"variable     omega_dt equal v_step*sqrt({square!r}*sqrt(v_deepest))",
+        "thermo_style custom step v_tau v_overlap v_omega_dt",
+        "thermo_modify flush yes",
+        f"thermo       {look_steps(problem)}",
+    ]

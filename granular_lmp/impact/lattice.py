@@ -1,0 +1,100 @@
+"""Lattices of spheres that just touch: no rounding parts two neighbours or presses them together.
+
+A gap would delay a wave, and an overlap would make a sound in the lattice at rest. With the radius R as the unit of
+length, as in the deck, positions are exact in binary numbers:
+
+* square lattice, and chain of equal spheres: whole and half numbers, so that every overlap is exactly 0;
+* chain of unequal spheres: radii are rounded to a multiple of a power of two, `grain`, of which all sums are exact,
+  and spheres are put side by side: every overlap is exactly 0;
+* hexagonal lattice: the distance of the rows, √3, is rounded *down* to a multiple of `grain`. All contacts between
+  rows are then alike, and overlap by less than √3/2 of the rounding of the farthest position, 1e-14 R in 100 rows.
+  Spheres that move have no finer positions, so that no other choice would be better.
+"""
+
+from math import ceil, floor, log2, sqrt
+
+import ase
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
+from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, Lattice, Shape, packed
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.crystal.sphere import Sphere
+
+_MANTISSA = 53  # bits of a double
+_REACH = 1e-6  # radii: neighbours that touch are nearer than that, and others are farther by much more
+_APART = 100.0  # chains are spread by it while their spheres are chosen; the largest is 10 times the smallest
+
+
+def grain(length: float) -> float:
+    """Return the power of two of which all multiples up to a length are exact numbers."""
+    return 2.0 ** (ceil(log2(length)) - _MANTISSA)
+
+
+def touching(
+    sphere: Sphere,
+    lattice: Lattice,
+    rows: int,
+    columns: int,
+    *,
+    held: tuple[bool, bool] = (False, False),
+    periodic: bool = False,
+    disorder: Disorder | None = None,
+    inclusions: tuple[Inclusion, ...] = (),
+) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
+    """Return spheres that just touch, and their materials.
+
+    Parameters
+    ----------
+    sphere : Sphere
+        Without adhesion or compression.
+    lattice : Lattice
+    rows, columns : int
+    held : (bool, bool)
+        True if the first, the last row is held.
+    periodic : bool
+        True if the first column touches the last.
+    disorder, inclusions
+        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii may differ in a chain only.
+
+    Returns
+    -------
+    crystal : ase.Atoms
+        Positions and radii in radii R of `sphere`, the centre sphere near the origin; arrays ``row``, ``column``,
+        ``fixed``, ``radius``, ``density`` and ``material``.
+    materials : tuple of Sphere
+
+    Raises
+    ------
+    CrystalError
+        If imperfections do not fit into the lattice.
+    """
+    crystal = packed(sphere, Shape(rows, columns, "fixed", lattice))
+    crystal.arrays["fixed"] = (crystal.arrays["row"] == 0) & held[0] | (crystal.arrays["row"] == rows - 1) & held[1]
+    crystal.pbc = (periodic, False, False)
+    centre_row = (rows - 1) // 2
+    if lattice == HEXAGONAL:
+        unit = grain(float(rows))
+        crystal.positions[:, 1] = (crystal.arrays["row"] - centre_row) * (floor(sqrt(3) / unit) * unit)
+    # Neighbours are found by their overlap, which spheres that just touch lack; chains are put side by side afterwards
+    crystal.arrays["radius"] = np.full(len(crystal), 1 + _REACH)
+    places = crystal.copy()
+    if lattice == CHAIN:
+        places.positions[:, 1] *= _APART
+    crystal, materials = imperfect(places, sphere, disorder, inclusions)
+    if lattice == CHAIN:
+        radius = crystal.arrays["radius"]
+        unit = grain(float(2 * radius.sum()))
+        crystal.arrays["radius"] = radius = np.round(radius / unit) * unit
+        y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:])])
+        crystal.positions[:, 1] = y - y[centre_row]
+    return crystal, materials
+
+
+def neighbours(crystal: ase.Atoms) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the pairs (i, j) of spheres that touch, and the vectors from i to j or its image, (C, 2), radii."""
+    wider = crystal.copy()
+    wider.arrays["radius"] = wider.arrays["radius"] + _REACH
+    i, j, vector = overlapping(wider)
+    return i, j, vector[:, :2]

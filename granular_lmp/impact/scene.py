@@ -1,0 +1,364 @@
+"""The scene of an impact: a lattice of spheres that just touch, and the spheres that strike it.
+
+A TOML file with a table ``[[striker]]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``, ``[disorder]``,
+``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and ``[[inclusion]]``. It holds no wave
+and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.impact.scale`).
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Any, Self
+
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.scale import DEEPEST, Scale
+from granular_lmp.scene.document import Document
+from granular_lmp.scene.schema import (
+    NOT_TOML,
+    ArrayRule,
+    Interval,
+    choice,
+    count,
+    file_text,
+    first_file,
+    flag,
+    number,
+)
+from granular_lmp.scene.sections import DISORDER_RULES, FINEST, INCLUSION_RULES, SHEAR_LAWS, SPHERE_RULES, Sampled
+from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
+
+FREE, HELD, WALL, PERIODIC = "free", "held", "wall", "periodic"
+WORDS = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
+SHIPPED_IMPACTS = SHIPPED / "impacts"
+FEWEST_ROUNDINGS = 1e4  # roundings of the farthest position in ℓ; the velocities then err by 1e-4 of a striker's
+LARGEST_RATIO = 10.0  # of radii in a chain
+# What a scene of a linear wave has, and why an impact has it not
+_NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
+_NOT_HERE = {
+    **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    "packing.contact_force": "spheres of an impact just touch: must be left out beside [[striker]]",
+    "packing.ends": "must be packing.first and packing.last beside [[striker]]",
+    "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",
+    "time.allow_echo": "must be left out beside [[striker]], where every echo belongs to the answer",
+    "effects.adhesion": "must be left out beside [[striker]], as adhesive spheres overlap at rest",
+}
+
+
+@dataclass(frozen=True)
+class Packing:
+    """Rows along y, columns along x, and what is beyond the first and the last of them.
+
+    A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, with the contact law of its spheres on a rigid
+    body: A is 2√2 times that of two spheres. A row that is ``held`` does not move.
+    """
+
+    rows: int = count("along y", 2, 10_000_000)
+    lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=CHAIN.name)
+    columns: int = count("along x: 1 in a chain", 1, 1_000_000, default=1)
+    first: str = choice("end at the first row", (FREE, HELD, WALL), default=FREE)
+    last: str = choice("end at the last row", (FREE, HELD, WALL), default=FREE)
+    sides: str = choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE)
+
+
+_MOST = Interval(0, 10_000_000)
+
+
+@dataclass(frozen=True)
+class Striker:
+    """Spheres of the lattice that have a velocity at the beginning; the first row of a chain is its usual striker.
+
+    Their own radius, density or material is declared by an ``[[inclusion]]`` of the same spheres.
+    """
+
+    rows: Sequence[int] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", _MOST)}
+    )
+    spheres: Sequence[tuple[int, int]] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", _MOST, several=True)}
+    )
+    velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
+    direction: float | str = number(
+        "degrees", "from x towards y; or a word", -180, 180, open_low=True, words=tuple(WORDS), default="y"
+    )
+
+    @property
+    def components(self) -> tuple[float, float]:
+        """Velocity along x and y, m/s."""
+        if isinstance(self.direction, str):
+            x, y = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}[self.direction]
+        else:
+            x, y = cos(radians(self.direction)), sin(radians(self.direction))
+        return self.velocity * x, self.velocity * y
+
+
+@dataclass(frozen=True)
+class Time(Sampled):
+    """Duration and sampling of the run in t0 of the impact; the step is rounded down to fit a sample.
+
+    Good values: a step of 0.03, T/80 for the collision time T = 2.439 t0 of two spheres, leaves an error of 1.4e-4 in
+    the velocities after 12 collision times, which falls with the square of the step; with friction and the law
+    "incremental" it falls with the step (docs/strongly-nonlinear.md).
+    """
+
+    duration: float = number("t0", "of the run", 1e-3, 1e8)
+    timestep: float = number("t0", "at most", FINEST, 1, default=0.03)
+    sample: float = number("t0", "between records", FINEST, 1e8, default=0.5)
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What contacts do beside Hertz's repulsion. They open and close by themselves."""
+
+    friction: float = number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0)
+    rotation: bool = flag("spheres turn, where there is friction", default=True)
+    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="incremental")
+    restitution: float = number("", "of a collision of two spheres; 1: none lost", 0, 1, open_low=True, default=1.0)
+
+
+@dataclass(frozen=True)
+class Output:
+    """Which spheres are recorded, at each sample: all of them if nothing is declared."""
+
+    rows: Sequence[int] = field(default=(), metadata={"rule": ArrayRule(int, "", "first and last recorded row", _MOST)})
+    spheres: Sequence[tuple[int, int]] = field(
+        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each recorded sphere", _MOST, several=True)}
+    )
+
+
+@dataclass(frozen=True)
+class ImpactScene(Document):
+    """One impact: spheres, lattice, strikers, time, effects and output.
+
+    Raises
+    ------
+    SceneError
+        If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a striker that is held or
+        not there, radii that differ in a sheet, an impact so strong that overlaps are not small or so weak that they
+        are lost in the rounding of positions.
+    """
+
+    sections = {
+        "sphere": Sphere,
+        "packing": Packing,
+        "disorder": Disorder,
+        "time": Time,
+        "effects": Effects,
+        "output": Output,
+    }
+    repeated = {"striker": Striker, "inclusion": Inclusion}
+    optional = ("disorder", "output")
+    rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
+    named = "the files of the run"
+
+    sphere: Sphere
+    packing: Packing
+    time: Time
+    effects: Effects = Effects()
+    output: Output = Output()
+    disorder: Disorder = Disorder()
+    striker: tuple[Striker, ...] = ()
+    inclusion: tuple[Inclusion, ...] = ()
+
+    # --- reading ---
+
+    @classmethod
+    def load(cls, source: str | Path) -> Self:
+        """Read an impact from a TOML file, a folder with a ``scene.toml``, or by the name of a shipped one.
+
+        Raises
+        ------
+        SceneError
+            If there is no such file, it is not such a scene, or a value is out of range.
+        """
+        found = _file(source)
+        if found is None:
+            shipped = sorted(folder.parent.name for folder in SHIPPED_IMPACTS.glob("*/scene.toml"))
+            raise SceneError(f"{source}: no such scene file; shipped impacts: {', '.join(shipped) or 'none'}")
+        return cls.read(found)
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
+        """Return the scene of nested mappings; what only a linear wave has is refused by name."""
+        for key, why in _NOT_HERE.items():
+            table, _, name = key.partition(".")
+            inner = tables.get(table)
+            if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
+                raise SceneError(f"{key}: {why}")
+        return super().from_dict(tables, default)
+
+    @classmethod
+    def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the tables with spheres without adhesion where it is not declared."""
+        if isinstance(tables.get("sphere"), Mapping):
+            return {**tables, "sphere": {"work_of_adhesion": 0.0, **tables["sphere"]}}
+        return tables
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested plain values with every default, without a list of recorded spheres where all are."""
+        tables = super().to_dict()
+        if "output" in tables:
+            tables["output"] = {name: value for name, value in tables["output"].items() if value}
+        return tables
+
+    # --- derived values ---
+
+    @property
+    def lattice(self) -> Lattice:
+        """Lattice of the packing."""
+        return LATTICES[self.packing.lattice]
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Units of the impact: those of the fastest striker on the spheres of ``[sphere]``."""
+        return Scale.of(self.sphere, max(each.velocity for each in self.striker))
+
+    @property
+    def words(self) -> str:
+        """Size and strikers in words, for titles."""
+        packing, fastest = self.packing, self.scale.velocity
+        size = (
+            f"a chain of {packing.rows} spheres"
+            if self.lattice == CHAIN
+            else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
+        )
+        return f"{size} that just touch, struck at {fastest:.6g} m/s"
+
+    def __repr__(self) -> str:
+        return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
+
+    # --- what does not go together ---
+
+    def __post_init__(self) -> None:
+        self._check_striker_tables()
+        self._check_spheres()
+        self._check_packing()
+        self._check_places()
+        self._check_scale()
+        if self.time.sample > self.time.duration:
+            raise SceneError(
+                f"time.sample = {self.time.sample!r}: must be at most time.duration = {self.time.duration!r}"
+            )
+
+    def _check_striker_tables(self) -> None:
+        if not self.striker:
+            raise SceneError("striker: missing; an impact has at least one table [[striker]]")
+        for number_, each in enumerate(self.striker, 1):
+            if bool(each.rows) == bool(each.spheres):
+                raise SceneError(f"striker {number_}: must have either rows or spheres, to say which spheres strike")
+            if not each.velocity:
+                raise SceneError(f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s")
+            if self.lattice == CHAIN and each.direction not in ("y", "-y", 90.0, -90.0):
+                raise SceneError(
+                    f'striker {number_}: direction = {each.direction!r}: must be "y" or "-y" in a chain, which nothing '
+                    "holds sideways"
+                )
+        if self.output.rows and self.output.spheres:
+            raise SceneError("output.rows and output.spheres: must be one of the two")
+
+    def _check_spheres(self) -> None:
+        sphere, effects = self.sphere, self.effects
+        if sphere.work_of_adhesion:
+            raise SceneError(
+                f"sphere.work_of_adhesion = {sphere.work_of_adhesion!r}: must be 0 or left out beside [[striker]], as "
+                "adhesive spheres overlap at rest"
+            )
+        if self.lattice == CHAIN and effects.friction:
+            raise SceneError(f"effects.friction = {effects.friction!r}: must be 0 in a chain, where nothing is sheared")
+        if not effects.rotation and not effects.friction:
+            raise SceneError(
+                "effects.rotation = false: must be left out where effects.friction = 0.0, as nothing turns a sphere"
+            )
+        for number_, each in enumerate(self.inclusion, 1):
+            if each.work_of_adhesion:
+                raise SceneError(f"inclusion {number_}: work_of_adhesion = {each.work_of_adhesion!r}: must be left out")
+            if each.radius not in (None, sphere.radius) and self.lattice != CHAIN:
+                raise SceneError(
+                    f"inclusion {number_}: radius = {each.radius!r}: must be that of all spheres in a sheet, whose "
+                    "contacts would open or be pressed together; density and moduli may differ"
+                )
+            if each.radius and not 1 / LARGEST_RATIO <= each.radius / sphere.radius <= LARGEST_RATIO:
+                raise SceneError(
+                    f"inclusion {number_}: radius = {each.radius!r}: must be from {1 / LARGEST_RATIO:g} to "
+                    f"{LARGEST_RATIO:g} times sphere.radius = {sphere.radius!r}"
+                )
+            if each.vacancy and self.lattice == CHAIN:
+                raise SceneError(f"inclusion {number_}: vacancy = true: must be false in a chain, which it would part")
+        if self.lattice == CHAIN and self.disorder.vacancies:
+            raise SceneError(
+                f"disorder.vacancies = {self.disorder.vacancies!r}: must be 0 in a chain, which they would part"
+            )
+        if self.lattice != CHAIN and self.disorder.radius:
+            raise SceneError(
+                f"disorder.radius = {self.disorder.radius!r}: must be 0 in a sheet, whose contacts would open or be "
+                "pressed together; disorder.density may differ"
+            )
+
+    def _check_packing(self) -> None:
+        packing, lattice = self.packing, self.lattice
+        if lattice == CHAIN and (packing.columns != 1 or packing.sides != FREE):
+            raise SceneError(
+                f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in '
+                "a chain"
+            )
+        if packing.sides == PERIODIC and packing.columns < lattice.fewest_columns:
+            raise SceneError(
+                f"packing.columns = {packing.columns}: must be at least {lattice.fewest_columns} between periodic "
+                "sides, where a sphere would touch two images of one neighbour"
+            )
+        if packing.rows * packing.columns > MOST_SPHERES:
+            raise SceneError(
+                f"packing.rows x packing.columns = {packing.rows} x {packing.columns}: must be at most {MOST_SPHERES} "
+                "spheres (LAMMPS takes 690 MB for each million)"
+            )
+
+    def _check_places(self) -> None:
+        """Check that strikers and recorded spheres have places in the lattice."""
+        rows, columns = self.packing.rows, self.packing.columns
+        tables: dict[str, Striker | Output] = {f"striker {at}": each for at, each in enumerate(self.striker, 1)}
+        for name, each in (tables | {"output": self.output}).items():
+            if each.rows and not 0 <= each.rows[0] <= each.rows[1] < rows:
+                raise SceneError(f"{name}: rows = {list(each.rows)}: must be [first, last], from 0 to {rows - 1}")
+            for row, column in each.spheres:
+                if row >= rows or column >= columns:
+                    raise SceneError(
+                        f"{name}: sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{rows - 1}, "
+                        f"{columns - 1}]"
+                    )
+
+    def _check_scale(self) -> None:
+        deepest = DEEPEST * self.scale.length / (2 * self.sphere.radius)
+        if deepest > LARGEST_OVERLAP_RATIO:
+            raise SceneError(
+                f"striker: velocity = {self.scale.velocity:.6g}: two spheres would overlap by {deepest:.3g} of the "
+                f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+            )
+        rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
+        if self.scale.length < FEWEST_ROUNDINGS * rounding:
+            raise SceneError(
+                f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {self.scale.length:.3g} m is less than "
+                f"{FEWEST_ROUNDINGS:g} roundings of a position in {self.packing.rows} rows x {self.packing.columns} "
+                "columns; must be faster, or the lattice smaller"
+            )
+
+
+def _file(source: str | Path) -> Path | None:
+    path = Path(source)
+    return first_file(source, (path, path / "scene.toml", SHIPPED_IMPACTS / path / "scene.toml"))
+
+
+def is_impact(source: str | Path) -> bool:
+    """Return whether a file, a folder or a name is a scene of an impact: one with a table ``[[striker]]``."""
+    found = _file(source)
+    if found is None:
+        return False
+    try:
+        return "striker" in tomllib.loads(file_text(found))
+    except NOT_TOML:
+        return False  # the reader of scenes says what is wrong

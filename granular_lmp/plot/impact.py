@@ -1,0 +1,110 @@
+"""The picture of an impact: the velocities of a chain over time, or a sheet at one moment, also as a movie."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.colors import LogNorm
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.errors import ViewError
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.plot.movie import refuse_movie, write_movie
+from granular_lmp.plot.signals import Picture
+
+COLOURS = "magma_r"
+DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
+
+
+def impact_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
+    """Return a picture of the speeds in an impact.
+
+    Parameters
+    ----------
+    record : ImpactRecord
+    tau : float, optional
+        Of a sheet the time, t0, of which the nearest record is drawn; by default the last. A chain is drawn at all
+        times.
+
+    Raises
+    ------
+    ViewError
+        If a time is asked for in a chain, or is not in the record.
+    """
+    if record.scene.lattice == CHAIN:
+        if tau is not None:
+            raise ViewError(f"tau = {tau!r}: is for a sheet; a chain is drawn at all times")
+        return _chain(record)
+    if tau is not None and not record.tau[0] <= tau <= record.tau[-1]:
+        raise ViewError(f"tau = {tau!r}: must be from {record.tau[0]:g} to {record.tau[-1]:g}")
+    sheet = _Sheet(record)
+    sheet.show(len(record.tau) - 1 if tau is None else int(np.argmin(np.abs(record.tau - tau))))
+    return sheet.figure
+
+
+def impact_movie(record: ImpactRecord, path: str | Path) -> None:
+    """Write a movie of a sheet, GIF or MP4, with a frame for each record.
+
+    Raises
+    ------
+    ViewError
+        If the lattice is a chain, or an MP4 needs the program ffmpeg, which is missing.
+    RunFolderError
+        If the file cannot be written.
+    """
+    if record.scene.lattice == CHAIN:
+        raise ViewError(f"{path}: a chain is drawn at all times, in a picture; not in a movie")
+    path = Path(path)
+    refuse_movie(path)
+    sheet = _Sheet(record)
+    write_movie(sheet.figure, sheet.show, len(record.tau), path, COLOURS)
+
+
+def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
+    """Return the speeds (T, n), those below the colours as the lightest of them."""
+    return np.maximum(np.linalg.norm(record.velocity, axis=-1), LIGHTEST)
+
+
+def _title(record: ImpactRecord) -> str:
+    scale = record.scale
+    return f"{record.scene.name}: {scale.velocity:g} m/s, $t_0$ = {scale.time:.3g} s"
+
+
+def _chain(record: ImpactRecord) -> Picture:
+    figure = Picture(figsize=(7.0, 4.0), layout="constrained")
+    axes: Axes = figure.subplots()
+    rows = record.problem.crystal.arrays["row"][record.problem.recorded]
+    mesh = axes.pcolormesh(
+        record.tau, rows, _speeds(record).T, norm=LogNorm(LIGHTEST, DARKEST), cmap=COLOURS, shading="nearest"
+    )
+    axes.set(xlabel=r"$\tau$ ($t_0$)", ylabel="row")
+    axes.set_title(_title(record), fontsize="medium")
+    figure.colorbar(mesh, label="speed (that of the striker)")
+    return figure
+
+
+class _Sheet:
+    """Figure of a sheet; `show` moves its spheres and its clock to another record."""
+
+    def __init__(self, record: ImpactRecord):
+        self.record, self.speeds = record, _speeds(record)
+        places, problem = record.rest, record.problem
+        width, height = np.ptp(places, axis=0) + 2
+        self.figure = Picture(figsize=(6.0, 0.6 + 5.0 * min(max(height / width, 0.3), 1.5)), layout="constrained")
+        axes: Axes = self.figure.subplots()
+        diameters = 2 * problem.crystal.arrays["radius"][problem.recorded]
+        self.discs = EllipseCollection(
+            diameters, diameters, 0 * diameters, units="xy", offsets=places, offset_transform=axes.transData,
+            cmap=COLOURS, norm=LogNorm(LIGHTEST, DARKEST), edgecolors="none",
+        )  # fmt: skip
+        axes.add_collection(self.discs, autolim=False)
+        low, high = places.min(axis=0) - 1.2, places.max(axis=0) + 1.2
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
+        self.axes = axes
+        self.figure.colorbar(self.discs, ax=axes, label="speed (that of the striker)", fraction=0.04, pad=0.02)
+
+    def show(self, number: int) -> None:
+        self.discs.set_array(self.speeds[number])
+        self.axes.set_title(rf"{_title(self.record)}, $\tau$ = {self.record.tau[number]:.4g}", fontsize="medium")

@@ -1,0 +1,77 @@
+"""Movies of a figure, as GIF or MP4."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from subprocess import CalledProcessError
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.animation import FFMpegWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from PIL import Image
+
+from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.plot.signals import Picture
+
+FRAMES_PER_SECOND = 10
+MOVIES = (".gif", ".mp4")
+MARK = "tab:red"
+_DPI = 80
+
+
+def refuse_movie(path: Path) -> None:
+    """Raise ViewError if an MP4 needs the program ffmpeg, which is missing."""
+    if path.suffix.lower() != ".gif" and not FFMpegWriter.isAvailable():
+        raise ViewError(f"{path}: needs the program ffmpeg, which was not found; a .gif does without")
+
+
+def write_movie(figure: Picture, show: Callable[[int], None], count: int, path: Path, colours: str) -> None:
+    """Write a movie of a figure, whose frames `show` makes by their number; `colours` is its colour map.
+
+    Raises
+    ------
+    RunFolderError
+        If the file cannot be written.
+    ViewError
+        If ffmpeg fails.
+    """
+
+    def frames() -> Iterator[Picture]:
+        for number in range(count):
+            show(number)
+            yield figure
+            figure.set_layout_engine("none")  # all frames keep the layout of the first, which takes most of its time
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.suffix.lower() == ".gif":
+            _write_gif(frames(), path, colours)
+        else:
+            writer = FFMpegWriter(fps=FRAMES_PER_SECOND)
+            with writer.saving(figure, str(path), dpi=_DPI):
+                for _ in frames():
+                    writer.grab_frame()
+    except OSError as error:
+        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
+    except CalledProcessError as error:
+        raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
+
+
+def _write_gif(frames: Iterable[Picture], path: Path, colours: str) -> None:
+    """Write a GIF with one palette, without dither, for all frames.
+
+    The file is half as large as that of matplotlib's writer and does not flicker.
+    """
+    shades = [colormaps[colours](np.linspace(0, 1, 216)), colormaps["gray"](np.linspace(0, 1, 32))]
+    shades.append(LinearSegmentedColormap.from_list("", [MARK, "white"])(np.linspace(0, 1, 8)))
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((255 * np.vstack(shades)[:, :3]).round().astype(np.uint8).tobytes())
+    images: list[Image.Image] = []
+    for figure in frames:
+        figure.set_dpi(_DPI)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)

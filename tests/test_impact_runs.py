@@ -1,0 +1,139 @@
+"""Runs of impacts: routes, ranks, stops, edits, commands and pictures."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError, RunInterrupted
+from granular_lmp.impact.deck import deck_of
+from granular_lmp.impact.problem import prepare
+from granular_lmp.plot.view import view
+from granular_lmp.runs.launch import Options
+
+CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
+SHEET = ImpactScene.load("point_impact").with_values(
+    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0}
+)
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Run folders of a chain and of a sheet."""
+    top = tmp_path_factory.mktemp("impacts")
+    for name, scene in {"chain": CHAIN, "sheet": SHEET}.items():
+        run_impact(scene, top / name)
+    return {name: top / name for name in ("chain", "sheet")}
+
+
+@pytest.mark.parametrize("name", ["chain", "sheet"])
+def test_the_program_writes_the_bytes_of_the_module(folders: dict[str, Path], tmp_path: Path, name: str) -> None:
+    scene = {"chain": CHAIN, "sheet": SHEET}[name]
+    run_impact(scene, tmp_path / "run", Options("lmp"))
+    dumps = [folder / "dump.particles" for folder in (folders[name], tmp_path / "run")]
+    assert dumps[0].read_bytes() == dumps[1].read_bytes()
+
+
+def test_two_ranks_move_a_sheet_alike(folders: dict[str, Path], tmp_path: Path) -> None:
+    one, two = ImpactRecord.load(folders["sheet"]), run_impact(SHEET, tmp_path / "run", Options("lmp", 2))
+    # Forces of a sphere are added in another order: 1e-16 of each, over 120 steps
+    assert two.velocity == pytest.approx(one.velocity, abs=1e-11)
+    assert two.info["ranks"] == 2
+
+
+def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(tmp_path: Path) -> None:
+    def stop(done: int, steps: int) -> None:
+        raise KeyboardInterrupt
+
+    long = CHAIN.with_values({"time.duration": 1e6, "time.sample": 10.0})
+    with pytest.raises(RunInterrupted, match="interrupted; run it again with force=True"):
+        run_impact(long, tmp_path / "run", Options(progress=stop))
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
+    with pytest.raises(RunFolderError, match="not a finished run"):
+        ImpactRecord.load(tmp_path / "run")
+    assert len(ImpactRecord.load(tmp_path / "run", unfinished=True).tau) >= 1
+
+
+def test_an_edited_deck_is_run_and_named(tmp_path: Path) -> None:
+    deck = deck_of(prepare(CHAIN))
+    edited = replace(deck, input_text=deck.input_text.replace("neighbor     0.2", "neighbor     0.3"))
+    assert run_impact(edited, tmp_path / "run").info["edited"] == ["- neighbor     0.2 bin", "+ neighbor     0.3 bin"]
+    assert "edited" not in run_impact(deck, tmp_path / "plain").info
+
+
+def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> None:
+    with pytest.raises(RunFolderError, match="is there already"):
+        run_impact(CHAIN, folders["chain"])
+    run_impact(CHAIN, folders["chain"], Options(force=True))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["resume", "<chain>"], "there is nothing to resume"),
+        (["export", "<chain>", "-o", "x.csv"], "a file with [[striker]] is an impact"),
+        (["view", "<chain>", "-o", "x.gif"], "a chain is drawn at all times, in a picture; not in a movie"),
+        (["view", "<chain>", "-o", "x.png", "--tau", "3"], "tau = 3.0: is for a sheet"),
+        (["view", "<sheet>", "-o", "x.png", "--tau", "99"], "tau = 99.0: must be from 0 to 6"),
+        (["view", "<sheet>", "-o", "x.png", "--colour", "p"], "--colour: is not for an impact"),
+        (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: is not for an impact"),
+        (["view", "solitary_chain", "-o", "x.png", "--at-rest"], "a file with [[striker]] is an impact"),
+    ],
+)
+def test_what_a_command_cannot_do_with_an_impact_is_said(
+    folders: dict[str, Path], words: list[str], said: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    there = {f"<{name}>": str(path) for name, path in folders.items()}
+    words = [there.get(word, word) for word in words]
+    words = [str(tmp_path / word) if word.startswith("x.") else word for word in words]
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_view_draws_a_chain_a_sheet_and_a_movie(folders: dict[str, Path], tmp_path: Path) -> None:
+    calls: list[tuple[str, str, dict[str, Any]]] = [
+        ("chain", "a.png", {}),
+        ("sheet", "b.png", {"tau": 3.0}),
+        ("sheet", "c.gif", {}),
+    ]
+    for name, file, options in calls:
+        assert view(folders[name], tmp_path / file, **options) == []
+        assert (tmp_path / file).stat().st_size > 5000
+    with Image.open(tmp_path / "c.gif") as movie:
+        assert movie.n_frames == 7
+
+
+def test_the_commands_run_and_build_an_impact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mine.toml").write_text(CHAIN.to_toml())
+    assert main(["build", str(tmp_path / "mine.toml"), "-o", str(tmp_path / "deck")]) == 0
+    names = sorted(path.name for path in (tmp_path / "deck").iterdir())
+    assert names == ["data.solitary_chain", "in.solitary_chain", "scene.toml"]
+    assert main(["run", str(tmp_path / "mine.toml"), "-o", str(tmp_path / "run")]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"10 spheres, 680 steps, 41 records of 10 spheres in", said)
+
+
+def test_the_record_is_in_the_units_of_the_impact(folders: dict[str, Path], tmp_path: Path) -> None:
+    record, fast = (
+        ImpactRecord.load(folders["chain"]),
+        run_impact(CHAIN.with_values({"striker.1.velocity": 7.0}), tmp_path / "run"),
+    )
+    # One motion at any velocity; rounding of positions over ℓ
+    assert fast.velocity == pytest.approx(record.velocity, abs=1e-9)
+    assert record.velocity[0, 0, 1] == pytest.approx(1.0, abs=1e-15)
+    assert fast.scale.velocity == pytest.approx(7.0)
+    assert np.max(record.kinetic_energy) == pytest.approx(0.5)
+
+
+def test_energy_of_what_was_not_recorded_is_refused(tmp_path: Path) -> None:
+    for number, changes in enumerate(({"output.rows": [0, 3]}, {"packing.last": "wall"})):
+        record = run_impact(CHAIN.with_values({"packing.last": "free"} | changes), tmp_path / str(number))
+        with pytest.raises(RunFolderError, match="the stored energy needs a record of all spheres"):
+            record.energy()

@@ -1,0 +1,245 @@
+"""Scenes of impacts: spheres that just touch, the units, what is refused, and the deck."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import ImpactScene, Scene
+from granular_lmp.cli import main
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, LATTICES, SQUARE
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.deck import deck_of, look_steps
+from granular_lmp.impact.lattice import grain, neighbours, touching
+from granular_lmp.impact.problem import prepare
+from granular_lmp.impact.scale import DEEPEST, Scale, collision_time
+from granular_lmp.impact.scene import SHIPPED_IMPACTS, is_impact
+
+STEEL = Sphere(radius=5e-3, youngs_modulus=200e9, poisson_ratio=0.3, work_of_adhesion=0.0, density=7800.0)
+NAMES = sorted(path.parent.name for path in SHIPPED_IMPACTS.glob("*/scene.toml"))
+CHAIN_SCENE = ImpactScene.load("solitary_chain")
+SHEET = ImpactScene.load("point_impact")
+
+
+def overlaps(crystal: Any) -> np.ndarray:
+    """Overlaps of the neighbours, radii, as LAMMPS computes them: of coordinates, by the root of a sum of squares."""
+    i, j, _ = neighbours(crystal)
+    apart = crystal.positions[j] - crystal.positions[i]
+    apart[:, 0] -= np.round(apart[:, 0] / crystal.cell[0, 0]) * crystal.cell[0, 0] * crystal.pbc[0]
+    radius = crystal.arrays["radius"]
+    return np.asarray(radius[i] + radius[j] - np.sqrt(apart[:, 0] ** 2 + apart[:, 1] ** 2))
+
+
+# --- spheres that just touch ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "of_one"), [("chain", 1), ("square", 2), ("hexagonal", 3)])
+@pytest.mark.parametrize("rows", [2, 9, 250])
+def test_no_rounding_parts_two_neighbours(name: str, of_one: int, rows: int) -> None:
+    columns = 1 if name == "chain" else 7
+    crystal, _ = touching(STEEL, LATTICES[name], rows, columns, periodic=name != "chain")
+    found = overlaps(crystal)
+    # Each sphere has half of its contacts to the row above, and those of a row have one contact in it
+    assert len(found) == (rows - 1) * columns * max(of_one - 1, 1) + (rows * columns if columns > 1 else 0)
+    assert np.all(found >= 0)
+    assert np.all(found < np.spacing(float(rows)))  # at most a rounding of the farthest position
+    if name != "hexagonal":
+        assert not found.any()
+
+
+def test_rows_of_a_hexagonal_lattice_are_all_alike() -> None:
+    crystal, _ = touching(STEEL, HEXAGONAL, 101, 5)
+    assert len(np.unique(np.diff(np.unique(crystal.positions[:, 1])))) == 1
+    # The naive places, multiples of a rounded √3, open contacts
+    crystal.positions[:, 1] = (crystal.arrays["row"] - 50) * np.sqrt(3.0)
+    assert np.min(overlaps(crystal)) < 0
+
+
+def test_unequal_spheres_of_a_chain_touch_exactly() -> None:
+    crystal, _ = touching(
+        STEEL, CHAIN, 500, 1, disorder=Disorder(radius=0.02), inclusions=(Inclusion(spheres=((7, 0),), radius=2e-2),)
+    )
+    assert crystal.arrays["radius"][7] == pytest.approx(4.0, rel=0.061)  # three deviations
+    assert len(np.unique(crystal.arrays["radius"])) == 500
+    assert not overlaps(crystal).any()
+    crystal.positions[8, 1] = np.nextafter(crystal.positions[8, 1], np.inf)
+    assert overlaps(crystal).any()  # a wrong last digit is seen
+
+
+def test_all_multiples_of_the_grain_are_exact() -> None:
+    unit = grain(1000.0)
+    assert (1000.0 - unit) - 999.0 == 1.0 - unit
+    assert 1000.0 + unit / 4 == 1000.0
+
+
+# --- units ------------------------------------------------------------------------------------------------------------
+
+
+def test_the_impact_is_the_unit() -> None:
+    scale = Scale.of(STEEL, 2.0)
+    # A = m = v = 1 in these units
+    assert STEEL.normal_coefficient * scale.length**1.5 * scale.time**2 / scale.mass == pytest.approx(scale.length)
+    assert scale.velocity == pytest.approx(2.0)
+    assert scale.energy == pytest.approx(4 * STEEL.mass)
+    assert Scale.of(STEEL, 64.0).time == pytest.approx(scale.time / 2)  # v^{-1/5}
+
+
+def test_the_collision_time_and_the_deepest_overlap_are_hertzs() -> None:
+    from analysis.theory.chain_motion import collision_time as other
+
+    assert collision_time(0.5) == pytest.approx(other(1.0, 1.0, 1.0), rel=1e-12)
+    assert pytest.approx(0.5 * 0.5) == 2 / 5 * DEEPEST**2.5  # ½ μ v² = (2/5) A δ^{5/2}, μ = m/2
+
+
+# --- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "key", "value", "message"),
+    [
+        (CHAIN_SCENE, "wave.mode", "L", "wave.mode: unknown key"),
+        (CHAIN_SCENE, "time.tolerance", 1e-3, "time.tolerance: must be time.timestep beside [[striker]]"),
+        (CHAIN_SCENE, "time.allow_echo", True, "time.allow_echo: must be left out"),
+        (CHAIN_SCENE, "packing.contact_force", 1.0, "packing.contact_force: spheres of an impact just touch"),
+        (CHAIN_SCENE, "packing.ends", "fixed", "packing.ends: must be packing.first and packing.last"),
+        (CHAIN_SCENE, "effects.adhesion", True, "effects.adhesion: must be left out beside [[striker]]"),
+        (CHAIN_SCENE, "sphere.work_of_adhesion", 0.05, "sphere.work_of_adhesion = 0.05: must be 0 or left out"),
+        (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
+        (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
+        (CHAIN_SCENE, "effects.rotation", False, "effects.rotation = false: must be left out"),
+        (CHAIN_SCENE, "disorder.vacancies", 0.1, "disorder.vacancies = 0.1: must be 0 in a chain"),
+        (CHAIN_SCENE, "striker.1.direction", "x", "striker 1: direction = 'x': must be \"y\""),
+        (CHAIN_SCENE, "striker.1.velocity", 0.0, "striker.1.velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
+        (CHAIN_SCENE, "striker.1.rows", [0, 60], "striker 1: rows = [0, 60]: must be [first, last], from 0 to 59"),
+        (CHAIN_SCENE, "striker.1.spheres", [[0, 0]], "striker 1: must have either rows or spheres"),
+        (CHAIN_SCENE, "striker.1.velocity", 300.0, "striker: velocity = 300: two spheres would overlap by"),
+        (CHAIN_SCENE, "striker.1.velocity", 1e-9, "roundings of a position in 1000000 rows"),
+        (CHAIN_SCENE, "output.rows", [3, 77], "output: rows = [3, 77]"),
+        (CHAIN_SCENE, "time.sample", 1e4, "time.sample = 10000.0: must be at most time.duration"),
+        (SHEET, "disorder.radius", 0.01, "disorder.radius = 0.01: must be 0 in a sheet"),
+        (SHEET, "striker.1.spheres", [[0, 99]], "striker 1: sphere [0, 99]: must be [row, column]"),
+        (SHEET, "packing.columns", 2, "packing.columns = 2: must be at least 3 between periodic sides"),
+    ],
+)
+def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, value: Any, message: str) -> None:
+    more = {"packing.rows": 1_000_000} if "roundings" in message else {}
+    more |= {"packing.sides": "periodic", "striker.1.spheres": [[0, 0]]} if "periodic" in message else {}
+    with pytest.raises(SceneError, match=re.escape(message)):
+        scene.with_values({**more, key: value})
+
+
+@pytest.mark.parametrize("table", ["wave", "envelope", "absorb", "source"])
+def test_tables_of_a_linear_wave_are_refused(table: str) -> None:
+    with pytest.raises(SceneError, match=rf"^{table}: is of a linear wave"):
+        ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {table: {}})
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "message"),
+    [
+        (
+            {"spheres": [[20, 30]], "radius": 1e-3},
+            "inclusion 1: radius = 0.001: must be that of all spheres in a sheet",
+        ),
+        ({"spheres": [[20, 30]], "work_of_adhesion": 0.1}, "inclusion 1: work_of_adhesion = 0.1: must be left out"),
+    ],
+)
+def test_inclusions_that_would_not_touch_are_refused(inclusion: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(message)):
+        ImpactScene.from_dict(SHEET.to_dict() | {"inclusion": [inclusion]})
+
+
+def test_a_striker_has_a_velocity_and_a_file_a_striker() -> None:
+    tables = CHAIN_SCENE.to_dict()
+    with pytest.raises(SceneError, match="striker 1: velocity: missing"):
+        ImpactScene.from_dict(tables | {"striker": [{"rows": [0, 0]}]})
+    with pytest.raises(SceneError, match="striker: missing"):
+        ImpactScene.from_dict(tables | {"striker": []})
+
+
+def test_strikers_that_cannot_move_are_refused() -> None:
+    with pytest.raises(SceneError, match="striker 1: is in a row that is held"):
+        prepare(CHAIN_SCENE.with_values({"packing.first": "held"}))
+    both = {"striker": [{"rows": [0, 1], "velocity": 1.0}, {"rows": [1, 1], "velocity": 2.0}]}
+    with pytest.raises(SceneError, match=re.escape("striker 2: sphere [1, 0]: is in another striker too")):
+        prepare(ImpactScene.from_dict(CHAIN_SCENE.to_dict() | both))
+    empty = {"inclusion": [{"spheres": [[0, 30]], "vacancy": True}]}
+    with pytest.raises(SceneError, match=re.escape("striker 1: sphere [0, 30]: is a vacancy")):
+        prepare(ImpactScene.from_dict(SHEET.to_dict() | empty))
+
+
+def test_a_step_too_long_for_the_lightest_sphere_is_refused() -> None:
+    prepare(CHAIN_SCENE.with_values({"time.timestep": 0.1}))
+    light = {"inclusion": [{"rows": [5, 5], "density": 7.8}]}
+    with pytest.raises(SceneError, match=r"time.timestep = 0.1: leaves the shortest collision of two neighbours, 0.2"):
+        prepare(ImpactScene.from_dict(CHAIN_SCENE.with_values({"time.timestep": 0.1}).to_dict() | light))
+
+
+# --- files and commands -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_shipped_decks_are_those_of_their_scenes(name: str) -> None:
+    deck = deck_of(prepare(ImpactScene.load(name)))
+    committed = (SHIPPED_IMPACTS / name / f"in.{name}").read_text("utf-8")
+    # Numbers are compared as numbers: their last digit depends on the processor
+    number = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?")
+    assert number.sub("#", committed) == number.sub("#", deck.input_text)
+    assert [*map(float, number.findall(committed))] == pytest.approx([*map(float, number.findall(deck.input_text))])
+    data = "".join(deck.files()[f"data.{name}"])
+    assert (SHIPPED_IMPACTS / name / f"data.{name}").read_text("utf-8").split("\n", 1)[1] == data.split("\n", 1)[1]
+
+
+def test_a_scene_reads_back_what_it_writes() -> None:
+    for name in NAMES:
+        scene = ImpactScene.load(name)
+        assert ImpactScene.loads(scene.to_toml()) == scene
+        for chosen in ({"output.rows": [1, 4]}, {"output.spheres": [[3, 0]]}):
+            changed = scene.with_values(chosen).with_values({"time.timestep": 0.02})
+            assert ImpactScene.loads(changed.to_toml()) == changed
+
+
+def test_the_scenes_of_waves_and_of_impacts_are_told_apart(tmp_path: Path) -> None:
+    assert is_impact("solitary_chain")
+    assert not is_impact("tr_periodic")
+    assert not is_impact(tmp_path / "nothing.toml")
+    (tmp_path / "broken.toml").write_text("striker = [")
+    assert not is_impact(tmp_path / "broken.toml")
+    with pytest.raises(SceneError, match=r"a file with \[\[striker\]\] is an impact on spheres that just touch"):
+        Scene.load("solitary_chain")
+
+
+@pytest.mark.parametrize("command", ["modes", "cost"])
+def test_commands_of_a_linear_wave_refuse_an_impact(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "solitary_chain"]) == 2
+    assert "a file with [[striker]] is an impact" in capsys.readouterr().err
+
+
+def test_check_and_effects_say_what_a_run_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "solitary_chain", "--set", "striker.1.velocity=2.0"]) == 0
+    assert "a chain of 60 spheres that just touch, struck at 2 m/s" in capsys.readouterr().out
+    assert main(["effects", "point_impact", "--json"]) == 0
+    assert '"reason": "no force holds the contacts together"' in capsys.readouterr().out
+    assert main(["run", "solitary_chain", "--all-effects"]) == 2
+
+
+def test_guards_look_often_enough() -> None:
+    problem = prepare(CHAIN_SCENE)
+    steps = look_steps(problem)
+    assert CHAIN_SCENE.time.steps_per_sample % steps == 0
+    assert steps * CHAIN_SCENE.time.step <= problem.shortest_collision / 20
+
+
+def test_a_square_sheet_has_its_wall_at_the_edge_of_the_spheres() -> None:
+    scene = SHEET.with_values({"packing.lattice": SQUARE.name, "packing.last": "wall", "packing.sides": "wall"})
+    text = deck_of(prepare(scene)).input_text
+    places = re.findall(r"([xy])plane (\S+) (\S+)", text)
+    (left, low), (right, high) = (
+        getattr(prepare(scene).crystal.positions, name)(0)[:2].tolist() for name in ("min", "max")
+    )
+    assert low < high
+    assert places == [("y", "NULL", repr(high + 1)), ("x", repr(left - 1), "NULL"), ("x", "NULL", repr(right + 1))]
