@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from granular_lmp.scene.samples import SignalRule
 from granular_lmp.scene.scene import REPEATED, SECTION_RULES, SECTIONS, note
 from granular_lmp.scene.schema import LONGEST_DESCRIPTION, LONGEST_NAME, ArrayRule, Rule, declared_fields, toml
 
@@ -82,6 +83,9 @@ def _value(key: Key) -> dict[str, Any]:
 
 def _values(rule: Rule) -> dict[str, Any]:
     """Return the JSON Schema of the values that a rule allows."""
+    if isinstance(rule, SignalRule):
+        pairs = _values(ArrayRule(float, "", "", several=True))
+        return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
     if isinstance(rule, ArrayRule):
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))
         one = {"type": "array", "items": number, "minItems": rule.length, "maxItems": rule.length}
