@@ -106,6 +106,8 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.standing runs/waves/tr_grating -o figures/grating.png
 	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
+	$(BIN)/granular-lmp run two_tones -o runs/waves/two_tones --force
+	$(BIN)/python -m analysis.figures.tones runs/waves/two_tones -o figures/two_tones.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
 
