@@ -13,6 +13,7 @@
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
+# make quiet (what quiet ends reflect, by theory and in LAMMPS, twenty minutes: docs/waves.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
 # make bench (our run beside other codes, with the error of each), make scale (cost up to a million spheres),
@@ -33,7 +34,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves disorder gallery test processors stability guards impact onset witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet disorder gallery test processors stability guards impact onset witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -107,10 +108,23 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.standing runs/waves/tr_grating -o figures/grating.png
 	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
+	$(BIN)/granular-lmp run two_tones -o runs/waves/two_tones --force
+	$(BIN)/python -m analysis.figures.tones runs/waves/two_tones -o figures/two_tones.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
 	$(BIN)/granular-lmp sweep quiet_ends --workers $(CORES) --over source.1.frequency=0.3:0.8:51 -o runs/waves/response
 	$(BIN)/granular-lmp view runs/waves/response -o figures/response.png --column behind.v2
+
+# What quiet ends reflect: driven rows in steady state, over pairs of steps. Slow waves take longer
+QUIET = tr_driven --workers $(CORES) --over time.timestep=0.05,0.025 --set absorb.rows=10 --set absorb.reflection=0.5 \
+    --set packing.rows=31 --set wave.amplitude=0.001 --set envelope.ramp=150 --set time.sample=2 --set output.particles=2
+
+quiet: .venv/ready
+	$(BIN)/granular-lmp sweep $(QUIET) -o runs/quiet/fast --set time.duration=520 --over absorb.rows=5,10 \
+	    --over wave.mode=L,TR,RT --over wave.wavenumber=1.0,1.4,1.8,2.2
+	$(BIN)/granular-lmp sweep $(QUIET) -o runs/quiet/slow --set time.duration=1200 --over absorb.rows=5,10 \
+	    --over wave.mode=L,TR,RT --over wave.wavenumber=0.6
+	$(BIN)/python -m granular_lmp.plot.reflection runs/quiet/fast runs/quiet/slow -o figures/quiet_ends.png
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,
@@ -248,7 +262,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

@@ -32,6 +32,7 @@ SCRIPTS = {
     "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
     "standing": "a standing wave beside its theory",
     "timestep": "what a time step does to a lattice",
+    "tones": "two rows shaken at two frequencies: sum and difference beside their theory",
     "witness": "error over time in a crystal that is not perfect, beside the network",
 }
 DOORS = {"compare", "design"}  # scripts whose answer is a table

@@ -90,7 +90,7 @@ class Case:
     @property
     def strength(self) -> float:
         """Largest amplitude of the sources, 1 without any, in units of that of the wave."""
-        return max((each.amplitude for each in self.scene.source), default=1.0)
+        return max((each.largest for each in self.scene.source), default=1.0)
 
     @property
     def no_slip_friction(self) -> float:

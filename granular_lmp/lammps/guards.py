@@ -81,7 +81,7 @@ def fastest(scene: Scene) -> float:
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode_of(scene).frequency
-    own = [each.pulsation(scene.sphere, usual) for each in scene.source if each.signal != "step"] or [usual]
+    own = [each.pulsation(scene.sphere, usual) for each in scene.source if each.kind != "step"] or [usual]
     return max(2 * max(own), TOP * swiftness(scene))
 
 

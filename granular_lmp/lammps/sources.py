@@ -7,15 +7,19 @@ present velocity the error would be of first order in the step (docs/waves.md).
 A torque is that of ``fix efield`` on the dipole that tracks the angle θ of a sphere: a field f along y turns a dipole
 of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more than some 2e-3, where 1 − cos θ is
 2e-6.
+
+Samples are four vectors of numbers, the coefficients of a cubic polynomial in each interval between two of them: LAMMPS
+keeps such a list as it was read, and a variable names the entry. A deck needs no file beside its own two.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
-from granular_lmp.scene.sources import TORQUE, PlacedSource
+from granular_lmp.scene.samples import pieces
+from granular_lmp.scene.sources import TORQUE, PlacedSource, Source
 
 _RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
 # Over the variable s: the time since the beginning as a share of the ramp or of the burst, or y of a Ricker wavelet
@@ -24,16 +28,19 @@ _SIGNALS = {
     "burst": "sin(PI*v_<s>)^2*<carrier>",
     "step": _RISE,
     "ricker": "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)",
+    "samples": "(v_c0_<t>[v_<i>]+v_<s>*(v_c1_<t>[v_<i>]+v_<s>*(v_c2_<t>[v_<i>]+v_<s>*v_c3_<t>[v_<i>])))",
 }
 # LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
 _STEP = "$(v_step/v_t0:%.17g)"
+_NUMBERS_A_LINE = 5
 _RICKER_BEGINS = "12.0"  # −y at t = 0, where the signal is 71 e^{-36} = 2e-14 of its largest value
 
 
 @dataclass(frozen=True)
 class _Signal:
     """A signal in LAMMPS's variable language: its kind, the end of its names, its factor, the duration of its ramp or
-    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago.
+    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago; of samples
+    also the number of intervals between them, and their delay in intervals.
     """
 
     kind: str
@@ -43,16 +50,32 @@ class _Signal:
     phase: str
     now: str
     before: str
+    intervals: int = 0
+    late: float = 0.0
 
     def at(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines that define s and the signal `name` at a time."""
         begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
         value = f"ternary(v_{time}<{self.length},{begun}v_{time}/{self.length},1.0)"
+        if self.intervals:
+            return self._of_samples(time, name, s)
         if self.kind == "ricker":
             value = f"v_Omega{self.tag}*v_{time}-{_RICKER_BEGINS}"
         text = _SIGNALS[self.kind].replace("<carrier>", f"cos(v_Omega{self.tag}*v_{time}-{self.phase})")
         text = text.replace("<s>", s + self.tag)
         return [_line(s + self.tag, value), _line(name + self.tag, f"{self.unit}*{text}")]
+
+    def _of_samples(self, time: str, name: str, s: str) -> list[str]:
+        """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
+        steps, i = "step" if time == self.now else "(step-1)", s.replace("s", "i", 1) + self.tag
+        way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
+        inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
+        text = _SIGNALS["samples"].replace("<i>", i).replace("<s>", s + self.tag).replace("<t>", self.tag)
+        return [
+            _line(i, f"1+ternary({way}<{self.intervals},{inside},{self.intervals + 1})"),
+            _line(s + self.tag, f"({way})%1" if self.late else f"{way}%1"),
+            _line(name + self.tag, f"{self.unit}*{text}"),
+        ]
 
     def moved(self, step: str) -> list[str]:
         """Return the lines for the displacement `swing` of moved spheres, and for `speed`, half a step ago.
@@ -61,7 +84,7 @@ class _Signal:
         """
         return [
             *self.at(self.now, "swing", "s"),
-            _line(self.before, f"v_{self.now}-{step}"),
+            *([] if self.intervals else [_line(self.before, f"v_{self.now}-{step}")]),
             *self.at(self.before, "was", "s_was"),
             _line(f"speed{self.tag}", f"(v_swing{self.tag}-v_was{self.tag})/v_step"),
         ]
@@ -97,14 +120,20 @@ def lines(problem: Problem, units: Units) -> str:
 
 def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> list[str]:
     source, sphere, name = placed.source, problem.scene.sphere, f"source{tag}"
-    length = 2 * pi * source.cycles / placed.frequency if source.signal == "burst" else source.ramp
+    length = 2 * pi * source.cycles / placed.frequency if source.kind == "burst" else source.ramp
     stiffness = units.number(sphere.normal_stiffness, mass=1, time=-2)
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
-    signal = _Signal(source.signal, tag, unit, repr(length), repr(source.phase), f"t{tag}", f"t_was{tag}")
+    signal = _Signal(source.kind, tag, unit, repr(length), repr(source.phase), f"t{tag}", f"t_was{tag}")
     head = [f"group        {name} id {id_ranges(placed.spheres)}"]
-    head += [] if source.signal == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
-    head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
+    if source.sampled:
+        intervals = len(source.sampled) - 1
+        interval = source.sampled[-1][0] / intervals
+        signal = replace(signal, intervals=intervals, late=source.delay / interval)
+        head += [*_tables(tag, source), _line(f"pace{tag}", f"v_step/v_t0/{interval!r}", "samples in a step")]
+    else:
+        head += [] if source.kind == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
+        head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
     if source.motion:
         along, across = (f"v_swing{tag}", f"v_speed{tag}"), ("v_still", "v_still")
         (ux, vx), (uy, vy) = (along, across) if source.motion == "x" else (across, along)
@@ -128,3 +157,13 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
         *signal.at(signal.now, "push", "s"),
         f"fix          {name} {name} {pushed[str(source.force)]}",
     ]
+
+
+def _tables(tag: str, source: Source) -> list[str]:
+    """Return the vectors of the coefficients between samples, a few numbers to a line."""
+    lines = []
+    for number, row in enumerate(pieces(source.sampled)):
+        numbers = [repr(float(each)) for each in row]
+        parts = [",".join(numbers[at : at + _NUMBERS_A_LINE]) for at in range(0, len(numbers), _NUMBERS_A_LINE)]
+        lines += f"variable     c{number}_{tag} vector [{',&|'.join(parts)}]".split("|")
+    return lines

@@ -67,18 +67,26 @@ class Document:
         """Return the document in a TOML file; its errors begin with the path."""
         text = file_text(file)
         try:
-            return cls.loads(text, default_name(file))
+            return cls.loads(text, default_name(file), file.parent)
         except SceneError as error:
             raise SceneError(f"{file}: {error}") from error
 
     @classmethod
-    def loads(cls, text: str, default: str | None = None) -> Self:
-        """Return the document in TOML text; `default` is its name if the text declares none."""
+    def loads(cls, text: str, default: str | None = None, folder: Path | None = None) -> Self:
+        """Return the document in TOML text; `default` is its name if the text declares none.
+
+        Files that it names are relative to `folder`, by default the current one.
+        """
         try:
             tables = tomllib.loads(text)
         except NOT_TOML as error:
             raise SceneError(f"not valid TOML: {one_line(error)}") from error
-        return cls.from_dict(tables, default)
+        return cls.from_dict(cls.located(tables, folder) if folder else tables, default)
+
+    @classmethod
+    def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return the tables with the names of files, which are relative to `folder`, relative to the current one."""
+        return tables
 
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:

@@ -24,6 +24,7 @@ from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors, monitor_echo
+from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import (
@@ -141,6 +142,12 @@ class Scene(Document):
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
         return cls.read(found)
+
+    @classmethod
+    def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return the tables with the signals of sources that are in files, relative to the current folder."""
+        sources = tables.get("source")
+        return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
 
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -404,7 +411,7 @@ class Scene(Document):
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
-        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere)
+        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)

@@ -7,6 +7,8 @@ A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10
     ricker    (1 − y²/2) e^{−y²/4},  y = x − 12: at its largest at t = 12/Ω, where its spectrum has its maximum at Ω
     step      r(t/ramp)
 
+or is a multiple of samples, in a file or in the scene (`granular_lmp.scene.samples`).
+
 The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
 are moved neither turn nor move across the motion. Motions cannot be added on one sphere, and a force on a sphere that
 is moved or held does nothing: both are refused.
@@ -24,6 +26,7 @@ from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.scene import samples
 from granular_lmp.scene.places import in_words, place_troubles, spheres_at
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
@@ -59,11 +62,11 @@ class Source:
         Axis along which the displacement is prescribed, in D0; or
     force : "x", "y" or "torque", optional
         Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
-    signal : "tone", "burst", "ricker" or "step"
+    signal : "tone", "burst", "ricker", "step", or sequence of (τ, value)
     amplitude : float
-        Above 0. Good values: about 1, as D0 is small already.
+        Above 0. Good values: about 1, as D0 is small already. It multiplies the values of samples.
     frequency, hertz : float, optional
-        Ω in rad/t0, or in Hz; that of the wave if both are left out.
+        Ω in rad/t0, or in Hz; that of the wave if both are left out. Samples have their own (`samples.pulsation`).
     phase, delay, cycles, ramp : float
         In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
     """
@@ -76,7 +79,9 @@ class Source:
     )
     motion: str | None = choice("displacement from rest, in D0", AXES, default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
-    signal: str = choice("over time", SIGNALS, default="tone")
+    signal: str | samples.Samples = field(
+        default="tone", metadata={"rule": samples.SignalRule(str, "", "over time", words=SIGNALS)}
+    )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
     frequency: float | None = number("rad/t0", "of tone, burst, ricker; the wave's if left out", 1e-6, 20, default=None)
     hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
@@ -86,10 +91,25 @@ class Source:
     ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
 
     @property
+    def sampled(self) -> samples.Samples:
+        """Samples of the signal; none if it has a name."""
+        return () if isinstance(self.signal, str) else self.signal
+
+    @property
+    def kind(self) -> str:
+        """Name of the signal."""
+        return self.signal if isinstance(self.signal, str) else "samples"
+
+    @property
+    def largest(self) -> float:
+        """Largest value of the signal, in the unit of the amplitude."""
+        return self.amplitude * (samples.largest(self.sampled) if self.sampled else 1.0)
+
+    @property
     def words(self) -> str:
         """Kind and signal in words: "burst of force along y"."""
         kind = f"motion along {self.motion}" if self.motion else f"force along {self.force}"
-        return f"{self.signal} of {TORQUE if self.force == TORQUE else kind}"
+        return f"{self.kind} of {TORQUE if self.force == TORQUE else kind}"
 
     @property
     def places(self) -> str:
@@ -98,6 +118,8 @@ class Source:
 
     def pulsation(self, sphere: Sphere, default: float) -> float:
         """Return Ω in rad/t0; `default` is that of the wave."""
+        if self.sampled:
+            return samples.pulsation(self.sampled)
         if self.hertz is not None:
             return 2 * pi * self.hertz * sphere.time_scale
         return default if self.frequency is None else self.frequency
@@ -132,17 +154,23 @@ class PlacedSource:
     def words(self) -> str:
         """Kind, frequency and number of spheres in words."""
         count = len(self.spheres)
-        at = "" if self.source.signal == "step" else f" at {self.frequency:.6g} rad per t0"
+        at = "" if self.source.kind == "step" else f" at {self.frequency:.6g} rad per t0"
         return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
 
     @property
     def cost(self) -> int:
         """Time of a step that the source takes, in spheres of the crystal, measured; it is that of its variables."""
-        return 110 if self.source.motion else 30
+        return (110 if self.source.motion else 30) * (3 if self.source.sampled else 1)
 
 
 def check_sources(
-    sources: Sequence[Source], wave: Wave, envelope: Envelope, packing: Packing, shape: Shape, sphere: Sphere
+    sources: Sequence[Source],
+    wave: Wave,
+    envelope: Envelope,
+    packing: Packing,
+    shape: Shape,
+    sphere: Sphere,
+    time: Time,
 ) -> None:
     """Check that sources stand beside a wave of the form "none", and each by itself."""
     if wave.form != "none":
@@ -169,6 +197,13 @@ def check_sources(
     for number_, each in enumerate(sources, 1):
         for trouble in _troubles(each, shape, sphere, wave.amplitude):
             raise SceneError(f"source {number_}: {trouble}")
+        if each.sampled and samples.end(each.sampled) + each.delay < time.duration * (1 - samples.UNEVEN):
+            raise SceneError(
+                f"source {number_}: signal: ends at tau = {each.sampled[-1][0] + each.delay:g} with "
+                f"{each.sampled[-1][1]:g}: must come back to 0, or last to time.duration = {time.duration!r}"
+            )
+    if (count := sum(len(each.sampled) for each in sources)) > samples.MOST:
+        raise SceneError(f"source: {count} samples: must be at most {samples.MOST} in all signals together")
 
 
 def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) -> Iterator[str]:
@@ -180,18 +215,18 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) ->
     if source.frequency is not None and source.hertz is not None:
         yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
     for key, signals in _OWN.items():
-        if source.signal not in signals and getattr(source, key) != getattr(Source, key):
+        if source.kind not in signals and getattr(source, key) != getattr(Source, key):
             allowed = " or ".join(signals)
-            yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.signal}"'
+            yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
     if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
         yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
     largest = sphere.radius / sphere.static_overlap / 10 / amplitude
-    if source.motion and source.amplitude > largest:
-        yield f"amplitude = {source.amplitude!r}: must be at most {largest:.3g}, a motion by R/10"
+    if source.motion and source.largest > largest:
+        yield f"amplitude = {source.largest!r}: must be at most {largest:.3g}, a motion by R/10"
     largest *= 10 * LARGEST_ANGLE
-    if source.force == TORQUE and source.amplitude > largest:
+    if source.force == TORQUE and source.largest > largest:
         yield (
-            f"amplitude = {source.amplitude!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
+            f"amplitude = {source.largest!r}: must be at most {largest:.3g}: a torque that turns spheres by more "
             f"than about {LARGEST_ANGLE:g} rad falls with the cosine of their angle"
         )
 
@@ -230,7 +265,7 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
     """Check that a period of each source has enough time steps."""
     for number_, each in enumerate(sources, 1):
         most = 2 * pi / each.frequency / FEWEST_STEPS
-        if time.tolerance is None and each.source.signal != "step" and time.step > most:
+        if time.tolerance is None and each.source.kind != "step" and time.step > most:
             raise SceneError(
                 f"time.timestep = {time.timestep!r}: leaves a period of source {number_} fewer than {FEWEST_STEPS:g} "
                 f"steps at its frequency of {each.frequency:.6g} rad per t0; must be at most {most:.4g}"
@@ -259,13 +294,13 @@ def source_echo(sources: Sequence[Source], shape: Shape, *, quiet: bool) -> floa
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
     """Check that no source of a scene with quiet ends makes waves that are too long for them."""
     for number_, each in enumerate(sources, 1):
-        if absorb.rows != 0 and each.signal == "burst" and each.cycles < FEWEST_CYCLES:
+        if absorb.rows != 0 and each.kind == "burst" and each.cycles < FEWEST_CYCLES:
             raise SceneError(
                 f"source {number_}: cycles = {each.cycles!r}: must be at least {FEWEST_CYCLES:g} with absorb.rows, as "
                 "the spectrum of a shorter burst reaches down to waves that no number of rows absorbs"
             )
-        if absorb.rows != 0 and each.signal in ("ricker", "step"):
+        if absorb.rows != 0 and each.kind in ("ricker", "step", "samples"):
             raise SceneError(
-                f'source {number_}: signal = "{each.signal}": must be "tone" or "burst" with absorb.rows, as the long '
+                f'source {number_}: signal = "{each.kind}": must be "tone" or "burst" with absorb.rows, as the long '
                 "waves in its spectrum are absorbed by no number of rows"
             )

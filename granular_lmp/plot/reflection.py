@@ -1,0 +1,146 @@
+"""Reflection |r| of quiet ends over wave number and thickness, per mode: theory as lines, runs of a sweep as marks.
+
+    make quiet  # sweeps over driven rows, and this script: python -m granular_lmp.plot.reflection SWEEP -o FILE
+
+A line is |r| of the layer that is best for one wave alone (`granular_lmp.crystal.quiet_ends`). A run is one of a driven
+row; its layer was chosen for the free wave at 2Ω too, and may reflect the wave itself more. A ring is theory for the
+layer of a run, the dot what LAMMPS does, extrapolated from two time steps: drags take the velocities of half a step
+ago, an error of first order.
+"""
+
+import argparse
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.modes import FULL, MODES, bloch_mode
+from granular_lmp.crystal.quiet_ends import quiet_end, reflection
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.signals import Picture, save
+from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.sweep import Sweep
+
+THICKNESSES = (5, 10, 20, 40)
+WAVENUMBERS = tuple(np.linspace(0.2, 2.9, 28).tolist())
+_NEAR = 6  # rows beside the source and the layer, in which waves decay that are not the one
+_LATE = 0.75  # of a run, which the front must have used to run to the layer and back
+
+
+def expected(scene: Scene) -> float:
+    """Return |r| of the quiet end of a driven scene for its wave, by the linear lattice.
+
+    Raises
+    ------
+    ViewError
+        If the scene is not one of a driven row before a quiet end.
+    """
+    end = quiet_end_of(scene)
+    if end is None or scene.wave.form != "driven":
+        raise ViewError(f'{scene.name}: must have wave.form = "driven" and absorb.rows')
+    return reflection(unit_contacts(scene), scene.sphere, mode_of(scene), end, physics_of(scene))
+
+
+def measured(snapshots: Snapshots) -> float:
+    """Return |r| of the quiet end of a driven run, by least squares.
+
+    Rows of the last quarter of the run are cos and sin in time at Ω, and in space A e^{iξn} + B e^{−iξn}; |r| is the
+    smaller of the two amplitudes over the larger, as the crests of RT run against its energy. ξ is fitted, because the
+    time step shifts it. Good values: a ramp of ten periods, and a run of which two thirds are enough for the ramp and
+    for the way to the layer and back.
+
+    Raises
+    ------
+    ViewError
+        If the run is too short for a fit.
+    """
+    scene, tau = snapshots.scene, snapshots.tau
+    late = tau > _LATE * scene.time.duration
+    rows = np.arange(_NEAR, scene.shape.rows - 1 - int(scene.absorb.rows) - _NEAR)
+    if late.sum() < 20 or len(rows) < 8:
+        raise ViewError(f"{snapshots.path}: {late.sum()} late snapshots of {len(rows)} rows: must be 20 of 8")
+    along = int(scene.wave.mode == "L")
+    field = snapshots.stack("displacement")[late][:, :: scene.shape.columns, along][:, rows]
+    phase = mode_of(scene).frequency * tau[late]
+    (cosine, sine), *_ = np.linalg.lstsq(np.column_stack([np.cos(phase), np.sin(phase)]), field)
+    wave = cosine + 1j * sine
+
+    def fitted(wavenumber: float) -> tuple[np.ndarray, float]:
+        both = np.exp(1j * wavenumber * rows[:, None] * [1, -1])
+        amplitudes = np.linalg.lstsq(both, wave)[0]
+        return np.abs(amplitudes), float(np.linalg.norm(both @ amplitudes - wave))
+
+    near = scene.wavenumber + np.array([-1, 1]) * 0.3 / len(rows)
+    found = minimize_scalar(lambda xi: fitted(xi)[1], bounds=near, method="bounded", options={"xatol": 1e-9})
+    amplitudes, _ = fitted(found.x)
+    return float(amplitudes.min() / amplitudes.max())
+
+
+def extrapolated(runs: Iterable[Snapshots]) -> dict[tuple[str, float, int], tuple[float, float]]:
+    """Return mode, ξ and rows → |r| by theory and in LAMMPS, extrapolated linearly from pairs of time steps.
+
+    Raises
+    ------
+    ViewError
+        If runs of one mode, ξ and thickness are not two, one with half the step of the other.
+    """
+    found: dict[tuple[str, float, int], dict[float, Snapshots]] = {}
+    for run in runs:
+        key = run.scene.wave.mode, run.scene.wavenumber, int(run.scene.absorb.rows)
+        found.setdefault(key, {})[run.scene.time.step] = run
+    result = {}
+    for key, steps in found.items():
+        if len(steps) != 2 or not np.isclose(max(steps), 2 * min(steps)):
+            raise ViewError(f"{key}: time steps {sorted(steps)}: must be two, one half of the other")
+        fine, coarse = measured(steps[min(steps)]), measured(steps[max(steps)])
+        result[key] = expected(steps[min(steps)].scene), 2 * fine - coarse
+    return result
+
+
+def best(sphere: Sphere, name: str, rows: int, wavenumbers: Sequence[float]) -> list[float]:
+    """Return |r| of the best layer of a thickness for each wave of a mode along y, alone."""
+    lattice = unit_lattice(sphere)
+    modes = [bloch_mode(lattice, sphere, WaveVector.of(xi), name, FULL) for xi in wavenumbers]
+    return [quiet_end(lattice, sphere, [mode], 0.5, rows).reflection for mode in modes]
+
+
+def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) -> Picture:
+    """Return the figure of the finished runs of sweeps over theory for their spheres."""
+    runs = [Snapshots.load(sweep.folder / row["run"]) for sweep in sweeps for row in sweep.having("finished")]
+    if not runs:
+        raise ViewError("no run is finished; there is nothing to draw")
+    sphere, marks = runs[0].scene.sphere, extrapolated(runs)
+    drawing = Picture(figsize=(9.0, 3.6), layout="constrained")
+    panels = drawing.subplots(1, len(MODES), sharey=True)
+    for panel, name in zip(panels, MODES, strict=True):
+        for place, rows in enumerate(THICKNESSES):
+            panel.plot(wavenumbers, best(sphere, name, rows, wavenumbers), color=f"C{place}", label=f"{rows} rows")
+        for (mode, wavenumber, rows), (theory, lammps) in marks.items():
+            if mode == name:
+                colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
+                panel.plot(wavenumber, theory, "o", color=colour, markersize=7, fillstyle="none")
+                panel.plot(wavenumber, lammps, ".", color="black", markersize=4)
+        panel.set(title=name, xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
+    panels[0].set_ylabel(r"reflection $|r|$")
+    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize="small")
+    return drawing
+
+
+def main() -> int:
+    """Draw the figure of the sweeps that the command line names."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("sweeps", nargs="+", metavar="SWEEP", help="folder of a sweep over driven rows and quiet ends")
+    parser.add_argument("-o", "--output", default="quiet_ends.png", metavar="FILE", help="PNG, PDF or SVG")
+    options = parser.parse_args()
+    save(figure([Sweep.load(each) for each in options.sweeps]), options.output)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

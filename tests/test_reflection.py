@@ -1,0 +1,63 @@
+"""The figure of quiet ends: what is read off a run, and what is drawn beside it."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import Scene
+from granular_lmp.errors import ViewError
+from granular_lmp.plot import reflection
+from granular_lmp.scene.linear import mode_of
+
+SCENE = Scene.load("tr_driven").with_values(
+    {"packing.rows": 41, "absorb.rows": 10, "absorb.reflection": 0.5, "wave.wavenumber": 1.0, "envelope.ramp": 20.0}
+)
+
+
+def stand_in(scene: Scene, share: float, *, shift: float = 0.0, duration: float = 200.0) -> Any:
+    """A run whose late rows are a wave and a share of it that comes back, as `measured` reads them."""
+    scene = scene.with_values({"time.duration": duration})
+    tau, n = np.arange(0, duration + 1.0, 2.0), np.arange(41)
+    xi = scene.wavenumber + shift
+    wave = np.exp(1j * xi * n) + share * np.exp(-1j * xi * n + 0.7j)
+    field = np.zeros((len(tau), 41 * 3, 2))
+    field[..., 0] = np.repeat((wave * np.exp(-1j * mode_of(scene).frequency * tau[:, None])).real, 3, axis=1)
+    return SimpleNamespace(scene=scene, tau=tau, stack=lambda name: field, path="dump.particles")
+
+
+@pytest.mark.parametrize("share", [0.3, 1e-3, 40.0])
+def test_the_smaller_of_two_waves_over_the_larger_is_the_reflection(share: float) -> None:
+    found = reflection.measured(stand_in(SCENE, share, shift=2e-3))  # of a time step
+    assert found == pytest.approx(min(share, 1 / share), rel=1e-4)  # the minimum over ξ is found to 1e-9
+
+
+def test_pairs_of_steps_are_extrapolated_linearly() -> None:
+    coarse, fine = (SCENE.with_values({"time.timestep": step}) for step in (0.05, 0.025))
+    ((key, (theory, lammps)),) = reflection.extrapolated([stand_in(coarse, 0.02), stand_in(fine, 0.03)]).items()
+    assert key == ("TR", 1.0, 10)
+    assert theory == reflection.expected(fine)
+    assert lammps == pytest.approx(0.04, rel=1e-4)  # as above
+    with pytest.raises(ViewError, match=r"time steps \[0\.05\]: must be two, one half of the other"):
+        reflection.extrapolated([stand_in(coarse, 0.02)])
+
+
+def test_runs_that_show_no_reflection_are_refused() -> None:
+    with pytest.raises(ViewError, match="13 late snapshots of 18 rows: must be 20 of 8"):
+        reflection.measured(stand_in(SCENE, 0.1, duration=100.0))
+    with pytest.raises(ViewError, match='must have wave.form = "driven" and absorb.rows'):
+        reflection.expected(Scene.load("tr_driven"))
+
+
+def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    runs = {str(step): stand_in(SCENE.with_values({"time.timestep": step}), 0.01) for step in (0.05, 0.025)}
+    monkeypatch.setattr(reflection.Snapshots, "load", lambda path: runs[path.name])
+    monkeypatch.setattr(reflection, "THICKNESSES", (4, 10))
+    sweep: Any = SimpleNamespace(folder=tmp_path, having=lambda status: [{"run": name} for name in runs])
+    panels = reflection.figure([sweep], wavenumbers=(1.0, 1.5)).axes
+    assert [panel.get_title() for panel in panels] == ["L", "TR", "RT"]
+    assert [len(panel.lines) for panel in panels] == [2, 4, 2]  # two lines; a ring and a dot
+    with pytest.raises(ViewError, match="no run is finished"):
+        reflection.figure([SimpleNamespace(folder=tmp_path, having=lambda status: [])], wavenumbers=(1.0,))  # type: ignore[list-item]
