@@ -298,10 +298,10 @@ def test_compare_makes_the_folder_of_its_json_or_says_why_not(folder: Path, tmp_
 
 
 def test_figures_are_written_where_they_are_asked_for(folder: Path, tmp_path: Path) -> None:
-    assert figure2.main(["-o", str(tmp_path / "new" / "two.pdf")]) == 0
-    assert figure3.main([str(folder), "-o", str(tmp_path / "three.svg")]) == 0
-    assert (tmp_path / "new" / "two.pdf").stat().st_size > 1000
-    assert (tmp_path / "three.svg").stat().st_size > 1000
+    assert figure2.main(["-o", str(tmp_path / "new" / "two.svg")]) == 0
+    assert figure3.main([str(folder), "-o", str(tmp_path / "three.png")]) == 0
+    assert (tmp_path / "new" / "two.svg").stat().st_size > 1000
+    assert (tmp_path / "three.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from argparse import ArgumentParser
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -247,9 +248,15 @@ def commands(page: str) -> list[list[str]]:
     return [shlex.split(line, comments=True) for line in lines]
 
 
+@cache
+def parser() -> ArgumentParser:
+    """Return the parser of the commands."""
+    return parsers()[0]
+
+
 def judge_package(words: list[str]) -> None:
     """Refuse a command that the parser refuses, and a shipped scene with a key or value that is not allowed."""
-    options = parsers()[0].parse_args(words)
+    options = parser().parse_args(words)
     if (SHIPPED / str(getattr(options, "scene", "")) / "scene.toml").is_file():
         Scene.load(options.scene).with_values(dict(map(assignment, options.changes)))
 

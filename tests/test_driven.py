@@ -141,14 +141,14 @@ def strip(
         s = min(time / ramp, 1.0)
         rise, rising = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2 / ramp
         cos, sin = np.cos(mode.frequency * time), np.sin(mode.frequency * time)
-        state[:6, [0, -1]] = 0
+        state[:6, 0] = state[:6, -1] = 0
         state[component, 0] = amplitude * rise * cos
         state[component + 3, 0] = amplitude * (rising * cos - rise * mode.frequency * sin)
         result = lattice.rhs(state, contact, neighbours)
-        result[:6, [0, -1]] = 0
+        result[:6, 0] = result[:6, -1] = 0
         return result.ravel()
 
-    options = {"method": "DOP853", "t_eval": tau, "rtol": 1e-9, "atol": 1e-9 * amplitude}
+    options = {"method": "DOP853", "t_eval": tau, "rtol": 1e-8, "atol": 1e-8 * amplitude}
     solution = solve_ivp(rate, (0, tau[-1]), start.ravel(), **options)
     return solution.y.T.reshape(-1, *start.shape)[:, :3] / amplitude
 

@@ -1,7 +1,7 @@
 """A deck at work, step by step: the state of every sphere and contact, which the run folder does not keep.
 
-The text is that of `granular_lmp.build`, with the final ``run`` left out. Displacements are p = uy, q = −ux, φ = Rθ in
-units of Δ0, velocities in Δ0/t0, forces in k1Δ0: the units of `analysis.theory.lattice`.
+The text is that of `granular_lmp.build`, without the final ``run``, guards and dumps. Displacements are p = uy,
+q = −ux, φ = Rθ in units of Δ0, velocities in Δ0/t0, forces in k1Δ0: the units of `analysis.theory.lattice`.
 """
 
 from collections.abc import Iterator
@@ -22,6 +22,7 @@ from tests.instance import silent_lammps
 
 Floats = NDArray[np.float64]
 LAST = "run ${steps}\n"
+# In a small cell a guard that looks at every step costs ten times the forces; every contact is looked at here anyway
 PER_CONTACT = """
 thermo_style custom step
 unfix looks

@@ -1,6 +1,5 @@
 """Long times at the resonance, where small errors grow, and the antiresonance, where there is hardly a signal."""
 
-from functools import cache
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -119,18 +118,17 @@ def opening_time(wave: Scene) -> float:
     return float(solution.t_events[0][0])
 
 
-@cache
-def _pair() -> Record:
+def _pair(duration: float) -> Record:
     """Return a Richardson pair at the antiresonance."""
-    coarse = scene("TR", 40, 118, 0.2, 0.05, 120)
+    coarse = scene("TR", 40, 118, 0.2, 0.05, duration)
     halved = with_step(coarse, coarse.time.step / 2)
     with TemporaryDirectory() as folder:
         return richardson(*(run(each, Path(folder) / str(i)) for i, each in enumerate((coarse, halved))))
 
 
-def at_the_antiresonance(overlap_ratio: float = ETA) -> Cases:
+def at_the_antiresonance(overlap_ratio: float = ETA, duration: float = 120.0) -> Cases:
     """p of 3e-5 D0 beside q of 1 D0, a Richardson pair against the exact lattice."""
-    record = _pair()
+    record = _pair(duration)
     wave = Wave.of_mode("TR", record.scene.wavenumber, 0.2, Contact(NU, overlap_ratio=overlap_ratio))
     p, _, _ = lattice.torus(wave, record.tau)
     size = float(np.abs(p).max())

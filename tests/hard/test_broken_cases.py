@@ -36,7 +36,7 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "another law": (partial(at_the_resonance, 8, 34, 0.05, 60, edits=ANOTHER_LAW), "amplitude"),
     "a lossy contact at the resonance": (partial(at_the_resonance, 8, 34, 0.05, 50, edits=DAMPED), ""),
     "a lossy contact where contacts open": (partial(blow_up, 8, 34, 1.2, 0.0125, 60, edits=DAMPED), "a contact opens"),
-    "the paper's geometry": (partial(at_the_antiresonance, overlap_ratio=0.0), "p,"),
+    "the paper's geometry": (partial(at_the_antiresonance, overlap_ratio=0.0, duration=30.0), "p,"),
     "long L on a fast clock": (partial(end, "L", 1, 628, 0.025, 5, edits=FAST_CLOCK), "L"),
     "L near π on a fast clock": (partial(end, "L", 313, 628, 0.025, 5, edits=FAST_CLOCK), "L"),
     "short L on a fast clock": (partial(end, "L", 2, 4, 0.025, 20, edits=FAST_CLOCK), "L"),

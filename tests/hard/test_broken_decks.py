@@ -1,6 +1,6 @@
 """A deck with one word broken is a `LammpsError` or the same run: no hang, and the interpreter lives."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import pytest
@@ -25,16 +25,21 @@ HARMLESS = {"v_tau", "v_overlap", "v_mu", "checkpoint.a", "checkpoint.b", "NULL"
 HARMLESS |= {"${dump}.contacts", "c_contact[1]", "c_contact[2]"}  # contacts are dumped when a bound passes, not here
 
 
-def outcomes(name: str, breaks: Iterable[Break]) -> dict[tuple[str, str, int], str]:
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(2) as workers:
+        yield workers
+
+
+def outcomes(workers: Workers, name: str, breaks: Iterable[Break]) -> dict[tuple[str, str, int], str]:
     """(word, what became of it, where) → how the run ended, of every word of a deck."""
     text = deck(name).input_text
-    with Workers(2) as workers:
-        runs: dict[tuple[str, str, int], Any] = {}
-        for broken in breaks:
-            for start, end in tokens(text):
-                word = text[start:end]
-                runs[word, broken(word), start] = workers.submit(outcome, name, start, end, broken(word))
-        return {what: _end(run) for what, run in runs.items()}
+    runs: dict[tuple[str, str, int], Any] = {}
+    for broken in breaks:
+        for start, end in tokens(text):
+            word = text[start:end]
+            runs[word, broken(word), start] = workers.submit(outcome, name, start, end, broken(word))
+    return {what: _end(run) for what, run in runs.items()}
 
 
 def _end(run: Any) -> str:
@@ -49,8 +54,8 @@ def wrong(ended: dict[tuple[str, str, int], str], allowed: tuple[str, ...]) -> l
 
 
 @pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN.keys())
-def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: Break) -> None:
-    ended = outcomes("tr_nonresonant", [broken])
+def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: Break, workers: Workers) -> None:
+    ended = outcomes(workers, "tr_nonresonant", [broken])
     assert not wrong(ended, ("LammpsError", FINISHED))
     assert {word for (word, _, _), how in ended.items() if how == FINISHED} <= HARMLESS
     assert OTHER not in ended.values()
@@ -59,15 +64,14 @@ def test_a_deck_with_a_broken_word_is_an_error_of_lammps(broken: Break) -> None:
 
 @pytest.mark.skipif(settings().max_examples < 1000, reason="one and a half minutes: make stability")
 @pytest.mark.parametrize("scene", ["tr_nonresonant", "tr_sliding", "steel_compressed"])
-def test_a_deck_with_a_word_that_is_nearly_right_ends_too(scene: str) -> None:
-    ended = outcomes(scene, SHIFTED.values())
+def test_a_deck_with_a_word_that_is_nearly_right_ends_too(scene: str, workers: Workers) -> None:
+    ended = outcomes(workers, scene, SHIFTED.values())
     # LAMMPS 22Jul2025 converts the range of types "**" with std::stol and catches nothing: the process aborts
     killers = {word for (word, new, _), how in ended.items() if how.startswith("WorkerError")}
     assert killers == {"*"}
     assert not wrong(ended, ("LammpsError", "EffectError", "WorkerError", FINISHED, OTHER))
 
 
-def test_a_killed_interpreter_is_seen() -> None:
+def test_a_killed_interpreter_is_seen(workers: Workers) -> None:
     start, end = next((a, b) for a, b in tokens(deck("l_wave").input_text) if deck("l_wave").input_text[a:b] == "*")
-    with Workers(1) as workers:
-        assert _end(workers.submit(outcome, "l_wave", start, end, "**")).startswith("WorkerError")
+    assert _end(workers.submit(outcome, "l_wave", start, end, "**")).startswith("WorkerError")
