@@ -3,25 +3,42 @@
     python -m benchmarks.network [--spheres N ...] [--repeats N]
 
 The scene is a TR wave in a sheet of spheres of unequal densities and radii, τ ≤ 6. LAMMPS takes a pair of steps, 0.1
-and 0.05, and its seconds are those of both time loops on one rank. The network takes the fastest tolerance that is no
-less accurate, and its seconds are processor time. Errors are those of `analysis.figures.witness`: root mean square over
-all spheres, in D0, from the network with rtol = 1e-11. What came out is in RESULTS.md.
+and 0.05, on one rank. Its seconds are the processor time of both time loops without the writing of snapshots, and of
+these the contacts (LAMMPS's section Pair), without guards and integration. The network takes the fastest tolerance
+that is no less accurate, and its seconds are processor time. Errors are those of `analysis.figures.witness`: root mean
+square over all spheres, in D0, from the network with rtol = 1e-11. What came out is in RESULTS.md.
 """
 
 import argparse
+import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from analysis.figures.witness import NETWORK, PAIR, Point, measure
-from benchmarks.timing import interleave, machine, ratio, spread, table
+from benchmarks.timing import both_ratios, interleave, machine, spread, table
 from granular_lmp import Scene, run
+from granular_lmp.lammps.outputs import LOG, read_log
 
 STEPS = (0.1, 0.05)
-HEAD = ["spheres", "LAMMPS, s", "error", "network, s", "error", "rtol", "network over LAMMPS", "network, µs per sphere"]
+HEAD = [
+    *("spheres", "LAMMPS, s", "its contacts, s", "error", "network, s", "error", "rtol"),
+    *("network over LAMMPS", "over its contacts"),
+]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Both at errors that are comparable: processor seconds of LAMMPS and of its contacts, its error, the network."""
+
+    loop: float
+    contacts: float
+    error: float
+    network: Point
 
 
 def sized(spheres: int) -> Scene:
@@ -43,9 +60,19 @@ def sized(spheres: int) -> Scene:
     )
 
 
-def solve(scene: Scene, folder: Path) -> list[Point]:
-    """Return the ways to the answer: two runs of LAMMPS, their pair, and the network at several tolerances."""
-    return measure([run(scene.with_values({"time.timestep": step}), folder / str(step)) for step in STEPS])
+def solve(scene: Scene, folder: Path) -> Outcome:
+    """Run LAMMPS with both steps and the network at several tolerances."""
+    records = [run(scene.with_values({"time.timestep": step}), folder / str(step)) for step in STEPS]
+    loops, contacts = zip(*(processor_seconds(folder / str(step) / LOG) for step in STEPS), strict=True)
+    pair, network = matched(measure(records))
+    return Outcome(sum(loops), sum(contacts), pair.error, network)
+
+
+def processor_seconds(log: Path) -> tuple[float, float]:
+    """Return the processor time of the last time loop of a log without its output, and that of its contacts."""
+    found = read_log(log)
+    used = float(re.findall(r"([\d.]+)% CPU use", log.read_text(encoding="utf-8"))[-1]) / 100
+    return used * (found.loop - found.sections["loop.output"]), used * found.sections["loop.pair"]
 
 
 def matched(points: Sequence[Point]) -> tuple[Point, Point]:
@@ -63,19 +90,20 @@ def matched(points: Sequence[Point]) -> tuple[Point, Point]:
     return pair, min(as_good, key=lambda point: point.seconds)
 
 
-def line(scene: Scene, rounds: Sequence[Sequence[Point]]) -> list[str]:
-    """Return one line of the table."""
-    pairs, networks = zip(*map(matched, rounds), strict=True)
-    slow, fast = [point.seconds for point in pairs], [point.seconds for point in networks]
+def line(scene: Scene, rounds: Sequence[Outcome]) -> list[str]:
+    """Return one line of the table; ratios are within rounds, and of the smallest times."""
+    loops, contacts = [each.loop for each in rounds], [each.contacts for each in rounds]
+    seconds, last = [each.network.seconds for each in rounds], rounds[-1]
     return [
         str(scene.shape.spheres),
-        spread(slow),
-        f"{pairs[-1].error:.1e}",
-        spread(fast),
-        f"{networks[-1].error:.1e}",
-        f"{networks[-1].setting:.0e}",
-        f"{ratio(fast, slow):.2g}",
-        f"{min(fast) / scene.shape.spheres / scene.time.duration * 1e6:.2g}",
+        spread(loops),
+        spread(contacts),
+        f"{last.error:.1e}",
+        spread(seconds),
+        f"{last.network.error:.1e}",
+        f"{last.network.setting:.0e}",
+        both_ratios(seconds, loops),
+        both_ratios(seconds, contacts),
     ]
 
 
@@ -91,7 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     jobs = {name: partial(solve, scene) for name, scene in scenes.items()}
     done = interleave(jobs, max(options.repeats, 1))
     print(machine() + "\n")
-    print(table(HEAD, [line(scene, [points for _, points in done[name]]) for name, scene in scenes.items()]))
+    print(table(HEAD, [line(scene, [outcome for _, outcome in done[name]]) for name, scene in scenes.items()]))
     return 0
 
 
