@@ -11,7 +11,8 @@
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
-# make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
+# make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
+# LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make quiet (what quiet ends reflect, by theory and in LAMMPS, twenty minutes: docs/waves.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
@@ -273,3 +274,4 @@ witness: .venv/ready
 	    --set disorder.radius=5e-5 --set disorder.density=0.1 --set disorder.vacancies=0.01 \
 	    --set time.duration=20 --set time.sample=10 --set output.particles=10
 	$(BIN)/python -m analysis.figures.witness runs/witness -o figures/witness.png
+	$(BIN)/python -m benchmarks.network

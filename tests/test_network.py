@@ -199,9 +199,9 @@ def test_a_sliding_collision_turns_the_momentum_by_the_friction():
     assert run.heat[-1] == pytest.approx(friction * normal * (along - 3.5 * friction * normal), rel=2e-3)
 
 
-# With the first of these rtol, a step of free flight once led deep into the next contact: steps now have a bound.
-@pytest.mark.parametrize("rtol", [4.4033978025662074e-12, 1e-11])
-def test_a_sphere_between_held_ones_bounces_for_ever(rtol):
+def test_a_sphere_between_held_ones_bounces_for_ever():
+    # With this rtol, a step of free flight once led deep into the next contact: steps now have a bound.
+    rtol = 4.4033978025662074e-12
     speed, gap, radius = 1.0, 300.0, 1000.0
     network = hertz([[0, 0], [2 * radius, 0], [4 * radius + gap, 0]], held=np.array([True, False, True]))
     state = start(network, 0.0, [[0, 0], [speed, 0], [0, 0]])

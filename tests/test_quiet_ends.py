@@ -14,6 +14,7 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
 from tests.test_sphere import SILICA
@@ -166,9 +167,10 @@ def test_the_reflection_in_lammps_is_that_of_the_layer(tmp_path: Path) -> None:
     assert expected > 0.015
 
 
-def test_a_stopped_run_continues_to_the_rounding_of_its_drags(tmp_path: Path) -> None:
+def test_a_stopped_run_continues_to_the_rounding_of_its_drags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
     often = {"output.checkpoint": 123 * 100 / SPEED / 60, "output.particles": 0.0}
-    scene = DRIVEN.with_values({"packing.rows": 41, "absorb.rows": 10, "time.duration": 150.0} | often)
+    scene = DRIVEN.with_values({"packing.rows": 31, "absorb.rows": 10, "time.duration": 75.0} | often)
 
     def stop(step: int, steps: int) -> None:
         if step > steps / 3:

@@ -22,7 +22,7 @@ from granular_lmp import Record, Scene, run
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import Problem
-from granular_lmp.runs import launch
+from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.executors import Workers
@@ -231,7 +231,8 @@ def test_a_finished_run_whose_record_is_damaged_is_made_again(small: Scene, tmp_
 def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scene = small.with_values({"time.duration": 1500.0})  # 30000 steps, half a second
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+    scene = small.with_values({"time.duration": 300.0})  # 6000 steps, a tenth of a second
     dumps = []
     for folder, cut in ((tmp_path / "cut", True), (tmp_path / "whole", False)):
         part = folder / "runs" / scene_hash(scene)
@@ -431,12 +432,14 @@ def test_bad_input_is_one_line_and_status_2(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(number: int, small_toml: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "times"), [(signal.SIGINT, 2), (signal.SIGTERM, 1)])
+def test_ctrl_c_stops_at_once_and_the_same_command_goes_on(
+    number: int, times: int, small_toml: Path, tmp_path: Path
+) -> None:
     folder = tmp_path / "sweep"
     words = ["--over", "time.duration=2.0,1e6", "--workers", "2", "-o", str(folder)]  # the second would take an hour
     command = [sys.executable, "-m", "granular_lmp", "sweep", str(small_toml), *words]
-    for _ in range(2):
+    for _ in range(times):
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True) as process:
             wait_for(lambda: states(folder) == ["finished", "running"])
             os.killpg(process.pid, number)  # as a terminal does: the whole group hears it

@@ -1,11 +1,10 @@
 """A tolerance is met, the estimate is honest, and what nothing can meet is refused.
 
-The grid runs on `analysis.theory.timestep.stepped`, which is LAMMPS without LAMMPS, as a test here checks; the
-runs of LAMMPS after it go the whole way.
+tests/test_tolerance_of_many_waves.py does so for many waves, without LAMMPS.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import relative_error
-from analysis.second_harmonic import ModeName
-from analysis.theory import timestep
 from analysis.theory import wave as theory
-from analysis.theory.contact import Contact
 from analysis.theory.timestep import extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy.ladder import (
@@ -31,184 +27,14 @@ from granular_lmp.accuracy.ladder import (
     with_step,
 )
 from granular_lmp.accuracy.richardson import SAFETY, answer, estimate
-from granular_lmp.accuracy.rounding import floor, linear_signals, moving, rounding
+from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.accuracy.tolerance import refine, resume
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs import routes
-from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER
-from tests.stand_in import status_of
-
-Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
-NAMES = ("p", "q", "phi")
-TOLERANCES = (1e-2, 1e-3, 1e-4)
-WAVENUMBERS = (0.3, 0.802, 1.475, 2.127, 2.8)
-AMPLITUDES = (0.2, 0.02, 0.3, 0.1)
-# Modes × ξ × ν, the amplitudes in turn. ξ = 2.127 at ν = 0.17 is the antiresonance
-GRID: list[Wave] = [
-    (name, xi, AMPLITUDES[(i + j + k) // 2 % 4], nu)  # type: ignore[misc]  # the names are those of modes
-    for i, name in enumerate(("TR", "RT", "L"))
-    for j, xi in enumerate(WAVENUMBERS)
-    for k, nu in enumerate((-0.5, 0.0, 0.17, 0.45))
-]
-# Waves on which nothing was tried out
-_random = np.random.default_rng(2026)
-RANDOM: list[Wave] = [
-    (
-        ("TR", "RT", "L")[i % 3],  # type: ignore[misc]
-        float(_random.uniform(0.1, 3.1)),
-        float(10 ** _random.uniform(-2, -0.5)),
-        float(_random.uniform(-0.5, 0.49)),
-    )
-    for i in range(12)
-]
-# Every seventh wave of the grid, which holds each mode, ξ and ν, and the random ones; the rest takes minutes
-SETS = {"sample": GRID[::7] + RANDOM, "grid": [wave for i, wave in enumerate(GRID) if i % 7]}
-# Of 0.5 τ each. RT takes the smallest steps, and most of the time as it is
-RECORDS = {wave: 240 if wave[0] != "RT" and index % 4 == 0 else 120 for index, wave in enumerate(GRID + RANDOM)}
-
-
-def scene_of(wave: Wave, tolerance: float) -> Scene:
-    """The scene of a wave; E is such that the overlap is the paper's for every ν."""
-    name, xi, amplitude, nu = wave
-    return PAPER.with_values(
-        {
-            "wave.mode": name,
-            "wave.wavenumber": xi,
-            "wave.amplitude": amplitude,
-            "sphere.poisson_ratio": nu,
-            "sphere.youngs_modulus": 73e9 * (1 - nu**2) / (1 - 0.17**2),
-            "time.duration": timestep.SAMPLE * RECORDS[wave],
-            "time.tolerance": tolerance,
-            # What is stepped here has neither ends nor rounding
-            "packing.rows": 21,
-            "time.allow_echo": True,
-        }
-    )
-
-
-def in_lammps(wave: Wave, overlap_ratio: float = PAPER.sphere.overlap_ratio) -> theory.Wave:
-    """The wave in contacts of LAMMPS's geometry."""
-    name, wavenumber, amplitude, poisson_ratio = wave
-    return theory.Wave.of_mode(name, wavenumber, amplitude, Contact(poisson_ratio, overlap_ratio=overlap_ratio))
-
-
-class Stepped:
-    """Trajectories of waves by steps per sample, computed side by side and kept."""
-
-    def __init__(self) -> None:
-        self.kept: dict[tuple[Wave, int], np.ndarray] = {}
-        self.limits: dict[Wave, np.ndarray] = {}
-
-    def prepare(self, wanted: Iterable[tuple[Wave, int]]) -> None:
-        missing = sorted(set(wanted) - set(self.kept))
-        for count in sorted({count for _, count in missing}):
-            waves = [wave for wave, other in missing if other == count]
-            records = max(RECORDS[wave] for wave in waves)
-            made = stepped([in_lammps(wave) for wave in waves], count, records=records, points=17)
-            for wave, record in zip(waves, made, strict=True):
-                self.kept[wave, count] = record[: RECORDS[wave] + 1]
-
-    def single(self, wave: Wave, count: int) -> np.ndarray:
-        self.prepare([(wave, count)])
-        return self.kept[wave, count]
-
-    def prepare_limits(self, waves: Iterable[Wave]) -> None:
-        """Integrate the waves to which the others are compared: RT, which takes the smallest steps, on its own."""
-        for fast in (True, False):
-            group = [wave for wave in waves if (wave[0] == "RT") == fast]
-            records = max(RECORDS[wave] for wave in group)
-            exact = limit([in_lammps(wave) for wave in group], timestep.TAU[: records + 1])
-            self.limits |= dict(zip(group, exact, strict=True))
-
-    def errors(self, wave: Wave, record: np.ndarray) -> dict[str, float]:
-        """The errors of p, q, φ, of those that do not vanish by symmetry."""
-        exact = self.limits[wave][: len(record)]
-        names = moving(dict(zip(NAMES, exact.T, strict=True)))
-        return {name: relative_error(record[:, i], exact[:, i]) for i, name in enumerate(NAMES) if name in names}
-
-    def record(self, scene: Scene, wave: Wave) -> Record:
-        """As if LAMMPS had run the scene."""
-        p, q, phi = self.single(wave, scene.time.steps_per_sample).T
-        info = {
-            "steps": scene.time.steps,
-            "samples": len(p),
-            "wall_seconds": wall_seconds({}, {}),
-        }
-        return Record(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of one case."""
-
-    wave: Wave
-    tolerance: float
-    errors: dict[str, float]
-    estimates: dict[str, float]
-    runs: int
-
-
-@pytest.fixture(
-    scope="module", params=["sample", pytest.param("grid", marks=pytest.mark.slow)], ids=lambda name: f"{name}:"
-)
-def outcomes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Outcome]:
-    """Every wave of a set at every tolerance, through `refine`."""
-    runs, found = Stepped(), []
-    # At the antiresonance an error of first order takes steps of 1e-3 τ for 1e-4
-    cases = [
-        (wave, tolerance) for wave in SETS[request.param] for tolerance in TOLERANCES
-        if not (wave[0] == "TR" and wave[1] == 2.127 and wave[3] == 0.17 and tolerance < 1e-3)
-    ]  # fmt: skip
-    chosen = {case: round(0.5 / first_step(scene_of(*case))) for case in cases}
-    runs.prepare((wave, count << rung) for (wave, _), count in chosen.items() for rung in range(RUNGS))
-    runs.prepare_limits(SETS[request.param])
-    for wave, tolerance in cases:
-        folder = tmp_path_factory.mktemp("case")
-        scene = scene_of(wave, tolerance)
-        (folder / "scene.toml").write_text(scene.to_toml())
-        taken: list[Path] = []
-
-        def one(stepping: Scene, place: Path, *_: Any, wave: Wave = wave, taken: list[Path] = taken) -> Record:
-            taken.append(place)
-            return runs.record(stepping, wave)
-
-        record = refine(scene, folder, one, None, status_of(scene))
-        errors = runs.errors(wave, np.column_stack([record.p, record.q, record.phi]))
-        estimates = {name: value for name, value in record.info["error_estimate"].items() if value is not None}
-        found.append(Outcome(wave, tolerance, errors, estimates, len(taken)))
-    return found
-
-
-def test_the_sets_hold_sixty_waves_and_every_value_of_each_axis() -> None:
-    assert len(set(GRID)) == 60
-    assert set(SETS["sample"]) | set(SETS["grid"]) == set(GRID + RANDOM)
-    for axis, size in ((0, 3), (1, 5), (3, 4)):
-        assert len({wave[axis] for wave in GRID[::7]}) == size
-
-
-def test_every_wave_meets_its_tolerance(outcomes: list[Outcome]) -> None:
-    assert not [o for o in outcomes if not max(o.errors.values()) <= o.tolerance]
-
-
-def test_the_estimate_is_at_least_half_the_error(outcomes: list[Outcome]) -> None:
-    # 0.52 was the lowest ratio in 885 cases; an error below 3e-6 is that of the reference, good to 4e-7, in part
-    judged = [
-        (o.estimates[name] / error, o.wave, o.tolerance, name)
-        for o in outcomes
-        for name, error in o.errors.items()
-        if error > 3e-6
-    ]
-    assert len(judged) >= 20
-    assert min(judged)[0] >= 0.5
-
-
-def test_three_in_four_take_no_more_runs_than_planned(outcomes: list[Outcome]) -> None:
-    assert np.mean([o.runs <= RUNGS for o in outcomes]) >= 0.75
-    assert min(o.runs for o in outcomes) < RUNGS  # and some fewer
-
+from tests.stepped_waves import NAMES, Stepped, Wave, in_lammps, scene_of
 
 # --- LAMMPS itself ---------------------------------------------------------------------------------------------------
 
@@ -493,8 +319,8 @@ def test_a_deck_of_a_scene_with_a_tolerance_is_the_finest_run(capsys: pytest.Cap
 def pair() -> tuple[Scene, Callable[[int], Record]]:
     """A scene whose runs, by steps per sample, err as c h² on top of a wave."""
     scene = periodic("TR", 16, 2, 0.2, time_tolerance=1e-3)
-    runs, wave = Stepped(), described(scene)
-    RECORDS.setdefault(wave, scene.time.samples)
+    wave = described(scene)
+    runs = Stepped({wave: scene.time.samples})
     return scene, lambda count: runs.record(with_step(scene, 0.5 / count), wave)
 
 
@@ -526,7 +352,6 @@ def test_the_estimate_bounds_an_error_of_any_order(exponent: int, pair: tuple[Sc
 def test_free_waves_that_coarse_steps_do_not_resolve_are_in_the_estimate() -> None:
     # φ of a long TR wave holds RT waves of third order, of which second-order theory knew nothing: too small by 240
     wave: Wave = ("TR", 0.3, 0.3, 0.0)
-    RECORDS[wave] = 120
     runs, scene = Stepped(), scene_of(wave, 1e-3)
 
     def at(*counts: int) -> list[Record]:

@@ -61,8 +61,9 @@ def momentum(network: Network, state: State) -> Floats:
 def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> float:
     """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
     closing = -(now.normal[0] * now.apart[3] + now.normal[1] * now.apart[4])
-    softening = np.divide(now.stiffness, 2 * now.overlap, out=np.zeros_like(closing), where=now.overlap > 0)
-    law = 0.5 * softening * slip(now) ** 2 * closing
+    # ½ (dk/dδ)(S/k)² = S²/(4kδ), as k ∝ δ^{1/2}
+    work = 4 * now.stiffness * now.overlap
+    law = closing * np.divide(now.shear**2, work, out=np.zeros_like(work), where=work > 0)
     turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
     lever = now.shear * now.overlap / 2 * turning
     return float(np.sum((-law if network.law == "incremental" else law) - lever))

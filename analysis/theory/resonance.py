@@ -177,8 +177,8 @@ def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
 
     def rate(_: float, z: Complexes) -> Complexes:
         six = np.concatenate([z, z.conj()])
-        pairs = np.outer(six, six).ravel()
-        return linear * z + second @ pairs + third @ np.outer(six, pairs).ravel()
+        pairs = (six[:, None] * six).ravel()
+        return linear * z + second @ pairs + third @ (six[:, None] * pairs).ravel()
 
     start = np.array([amplitude, 0, 0], dtype=complex)
     # Each wave is of the order of its harmonic in a. Off resonance Z_2 and Z_3 turn fast and stay small: their error is

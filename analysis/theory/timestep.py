@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
-from analysis.theory.neighbours import Neighbours, by_matrix, torus_matrix
+from analysis.theory.neighbours import Neighbours, at_ends, torus_neighbours, torus_shifts
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -104,7 +104,10 @@ def _side_by_side(waves: Sequence[Wave], points: int) -> tuple[Floats, Contact, 
         raise ValueError(f"{len(alike)} kinds of contact: waves that are integrated side by side may differ in ν only")
     contact = _Contacts(**asdict(waves[0].contact), kappas=tuple(wave.contact.kappa for wave in waves))
     state = np.stack([on_torus(wave, points)[0] for wave in waves])
-    return state, contact, by_matrix(np.stack([torus_matrix(wave.mode.wavenumber, points) for wave in waves]))
+    wavenumbers = [wave.mode.wavenumber for wave in waves]
+    if len(waves) == 1:
+        return state, contact, torus_neighbours(wavenumbers[0], points)
+    return state, contact, at_ends(np.stack([torus_shifts(each, points) for each in wavenumbers]))
 
 
 def limit(waves: Sequence[Wave], tau: ArrayLike = TAU, rtol: float = 1e-10) -> Floats:
