@@ -245,11 +245,12 @@ class PairKernel : public Pair {
     const double r = std::sqrt(rsq), overlap = sum - r, Rc = atom->radius[i] * atom->radius[j] / sum;
     const double a = std::sqrt(Rc * overlap);
     fforce = (c.stiffness * a * overlap - c.adhesion * Rc) / r;
-    const int same = slips.find(atom->tag[i], atom->tag[j]), turned = slips.find(atom->tag[j], atom->tag[i]);
-    const double shear = same >= 0 ? -c.shear * a : c.shear * a, *s = slips.slip.data() + 2 * std::max(same, turned);
-    if (same < 0 && turned < 0) error->one(FLERR, "kernel: a contact that is in no neighbour list");
+    int k = slips.find(atom->tag[i], atom->tag[j]);
+    const double shear = k >= 0 ? -c.shear * a : c.shear * a;    // the slip of j on i is the opposite
+    if (k < 0) k = slips.find(atom->tag[j], atom->tag[i]);
+    if (k < 0) error->one(FLERR, "kernel: a contact that is in no neighbour list");
     for (int d = 0; d < 2; d++) {
-      svector[d] = shear * s[d];
+      svector[d] = shear * slips.slip[2 * k + d];
       svector[9 + d] = atom->x[i][d] - atom->x[j][d];
     }
     svector[3] = std::sqrt(svector[0] * svector[0] + svector[1] * svector[1]);
