@@ -70,6 +70,16 @@ SCENES = {
     ),
     "Hertz": short("steel_compressed"),
     "two materials": short("tr_impurity"),
+    "unequal radii and vacancies": short(
+        "tr_periodic",
+        **{
+            "packing.rows": 16,
+            "packing.columns": 12,
+            "disorder.radius": 5e-5,
+            "disorder.vacancies": 0.02,
+            "effects.contact_opening": True,
+        },
+    ),
     "held rows": short("rt_wave"),
 }
 
@@ -79,6 +89,7 @@ def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     plain, kernel = both(SCENES[name], tmp_path)
     assert largest_difference(plain, kernel) < ROUNDING
     assert max(float(np.abs(signal).max()) for signal in (plain.p, plain.q, plain.phi)) > 0.05
+    assert kernel.info["smallest_overlap"] == pytest.approx(plain.info["smallest_overlap"], abs=ROUNDING)
     assert (tmp_path / "plain" / f"in.{plain.scene.name}").read_bytes() == (
         tmp_path / "kernel" / f"in.{plain.scene.name}"
     ).read_bytes()
