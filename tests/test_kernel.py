@@ -19,8 +19,8 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR_CONTACTS
 from granular_lmp.runs.record import Record, read_status
 from tests.test_docs import ROOT
 
-# In Δ0. A position of 1e5 nm has digits to 1.5e-11 nm, 6e-11 Δ0, and the sums of two loops differ by some of them at a
-# step: 2e-10 after 1000 steps, measured. The smallest part of the law, δ/2R of the lever arm, is 2.5e-4 of a rotation
+# In D0 = 0.2 Δ0. A position of 1e5 nm has digits to 1.5e-11 nm, 3e-10 D0, and the sums of two loops differ by some of
+# them at a step: 1e-9 after 1000 steps, measured. The smallest part of the law, δ/2R of the lever arm, makes 5e-5
 ROUNDING = 1e-8
 
 
@@ -54,7 +54,7 @@ def short(name: str, **values: object) -> Scene:
 
 
 def largest_difference(one: Record, other: Record) -> float:
-    """Return the largest difference of displacements and angles in units of static overlaps."""
+    """Return the largest difference of displacements and angles in units of D0."""
     return max(float(np.abs(a - b).max()) for a, b in ((one.p, other.p), (one.q, other.q), (one.phi, other.phi)))
 
 
