@@ -98,7 +98,7 @@ class Shape:
         if self.lattice == CHAIN:
             return f"a chain of {self.rows} rows"
         square = " of a square lattice" if self.lattice == SQUARE else ""
-        return f"{self.rows} rows x {self.columns} columns{square}"
+        return f"{self.rows} rows x {self.columns} column{'s' * (self.columns != 1)}{square}"
 
 
 def lattice_constant(sphere: Sphere) -> float:
