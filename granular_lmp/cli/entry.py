@@ -19,6 +19,7 @@ _STDERR = 2  # its descriptor
 
 def program() -> int:
     """Run the command of this process; returns its exit status."""
+    gc.set_threshold(100_000)  # to search all that is imported for circles, again and again, is 5 % of a short command
     status = main()
     gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
     return status
