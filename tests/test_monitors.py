@@ -117,16 +117,23 @@ def test_motion_is_that_of_the_snapshots(record: Record) -> None:
     assert record.monitor("beside").column.tolist() == [3, 4]
 
 
-def test_contact_forces_and_torques_are_what_moves_a_sphere(record: Record) -> None:
+@pytest.mark.parametrize("spread", [0.0, 1e-5])
+def test_contact_forces_and_torques_are_what_moves_a_sphere(spread: float, record: Record, tmp_path: Path) -> None:
+    if spread:  # spheres that differ, one of them of twice the density
+        heavy = {"disorder.radius": spread, "inclusion": [{"spheres": [[6, 4]], "density": 4400.0}]}
+        record = run(record.scene.with_values(heavy), tmp_path / "run")
     beside = record.monitor("beside")
     contacts, scene = beside.contacts, record.scene
     sphere = scene.sphere
     number = int(beside.spheres[1])  # [6, 4], which nothing pushes from outside
+    radius = beside.crystal.arrays["radius"][number]
     sign = np.where(contacts.j == number, 1.0, np.where(contacts.i == number, -1.0, 0.0))
     force = (sign[:, None] * contacts.force).sum(axis=1)
-    torque = -(abs(sign) * contacts.shear * (1 - contacts.overlap * sphere.overlap_ratio)).sum(axis=1)
-    unit = 2 * (sphere.stiffness_ratio + 3)  # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
-    rate = np.column_stack([beside.velocity[:, 1], 0.4 * beside.spin[:, 1]])
+    lever = radius - contacts.overlap * sphere.overlap_ratio  # δ/2 in radii, as overlap_ratio is Δ0/2R
+    torque = -(abs(sign) * contacts.shear * lever).sum(axis=1)
+    # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
+    unit = 2 * (sphere.stiffness_ratio + 3) * radius**3 * (2.0 if spread else 1.0)
+    rate = np.column_stack([beside.velocity[:, 1], 0.4 * radius**2 * beside.spin[:, 1]])
     slope = unit * np.gradient(rate, 0.25, axis=0)[1:-1]
     found = np.column_stack([force, torque])
     # The central difference over two samples, h = 1/4 each, is the mean of the acceleration, of which Simpson's rule
