@@ -92,8 +92,18 @@ class Problem:
         return largest_step(self.scene)
 
     def warnings(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit, and for each effect that is forced off."""
-        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects)]
+        """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
+        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects), *self._echoes()]
+
+    def _echoes(self) -> list[str]:
+        """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""
+        time, swift = self.scene.time, swiftness(self.scene)
+        found = {} if time.allow_echo else {each.name: self.scene.echo_at(each) / swift for each in self.scene.monitor}
+        return [
+            f"monitor {name}: the echo of the walls may reach it at tau = {echo:.4g}"
+            for name, echo in found.items()
+            if echo < time.duration
+        ]
 
     def stepped(self, scene: Scene) -> "Problem":
         """Return the problem of the same scene with another time step."""

@@ -93,7 +93,14 @@ def test_the_echo_at_a_monitor_is_said() -> None:
     near, far = ({"monitor": [{"name": "a", "rows": [row, row]}]} for row in (10, 50))
     assert echo(**near) < echo(**far) == PAPER.with_values({"packing.rows": 101, "time.allow_echo": True}).echo_time
     assert echo(**near, **{"packing.rows": 100, "packing.ends": "periodic"}) == np.inf
-    assert any("monitor line: the echo of the walls may reach it at tau = " in each for each in SHEET.remarks())
+
+    def said(**changes: Any) -> bool:
+        forced = SHEET.with_values({"time.duration": 4.0, "monitor.3.rows": [1, 1], "time.allow_echo": False} | changes)
+        return any("monitor line: the echo of the walls may reach it" in each for each in prepare(forced).warnings())
+
+    assert said()
+    assert not said(**{"time.allow_echo": True})
+    assert not said(**{"monitor.3.rows": [6, 6]})
 
 
 def test_a_sheet_that_is_kicked_has_no_monitors(tmp_path: Path) -> None:

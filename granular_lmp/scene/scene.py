@@ -352,9 +352,6 @@ class Scene(Document):
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
                 f"{self.time.steps_per_sample} to a sample"
             )
-        for each in self.monitor:
-            if (echo := self.echo_at(each)) < self.time.duration:
-                said.append(f"monitor {each.name}: the echo of the walls may reach it at tau = {echo:.4g}")
         return said
 
     def _frequency_remark(self) -> str:
@@ -396,7 +393,10 @@ class Scene(Document):
         return echo_time(self.shape.rows, driven=self.wave.form == "driven")
 
     def echo_at(self, monitor: Monitor) -> float:
-        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
+        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none.
+
+        As `echo_time` it is that of a perfect lattice.
+        """
         driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
         return monitor_echo(monitor, self.source, self.shape, driven=driven, quiet=quiet)
 
