@@ -17,7 +17,7 @@ from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of
-from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, swiftness
+from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.scene import Scene
@@ -97,8 +97,8 @@ class Problem:
 
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""
-        time, swift = self.scene.time, swiftness(self.scene)
-        found = {} if time.allow_echo else {each.name: self.scene.echo_at(each) / swift for each in self.scene.monitor}
+        time = self.scene.time
+        found = {} if time.allow_echo else {each.name: echo_at(self.scene, each) for each in self.scene.monitor}
         return [
             f"monitor {name}: the echo of the walls may reach it at tau = {echo:.4g}"
             for name, echo in found.items()

@@ -1,6 +1,7 @@
 """Monitors: what a scene may ask of them, what they record, and how their files fare in run folders."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
+from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.scene import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
@@ -88,7 +90,7 @@ def test_what_cannot_be_recorded_is_refused(changes: dict[str, Any], message: st
 def test_the_echo_at_a_monitor_is_said() -> None:
     def echo(**changes: Any) -> float:
         scene = PAPER.with_values({"packing.rows": 101, "time.allow_echo": True} | changes)
-        return scene.echo_at(scene.monitor[0])
+        return echo_at(scene, scene.monitor[0])
 
     near, far = ({"monitor": [{"name": "a", "rows": [row, row]}]} for row in (10, 50))
     assert echo(**near) < echo(**far) == PAPER.with_values({"packing.rows": 101, "time.allow_echo": True}).echo_time
@@ -223,6 +225,17 @@ def test_check_names_monitors_with_their_size(tmp_path: Path, capsys: pytest.Cap
         "name": "line",
         "records": "motion of 6 spheres, rows = [4, 4]",
     }
+
+
+def test_contacts_that_a_killed_run_did_not_write_are_unknown(record: Record, tmp_path: Path) -> None:
+    assert record.folder is not None
+    shutil.copytree(record.folder, tmp_path / "run")
+    path = tmp_path / "run" / "monitor.behind.contacts"
+    path.write_bytes(path.read_bytes()[:-50])
+    whole, cut = record.monitor("behind"), Record.load(tmp_path / "run").monitor("behind")
+    np.testing.assert_array_equal(cut.flux[:-1], whole.flux[:-1])
+    assert np.isnan(cut.flux[-1]).all()
+    assert np.isfinite(cut.velocity).all()
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

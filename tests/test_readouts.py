@@ -12,6 +12,7 @@ from analysis.second_harmonic import mode, ratios
 from analysis.theory.driven import driven_amplitudes
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import ReadoutError, RunFolderError
+from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.readouts import readout, readout_columns, steady_part
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import Sweep, sweep
@@ -149,6 +150,9 @@ def test_a_sweep_over_frequency_is_a_response_curve(tmp_path: Path) -> None:
     again = Sweep.load(tmp_path / "sweep")
     np.testing.assert_array_equal(again.column("line.v2"), done.column("line.v2"))
     assert np.isnan(again.column("line.u1")[1])
+    (axes,) = sweep_figure(again, "line.u1").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("source.1.frequency (rad/t0)", "line.u1 ($D_0$)")
+    assert len(axes.containers) == 2  # error bars of each curve
 
 
 @pytest.mark.parametrize("said", [3, {"u": 1}, {"v": {"1": 0.1}}, {"phi": {"1": [0.1, "x"]}}, {"u": {"1": [0.1]}}])

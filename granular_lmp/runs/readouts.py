@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import ReadoutError
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.at_rest import swiftness
+from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
@@ -74,7 +74,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
     arrived = risen + far / FASTEST_ROWS_PER_TAU
     recorded = scene.time.samples * scene.time.sample
-    end = recorded if scene.time.allow_echo else min(recorded, scene.echo_at(monitor) / swiftness(scene))
+    end = recorded if scene.time.allow_echo else min(recorded, echo_at(scene, monitor))
     begin = (arrived + end) / 2
     periods = (end - begin) * frequency / (2 * pi)
     if periods < FEWEST_PERIODS:

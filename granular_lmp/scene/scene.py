@@ -23,7 +23,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.monitors import Monitor, check_monitors, monitor_echo
+from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
 from granular_lmp.scene.sections import (
@@ -391,14 +391,6 @@ class Scene(Document):
         if self.source:
             return source_echo(self.source, self.shape, quiet=quiet)
         return echo_time(self.shape.rows, driven=self.wave.form == "driven")
-
-    def echo_at(self, monitor: Monitor) -> float:
-        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none.
-
-        As `echo_time` it is that of a perfect lattice.
-        """
-        driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
-        return monitor_echo(monitor, self.source, self.shape, driven=driven, quiet=quiet)
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
