@@ -302,10 +302,23 @@ def _status(folder: Path) -> dict[str, Any]:
         for name, entry in table.items():
             if needed and not (isinstance(entry, dict) and needed <= set(entry)):
                 raise RunFolderError(f"{path}: {key}.{name} must hold {', '.join(sorted(needed))}")
+    monitors = info.get("monitors", {})
+    if not (isinstance(monitors, dict) and all(map(_is_readout, monitors.values()))):
+        raise RunFolderError(f"{path}: monitors must hold why, or u, v and phi with pairs of numbers, for each monitor")
     budget = info.get("error_budget", [])
     if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
         raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
     return info
+
+
+def _is_readout(said: Any) -> bool:
+    """Return whether this is what ``run.json`` says of a monitor (`granular_lmp.runs.readouts`)."""
+    parts = [said[name] for name in ("u", "v", "phi") if name in said] if isinstance(said, dict) else [None]
+    pairs = [pair for part in parts for pair in (part.values() if isinstance(part, dict) else [None])]
+    return all(
+        isinstance(pair, list) and len(pair) == 2 and all(isinstance(number, int | float) for number in pair)
+        for pair in pairs
+    )
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:

@@ -171,7 +171,7 @@ def placed_monitors(
                     f'monitor {each.name}: what = "{each.what}": must be "motion" where contacts reach beyond the next '
                     "row, as they do in this crystal at rest"
                 )
-            around = _around(chosen, crystal, shape)
+            around = _around(each, crystal, shape)
         found.append(PlacedMonitor(each, chosen, around))
     return tuple(found)
 
@@ -189,21 +189,20 @@ def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:
     return (difference + shape.rows // 2) % shape.rows - shape.rows // 2
 
 
-def _around(chosen: NDArray[np.int64], crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
-    """Return the spheres of the rows around some spheres that are within 1½ lattice constants along x of one."""
+def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
+    """Return the spheres of a monitor and all that may touch one: in the rows around it, within 3 radii along x."""
     row, x = crystal.arrays["row"], crystal.positions[:, 0]
-    width = float(crystal.cell.lengths()[0])
-    reach = 3.0 * float(crystal.arrays["radius"].max())
+    if monitor.rows:
+        first, last = monitor.rows
+        near = np.abs(row_step(row - first, shape)) <= 1
+        near |= np.abs(row_step(row - last, shape)) <= 1
+        return np.flatnonzero(near | ((first <= row) & (row <= last)))
+    width, reach = float(crystal.cell.lengths()[0]), 3.0 * float(crystal.arrays["radius"].max())
     near = np.zeros(len(row), dtype=bool)
-    for each in np.unique(row[chosen]).tolist():
-        own = np.unique(x[chosen][row[chosen] == each])
-        beside = np.flatnonzero(np.abs(row_step(row - each, shape)) <= 1)
-        if len(own) * 3 > shape.columns:
-            near[beside] = True
-            continue
-        apart = np.abs(x[beside][:, None] - own)
+    for each in spheres_at((), monitor.spheres, crystal, "monitor"):
+        apart = np.abs(x - x[each])
         apart = np.minimum(apart, width - apart) if shape.lattice.endless_rows else apart
-        near[beside[(apart < reach).any(axis=1)]] = True
+        near |= (np.abs(row_step(row - row[each], shape)) <= 1) & (apart < reach)
     return np.flatnonzero(near)
 
 

@@ -23,7 +23,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene import validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.monitors import Monitor, check_monitors, monitor_echo
+from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
@@ -360,9 +360,6 @@ class Scene(Document):
                 f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
                 f"{self.time.steps_per_sample} to a sample"
             )
-        for each in self.monitor:
-            if (echo := self.echo_at(each)) < self.time.duration:
-                said.append(f"monitor {each.name}: the echo of the walls may reach it at tau = {echo:.4g}")
         return said
 
     def _frequency_remark(self) -> str:
@@ -402,11 +399,6 @@ class Scene(Document):
         if self.source:
             return source_echo(self.source, self.shape, quiet=quiet)
         return echo_time(self.shape.rows, driven=self.wave.form == "driven")
-
-    def echo_at(self, monitor: Monitor) -> float:
-        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
-        driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
-        return monitor_echo(monitor, self.source, self.shape, driven=driven, quiet=quiet)
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
