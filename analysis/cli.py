@@ -26,6 +26,7 @@ SCRIPTS = {
     "map": "the second harmonic over direction and wave number",
     "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
+    "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",
     "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",
     "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
