@@ -11,6 +11,7 @@
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
+# make scattering (what passes rows that differ, some minutes: docs/experiments.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
@@ -32,7 +33,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves disorder gallery test processors stability guards impact witness cost bench \
+.PHONY: paper figures spectrum dispersion waves scattering disorder gallery test processors stability guards impact witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -108,6 +109,20 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
+
+# A wave meets rows that differ. Spheres three times as stiff that adhere three times as much overlap alike
+SCATTER = $(BIN)/granular-lmp scatter tr_burst_scattering --force
+SCATTERED = heavy light interface empty longitudinal
+
+scattering: .venv/ready
+	$(SCATTER) -o runs/scattering/heavy --tones 3 --set name=heavy
+	$(SCATTER) -o runs/scattering/light --set name=light --set 'inclusion=[{rows=[69,69],density=440.0}]'
+	$(SCATTER) -o runs/scattering/interface --tones 1 --set name=interface \
+	    --set 'inclusion=[{rows=[69,130],youngs_modulus=219e9,work_of_adhesion=0.189,poisson_ratio=0.3}]'
+	$(SCATTER) -o runs/scattering/empty --set name=empty_places --set time.duration=440 --set 'inclusion=[{spheres=[[69,1]],vacancy=true}]'
+	$(SCATTER) -o runs/scattering/longitudinal --tones 1 --set name=longitudinal --set wave.mode=L \
+	    --set wave.wavenumber=1.0 --set source.1.force=y
+	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,
@@ -225,7 +240,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/scattering runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready
