@@ -11,7 +11,7 @@
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md),
-# make scattering (what passes rows that differ, some minutes: docs/experiments.md),
+# make scattering (what passes rows that differ, and the second harmonic behind: docs/experiments.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
 # make gallery (the pictures of docs/gallery.md, by the commands on that page),
@@ -123,6 +123,13 @@ scattering: .venv/ready
 	$(SCATTER) -o runs/scattering/longitudinal --tones 1 --set name=longitudinal --set wave.mode=L \
 	    --set wave.wavenumber=1.0 --set source.1.force=y
 	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
+	rm -rf runs/scattering/behind
+	$(BIN)/granular-lmp sweep tr_burst_scattering -o runs/scattering/behind --workers $(CORES) \
+	    --set packing.rows=151 --set wave.wavenumber=0.802 --set wave.amplitude=0.1 --set absorb.reflection=1e-3 \
+	    --set time.duration=620 --set 'source=[{rows=[40,40],force="x",signal="tone",ramp=60.0}]' \
+	    --set 'inclusion=[{rows=[52,150],youngs_modulus=219e9,work_of_adhesion=0.189}]' \
+	    --over 'inclusion.1.rows=[52,150],[56,150],[60,150],[64,150],[68,150],[72,150]'
+	$(BIN)/python -m analysis.figures.behind runs/scattering/behind -o figures/behind.png
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,

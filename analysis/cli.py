@@ -11,6 +11,7 @@ from importlib import import_module
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
+    "behind": "the second harmonic behind an interface: made before it, and at it",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
     "defects": "a wave that a vacancy or a heavy sphere scatters, beside the network and theory",

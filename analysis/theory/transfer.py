@@ -139,14 +139,22 @@ def scattering(rows: Rows, frequency: float, name: str) -> Scattering:
     )
 
 
+def running(rows: Rows, frequency: float) -> dict[str, "Running"]:
+    """Return the waves L, TR and RT that run to the rows from in front, of those that do at a frequency.
+
+    The waves that run away behind are, by the mirror of a lattice, those of `rows.reversed`.
+    """
+    return {wave.name: wave for wave in _Side.of(rows, frequency).coming if wave.name in NAMES}
+
+
 @dataclass(frozen=True, eq=False)
-class _Wave:
+class Running:
     """A wave that runs to row 0 from rows n < 0.
 
     Attributes
     ----------
     name : of the wave.
-    wavenumber : rad per row.
+    wavenumber : rad per row; negative if its crests run against its energy.
     flux : J.
     here : (3C,) X₀.
     push : (3C,) K₋X₋₁.
@@ -170,7 +178,7 @@ class _Side:
     leaving : names, fluxes and rows that give the amplitude of each wave that leaves, at row 0.
     """
 
-    coming: tuple[_Wave, ...]
+    coming: tuple[Running, ...]
     pull: Complexes
     leaving: tuple[tuple[str, float, Complexes], ...]
 
@@ -187,7 +195,7 @@ class _Side:
             for each in np.flatnonzero(flux[:3]):
                 push = here @ (ahead.conj().T @ shape[:, each] / factor[each])
                 angle = float(np.angle(factor[each]))
-                coming.append(_Wave(names[each], angle, float(flux[each]), here @ shape[:, each], push))
+                coming.append(Running(names[each], angle, float(flux[each]), here @ shape[:, each], push))
             amplitudes = np.linalg.inv(shape[:, 3:])
             pull += here @ ahead.conj().T @ (shape[:, 3:] / factor[3:]) @ amplitudes @ here.conj().T
             for each in np.flatnonzero(flux[3:]):
