@@ -112,7 +112,7 @@ waves: .venv/ready
 
 # A wave meets rows that differ. Spheres three times as stiff that adhere three times as much overlap alike
 SCATTER = $(BIN)/granular-lmp scatter tr_burst_scattering --force
-SCATTERED = heavy light interface empty longitudinal
+SCATTERED = heavy light interface empty longitudinal rt
 
 scattering: .venv/ready
 	$(SCATTER) -o runs/scattering/heavy --tones 3 --set name=heavy
@@ -122,6 +122,9 @@ scattering: .venv/ready
 	$(SCATTER) -o runs/scattering/empty --set name=empty_places --set time.duration=440 --set 'inclusion=[{spheres=[[69,1]],vacancy=true}]'
 	$(SCATTER) -o runs/scattering/longitudinal --tones 1 --set name=longitudinal --set wave.mode=L \
 	    --set wave.wavenumber=1.0 --set source.1.force=y
+	$(SCATTER) -o runs/scattering/rt --set name=rt --set wave.mode=RT --set wave.wavenumber=1.9 \
+	    --set source.1.cycles=16.0 --set absorb.reflection=1e-3 --set time.timestep=0.05 --set time.sample=0.5 \
+	    --set output.particles=0.5 --set time.duration=460
 	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
 	rm -rf runs/scattering/behind
 	$(BIN)/granular-lmp sweep tr_burst_scattering -o runs/scattering/behind --workers $(CORES) \

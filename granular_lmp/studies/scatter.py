@@ -2,13 +2,13 @@
 
 A source below the inclusions shakes whole rows of a crystal with quiet ends, by a burst or a tone. In the rows in front
 of the inclusions and in those behind, the waves that run up and down are told apart (`running_waves`). With a and b the
-amplitudes in front and behind, r = a_down − a_down(normalisation) a_up/a_up(normalisation),
+amplitudes in front and behind,
 
-    T = |b_up|²/|a_up|²,    R = |r|²/|a_up|²
+    T = |b_up|²/|a_up|²,    R = |a_down|²/|a_up|²
 
 of each mode that runs there, over the incident one. The **normalisation run** is the same scene without its inclusions.
-It shows what the quiet ends send back, which is taken off, and what the same reading makes of a crystal in which
-nothing scatters, T0 and R0: their departures from 1 and 0 are errors, as are waves that come back from behind.
+It shows what the same reading makes of a crystal in which nothing scatters: by how much its transmission is not 1 is an
+error, as is what comes back from behind, b_down.
 """
 
 import csv
@@ -311,9 +311,12 @@ def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequenc
         for window in (windows.front, windows.behind)
     ]
     rows = []
+    step = scattered.scene.time.step
     for k, frequency in enumerate(frequencies):
+        # Velocity Verlet has the waves of this frequency in the lattice
+        stepped = 2 / step * np.sin(frequency * step / 2)
         whole, lower, upper = (
-            row_waves(line, frequency, physics) for line in (windows.whole, windows.lower, windows.upper)
+            row_waves(line, stepped, physics) for line in (windows.whole, windows.lower, windows.upper)
         )
         before, after, front, behind = (
             amplitudes(waves, field[k]) for waves, field in zip((whole, whole, lower, upper), fields, strict=True)
@@ -330,7 +333,7 @@ def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequenc
         echo = max(abs(wave / coming) for wave in behind.down.values()) if behind.down else 0.0
         for name in sorted({*behind.up, *front.down}):
             passed = abs(behind.up.get(name, 0.0) / coming)
-            back = abs((front.down.get(name, 0.0) - before.down.get(name, 0.0) * coming / alone) / coming)
+            back = abs(front.down.get(name, 0.0) / coming)
             fit_behind = passed * behind.residual / np.sqrt(len(windows.behind))
             lost, gone = passed * (kept + fit) + fit_behind + echo, back * kept + fit + echo
             rows.append(
