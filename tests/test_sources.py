@@ -16,6 +16,7 @@ from analysis.theory.contact import Contact
 from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
+from granular_lmp.effects.effect import Case
 from granular_lmp.errors import EffectError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
@@ -300,6 +301,13 @@ def test_rotation_and_shear_are_called_for_whatever_the_unit() -> None:
     on = prepare(SHEET.with_values({"wave.mode": "L"})).on
     assert on["shear"]
     assert on["rotation"]
+
+
+def test_a_prescribed_rotation_is_a_slip_of_contacts() -> None:
+    still = {"spheres": [[3, 3]], "motion": "rotation", "frequency": 0.5}
+    case = Case(SHEET.with_values({"source": [still]}))
+    assert case.stretches[1].min() == pytest.approx(1e-3)  # a, on every contact
+    assert Case(SHEET.with_values({"source": [still | {"motion": "x"}]})).stretches[1].min() < 0.9e-3
 
 
 def test_whole_rows_need_three_columns_and_single_spheres_a_number() -> None:
