@@ -16,6 +16,7 @@ from analysis.theory.contact import Contact
 from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
+from granular_lmp.effects.effect import Case
 from granular_lmp.errors import EffectError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
@@ -110,6 +111,24 @@ def test_five_percent_more_of_a_source_are_seen(source: int, sheet: tuple[np.nda
     assert worst(found[0], expected, np.arange(256)) > 5e-3
 
 
+def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
+    turned = MOVE | {"motion": "rotation"}
+    scene = SHEET.with_values({"packing.rows": 10, "packing.columns": 10, "source": [turned], "output.particles": 1.0})
+    found, snapshots = extrapolated(scene, tmp_path)
+    signal = green.tone(0.5, 6.0, delay=0.7)
+    expected = green.response(crystal_of(snapshots), [Load([33], "rotation", signal, moves=True)], snapshots.tau)
+    free = np.setdiff1d(np.arange(100), 33)
+    assert worst(found[0], expected[0], free) < 1e-3  # as above
+    assert worst(found[1], expected[1], free) < 1e-3
+    # The sphere turns as it is told, to the rounding of an angle of 1e-7, and does not move
+    np.testing.assert_allclose(found[0][:, 33, 2], signal(snapshots.tau), rtol=0, atol=1e-8)
+    assert not found[0][:, 33, :2].any()
+    later = green.response(
+        crystal_of(snapshots), [Load([33], "rotation", green.tone(0.5, 6.0, delay=0.75), moves=True)], snapshots.tau
+    )
+    assert worst(found[0], later[0], free) > 5e-3  # a step later is seen
+
+
 def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
     found, snapshots = extrapolated(STRIP, tmp_path)
     load = Load([45, 46, 47], "x", green.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
@@ -184,6 +203,7 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> N
                 PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
                 MOVE,
                 TURN | {"spheres": [[1, 1]], "frequency": 0.4},
+                {"spheres": [[5, 2]], "motion": "rotation", "frequency": 0.7},
             ]
         }
     )
@@ -283,6 +303,13 @@ def test_rotation_and_shear_are_called_for_whatever_the_unit() -> None:
     assert on["rotation"]
 
 
+def test_a_prescribed_rotation_is_a_slip_of_contacts() -> None:
+    still = {"spheres": [[3, 3]], "motion": "rotation", "frequency": 0.5}
+    case = Case(SHEET.with_values({"source": [still]}))
+    assert case.stretches[1].min() == pytest.approx(1e-3)  # a, on every contact
+    assert Case(SHEET.with_values({"source": [still | {"motion": "x"}]})).stretches[1].min() < 0.9e-3
+
+
 def test_whole_rows_need_three_columns_and_single_spheres_a_number() -> None:
     assert STRIP.with_values({"packing.columns": "auto"}).shape.columns == 3
     with pytest.raises(SceneError, match=r"packing\.columns = 'auto': must be a number where a source has single"):
@@ -340,7 +367,11 @@ NEITHER = {"spheres": [[1, 1]]}
         ({"source": [NEITHER]}, "source 1: neither given: must be either motion or force"),
         ({"source": [NEITHER | {"motion": "x", "force": "x"}]}, "source 1: motion and force given"),
         ({"source": [{"motion": "x"}]}, "source 1: neither given: must be either rows or spheres"),
-        ({"source": [NEITHER | {"motion": "rotation"}]}, r'source\.1\.motion = \'rotation\': must be one of "x", "y"'),
+        ({"source": [MOVE, MOVE | {"motion": "rotation"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
+        (
+            {"source": [MOVE | {"motion": "rotation"}], "effects.tracking": False},
+            r'source 1: motion = "rotation": needs effects\.rotation and effects\.tracking',
+        ),
         ({"source": [NEITHER | {"motion": "z"}]}, r'source\.1\.motion = \'z\': must be one of "x", "y"'),
         (
             {"source": [NEITHER | {"force": "x", "signal": "f.csv"}]},

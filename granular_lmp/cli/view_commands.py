@@ -20,6 +20,11 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         "--rows", type=positive, metavar="N", help="of a run: rows to draw around the centre (default: 25)"
     )
     view.add_argument(
+        "--fronts",
+        action="store_true",
+        help="of a run with bursts: where their L, TR and RT waves are by the group velocities of the crystal",
+    )
+    view.add_argument(
         "--at-rest",
         action="store_true",
         help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
@@ -42,7 +47,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column", "at_rest")}
+    names = ("tau", "colour", "magnify", "rows", "fronts", "column", "at_rest")
+    wanted = {name: getattr(options, name) for name in names}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")
     say(options.output)

@@ -39,6 +39,7 @@ def view(
     colour: str | None = None,
     magnify: float | None = None,
     rows: int | None = None,
+    fronts: bool = False,
     column: str | None = None,
     at_rest: bool = False,
 ) -> list[str]:
@@ -52,7 +53,7 @@ def view(
         Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
         File whose suffix sets the format.
-    tau, colour, magnify, rows
+    tau, colour, magnify, rows, fronts
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
@@ -74,6 +75,7 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
+    of_a_run["fronts"] = fronts or None
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         if movie:
@@ -108,9 +110,10 @@ def view(
         save(record.plot(), path)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
-        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows)
+        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
     else:
-        save(run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
+        figure = run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
+        save(figure, path)
     return lacks
 
 

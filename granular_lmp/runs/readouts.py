@@ -49,8 +49,8 @@ def drive_of(scene: Scene) -> tuple[float, float]:
     if not scene.source:
         raise ReadoutError(f'wave.form = "{scene.wave.form}": nothing drives the crystal at one frequency')
     for number, each in enumerate(scene.source, 1):
-        if each.signal != "tone":
-            raise ReadoutError(f'source {number}: signal = "{each.signal}": must be "tone", which becomes steady')
+        if each.kind != "tone":
+            raise ReadoutError(f'source {number}: signal = "{each.kind}": must be "tone", which becomes steady')
     found = [each.pulsation(scene.sphere, usual) for each in scene.source]
     for number, frequency in enumerate(found, 1):
         if not isclose(frequency, found[0], rel_tol=1e-12):

@@ -10,8 +10,8 @@ A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10
 or is a multiple of samples, in a file or in the scene (`granular_lmp.scene.samples`).
 
 The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
-are moved neither turn nor move across the motion. Motions cannot be added on one sphere, and a force on a sphere that
-is moved or held does nothing: both are refused.
+are moved neither turn nor move across the motion, and those whose rotation is prescribed, Rθ in D0, only turn. Motions
+cannot be added on one sphere, and a force on a sphere that is moved or held does nothing: both are refused.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,7 +33,7 @@ from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
 
 AXES = ("x", "y")
-TORQUE = "torque"
+TORQUE, ROTATION = "torque", "rotation"
 SIGNALS = ("tone", "burst", "ricker", "step")
 # The keys that only some signals have
 _OWN = {
@@ -58,8 +58,8 @@ class Source:
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0; or
     spheres : sequence of (row, column)
-    motion : "x" or "y", optional
-        Axis along which the displacement is prescribed, in D0; or
+    motion : "x", "y" or "rotation", optional
+        Axis along which the displacement is prescribed, in D0, or φ = Rθ, in D0; or
     force : "x", "y" or "torque", optional
         Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
     signal : "tone", "burst", "ricker", "step", or sequence of (τ, value)
@@ -77,7 +77,7 @@ class Source:
     spheres: Sequence[tuple[int, int]] = field(
         default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
     )
-    motion: str | None = choice("displacement from rest, in D0", AXES, default=None)
+    motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
     signal: str | samples.Samples = field(
         default="tone", metadata={"rule": samples.SignalRule(str, "", "over time", words=SIGNALS)}
@@ -108,8 +108,13 @@ class Source:
     @property
     def words(self) -> str:
         """Kind and signal in words: "burst of force along y"."""
-        kind = f"motion along {self.motion}" if self.motion else f"force along {self.force}"
-        return f"{self.kind} of {TORQUE if self.force == TORQUE else kind}"
+        what = "motion along" if self.motion else "force along"
+        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}"
+
+    @property
+    def turns(self) -> str:
+        """The word "torque" or "rotation" if the source turns spheres, else ""."""
+        return next((word for word in (self.motion, self.force) if word in (TORQUE, ROTATION)), None) or ""
 
     @property
     def places(self) -> str:

@@ -162,13 +162,13 @@ def scatter(
         As in `granular_lmp.run`.
     """
     source = _source_of(scene)
-    if tones and source.signal != "burst":
+    if tones and source.kind != "burst":
         raise SceneError(f"tones = {tones}: must be 0 for a source that is a tone itself")
     if not scene.output.particles:
         scene = scene.with_values({"output.particles": scene.time.sample})
     problem = prepare(scene)
     frequency = problem.sources[0].frequency
-    width = 1 / source.cycles if source.signal == "burst" else 0.0
+    width = 1 / source.cycles if source.kind == "burst" else 0.0
     apart = 2 * np.pi / (frequency * (1 + 2 * width)) / FEWEST_SNAPSHOTS
     if scene.output.particles > apart:
         raise SceneError(
@@ -218,8 +218,8 @@ def _source_of(scene: Scene) -> Source:
     (source,) = scene.source
     if not source.rows:
         raise SceneError(f"source 1: spheres = {shown([list(each) for each in source.spheres])}: must be rows")
-    if source.signal not in ("burst", "tone"):
-        raise SceneError(f'source 1: signal = "{source.signal}": must be "burst" or "tone" for scattering')
+    if source.kind not in ("burst", "tone"):
+        raise SceneError(f'source 1: signal = "{source.kind}": must be "burst" or "tone" for scattering')
     return source
 
 
@@ -304,7 +304,7 @@ def _running(windows: _Windows, scene: Scene, frequencies: Floats) -> Floats:
 def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequencies: Floats) -> list[Row]:
     """Return the table of one pair of runs."""
     scene, windows, physics = problem.scene, _windows(problem), physics_of(problem.scene)
-    signal, incident = scene.source[0].signal, scene.wave.mode
+    signal, incident = scene.source[0].kind, scene.wave.mode
     fields = [
         _field(signal, run_.tau, motion[:, window], frequencies)
         for run_, motion in ((each, row_motion(each)) for each in (normal, scattered))
