@@ -8,11 +8,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns, units_of
 from granular_lmp.impact.problem import ImpactProblem, prepare
-from granular_lmp.impact.scale import Scale
 from granular_lmp.impact.scene import WALL, ImpactScene
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump
 from granular_lmp.runs.agreement import refuse_other_scene
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class ImpactRecord:
-    """Motion of the n recorded spheres at T times, in the units of the impact (`granular_lmp.impact.scale`).
+    """Motion of the n recorded spheres at T times, in the units of the impact (`granular_lmp.crystal.scale`).
 
     Attributes
     ----------

@@ -2,7 +2,7 @@
 
 A TOML file with a table ``[[striker]]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``, ``[disorder]``,
 ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and ``[[inclusion]]``. It holds no wave
-and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.impact.scale`).
+and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 import tomllib
@@ -15,9 +15,9 @@ from typing import Any, Self
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice
+from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.scale import DEEPEST, Scale
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.schema import (
     NOT_TOML,
