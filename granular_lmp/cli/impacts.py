@@ -96,6 +96,26 @@ def check(scene: "ImpactScene", options: Options) -> int:
     return 0
 
 
+def export(folder: str, path: str) -> bool:
+    """Write the run of an impact in SI units; False if the folder holds another run.
+
+    Raises
+    ------
+    RunFolderError
+        If the file is no CSV, or cannot be written.
+    """
+    from granular_lmp.errors import RunFolderError
+    from granular_lmp.impact.record import ImpactRecord
+    from granular_lmp.impact.scene import is_impact
+
+    if not is_impact(folder):
+        return False
+    if not path.endswith(".csv"):
+        raise RunFolderError(f"{path}: must end in .csv for an impact, whose dump.particles OVITO and ASE read")
+    ImpactRecord.load(folder).write_si(path)
+    return True
+
+
 def effects(scene: "ImpactScene", options: Options) -> int:
     """Say which physics the deck carries, and why."""
     from granular_lmp.impact.problem import prepare

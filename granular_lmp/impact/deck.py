@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
@@ -174,7 +173,7 @@ def _text(problem: ImpactProblem) -> str:
         *walls,
         "",
         "# --- strikers",
-        *(line for number, spheres in enumerate(problem.strikers, 1) for line in _striker(problem, number, spheres)),
+        *_strikers(problem),
         "",
         "# --- motion of the spheres that are not held",
         "compute      u all displace/atom",
@@ -196,13 +195,17 @@ def _text(problem: ImpactProblem) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _striker(problem: ImpactProblem, number: int, spheres: NDArray[np.int64]) -> list[str]:
-    vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in problem.scene.striker[number - 1].components)
-    name = f"striker{number}"
-    return [
-        f"group        {name} id {id_ranges(spheres)}",
-        f"velocity     {name} set {vx!r} {vy!r} 0.0 units box",
-    ]
+def _strikers(problem: ImpactProblem) -> list[str]:
+    """Return the lines that give each striker its velocity: one group after the other, as LAMMPS has 32 at most."""
+    lines = []
+    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+        vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in striker.components)
+        lines += [
+            f"group        striker id {id_ranges(spheres)}",
+            f"velocity     striker set {vx!r} {vy!r} 0.0 units box",
+            "group        striker delete",
+        ]
+    return lines
 
 
 def _walls(problem: ImpactProblem) -> dict[str, float]:
