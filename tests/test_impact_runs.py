@@ -112,6 +112,17 @@ def test_view_draws_a_chain_a_sheet_and_a_movie(folders: dict[str, Path], tmp_pa
         assert movie.n_frames == 7
 
 
+def test_init_writes_an_impact_to_begin_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(tmp_path / "mine.toml")
+    assert main(["init", file, "--from", "point_impact"]) == 0
+    scene = ImpactScene.load(file)
+    shipped = ImpactScene.load("point_impact")
+    assert scene == replace(shipped, name="mine", description="")
+    assert "--set striker.1.velocity=0.1" in Path(file).read_text()
+    assert main(["init", file, "--from", "point_impact"]) == 2
+    assert "is there already; choose another name" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.2])
 def test_an_export_is_in_si_units(tmp_path: Path, friction: float) -> None:
     record = run_impact(SHEET.with_values({"effects.friction": friction}), tmp_path / "run")

@@ -28,6 +28,30 @@ def impact_of(options: Options) -> "ImpactScene | None":
     return scene.with_values(changes_of(options)) if options.changes else scene
 
 
+_HEAD = """\
+# Run it:                        granular-lmp run {file}
+# What it would take:            granular-lmp check {file}
+# Change one value:              granular-lmp run {file} --set striker.1.velocity=0.1
+# Every key, with what is allowed: docs/reference/impact.md
+# Tables that may be added:      [disorder], [output], [[striker]], [[inclusion]]
+
+"""
+
+
+def init(file: str, source: str) -> bool:
+    """Write an impact into a new file, under the name of the file; False if `source` is none."""
+    from pathlib import Path
+
+    from granular_lmp.impact.scene import ImpactScene, is_impact
+    from granular_lmp.scene.starter import write_new
+
+    if not is_impact(source):
+        return False
+    scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
+    write_new(Path(file), _HEAD.format(file=file) + scene.to_toml())
+    return True
+
+
 def build(scene: "ImpactScene", options: Options) -> int:
     """Write the deck of an impact."""
     from pathlib import Path
