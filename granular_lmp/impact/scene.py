@@ -43,6 +43,7 @@ LARGEST_RATIO = 10.0  # of radii in a chain
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
     **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
     "packing.contact_force": "spheres of an impact just touch: must be left out beside [[striker]]",
     "packing.ends": "must be packing.first and packing.last beside [[striker]]",
     "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",

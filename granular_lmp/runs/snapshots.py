@@ -133,7 +133,7 @@ class Snapshots:
         sphere, still = self.scene.sphere, np.zeros(len(columns["id"]))
         units = units_for(sphere.radius)
         displacement = units.number(self.scene.displacement_amplitude, length=1)
-        velocity = displacement / units.number(self.scene.scale.time, time=1)
+        velocity = displacement / units.number(sphere.time_scale, time=1)
         radius = units.number(sphere.radius, length=1)
         untracked = still + (np.nan if "omegaz" in columns else 0.0)
         return Spheres(
