@@ -28,6 +28,30 @@ def impact_of(options: Options) -> "ImpactScene | None":
     return scene.with_values(changes_of(options)) if options.changes else scene
 
 
+_HEAD = """\
+# Run it:                        granular-lmp run {file}
+# What it would take:            granular-lmp check {file}
+# Change one value:              granular-lmp run {file} --set striker.1.velocity=0.1
+# Every key, with what is allowed: docs/reference/impact.md
+# Tables that may be added:      [disorder], [output], [[striker]], [[inclusion]]
+
+"""
+
+
+def init(file: str, source: str) -> bool:
+    """Write an impact into a new file, under the name of the file; False if `source` is none."""
+    from pathlib import Path
+
+    from granular_lmp.impact.scene import ImpactScene, is_impact
+    from granular_lmp.scene.starter import write_new
+
+    if not is_impact(source):
+        return False
+    scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
+    write_new(Path(file), _HEAD.format(file=file) + scene.to_toml())
+    return True
+
+
 def build(scene: "ImpactScene", options: Options) -> int:
     """Write the deck of an impact."""
     from pathlib import Path
@@ -94,6 +118,26 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
     say(f"guards    {', '.join(each.guard for each in problem.effects if each.guard)}")
     return 0
+
+
+def export(folder: str, path: str) -> bool:
+    """Write the run of an impact in SI units; False if the folder holds another run.
+
+    Raises
+    ------
+    RunFolderError
+        If the file is no CSV, or cannot be written.
+    """
+    from granular_lmp.errors import RunFolderError
+    from granular_lmp.impact.record import ImpactRecord
+    from granular_lmp.impact.scene import is_impact
+
+    if not is_impact(folder):
+        return False
+    if not path.endswith(".csv"):
+        raise RunFolderError(f"{path}: must end in .csv for an impact, whose dump.particles OVITO and ASE read")
+    ImpactRecord.load(folder).write_si(path)
+    return True
 
 
 def effects(scene: "ImpactScene", options: Options) -> int:

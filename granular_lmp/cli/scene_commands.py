@@ -64,7 +64,8 @@ def _init(options: Options) -> int:
     if options.all is not None:
         say(f"{options.all}: {', '.join(copy_shipped(options.all))}")
         return 0
-    write_starter(options.file, options.source)
+    if not impacts.init(options.file, options.source):
+        write_starter(options.file, options.source)
     say(f"{options.file}: as {options.source}; next: granular-lmp check {options.file}")
     return 0
 

@@ -2,6 +2,7 @@
 
 import argparse
 
+from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import Commands, Options, add, positive
 from granular_lmp.cli.output import remark, say
 
@@ -56,6 +57,9 @@ def _view(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
+    if impacts.export(options.folder, options.output):
+        say(options.output)
+        return 0
     from granular_lmp.runs.export import export
     from granular_lmp.runs.record import Record
 

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.scale import collision_time
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scale import collision_time
 from granular_lmp.impact.scene import HELD, PERIODIC, WALL, ImpactScene, Output, Striker
 
 Floats = NDArray[np.float64]

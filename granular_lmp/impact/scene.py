@@ -2,7 +2,7 @@
 
 A TOML file with a table ``[[striker]]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``, ``[disorder]``,
 ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and ``[[inclusion]]``. It holds no wave
-and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.impact.scale`).
+and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 import tomllib
@@ -15,9 +15,9 @@ from typing import Any, Self
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice
+from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.scale import DEEPEST, Scale
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.schema import (
     NOT_TOML,
@@ -43,6 +43,7 @@ LARGEST_RATIO = 10.0  # of radii in a chain
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
     **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
     "packing.contact_force": "spheres of an impact just touch: must be left out beside [[striker]]",
     "packing.ends": "must be packing.first and packing.last beside [[striker]]",
     "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",

@@ -270,9 +270,9 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "sample": time.sample,
         "particles": scene.output.particles,
         "duration": time.duration,
-        "Delta0": units.number(sphere.static_overlap, length=1),
+        "Delta0": units.number(scene.scale.length, length=1),
         "R": units.number(sphere.radius, length=1),
-        "t0": units.number(sphere.time_scale, time=1),
+        "t0": units.number(scene.scale.time, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
     }
     plain |= blocks.SINGLE_COLUMN if scene.shape.single_column else blocks.MANY_COLUMNS

@@ -17,6 +17,7 @@ from typing import Any, Self
 import granular_lmp
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
@@ -212,10 +213,15 @@ class Scene(Document):
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
         return at_rest(self.material, self.packing, self.effects)
 
+    @cached_property
+    def scale(self) -> Scale:
+        """Units of the scene: m, Δ0 and t0 of the spheres at rest."""
+        return Scale.of(self.sphere)
+
     @property
     def displacement_amplitude(self) -> float:
         """D0 = a Δ0, m: the amplitude of the wave's displacement."""
-        return self.wave.amplitude * self.sphere.static_overlap
+        return self.wave.amplitude * self.scale.length
 
     @property
     def lattice(self) -> Lattice:

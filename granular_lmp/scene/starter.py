@@ -41,11 +41,21 @@ def write_starter(path: str | Path, source: str) -> None:
     RunFolderError
         When the file is there already or cannot be written.
     """
-    path = Path(path)
-    scene = Scene.load(source).with_values({"name": path.stem, "description": ""})
+    scene = Scene.load(source).with_values({"name": Path(path).stem, "description": ""})
+    write_new(Path(path), starter(scene, str(path)))
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet.
+
+    Raises
+    ------
+    RunFolderError
+        When the file is there already or cannot be written.
+    """
     try:
         with path.open("x", encoding="utf-8") as stream:
-            stream.write(starter(scene, str(path)))
+            stream.write(text)
     except FileExistsError as error:
         raise RunFolderError(f"{path}: is there already; choose another name") from error
     except OSError as error:
