@@ -143,7 +143,7 @@ scattering: .venv/ready
 	$(SCATTER) -o runs/scattering/longitudinal --tones 1 --set name=longitudinal --set wave.mode=L \
 	    --set wave.wavenumber=1.0 --set source.1.force=y
 	$(SCATTER) -o runs/scattering/rt --set name=rt --set wave.mode=RT --set wave.wavenumber=1.9 \
-	    --set source.1.cycles=16.0 --set absorb.reflection=1e-3 --set time.timestep=0.05 --set time.sample=0.5 \
+	    --set source.1.cycles=16.0 --set time.timestep=0.05 --set time.sample=0.5 \
 	    --set output.particles=0.5 --set time.duration=460
 	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
 	rm -rf runs/scattering/behind

@@ -68,7 +68,8 @@ class Row:
     transmission, reflection : float
         Shares of the incident energy flux.
     transmission_error, reflection_error : float
-        From the normalisation run, the fits and waves that come back from behind.
+        From the normalisation run, the fits and waves that come back from behind. The time step is not in them: the
+        shares of a run are those of the lattice at (2/Δτ) sin(ΩΔτ/2).
     """
 
     signal: str
