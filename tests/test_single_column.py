@@ -13,9 +13,12 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import first_step, look_interval
 from granular_lmp.lammps.outputs import CHECKPOINTS, CONTACTS, DUMP, LOG, read_centre, read_log, read_snapshots
 from granular_lmp.problem import prepare
+from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.resolution import farthest_rounding
+from granular_lmp.studies.forecast import forecast
 from tests.hard.guard_study import blind_rules, random_scene
+from tests.test_deck import lmp
 from tests.test_guards import STANDING
 
 ONE = {"packing.columns": 1}
@@ -149,6 +152,23 @@ def test_the_program_and_two_ranks_run_one_column(tmp_path: Path) -> None:
     assert (module.q == program.q).all()
     assert (module.p == program.p).all()
     assert largest_difference(module, ranks) < ROUNDINGS * farthest_rounding(module.scene)
+
+
+def test_what_plain_lmp_left_of_one_column_is_adopted(tmp_path: Path) -> None:
+    deck = build(STRIP.with_values(ONE | {"time.duration": 5.0}))
+    deck.write(tmp_path / "plain")
+    lmp(tmp_path / "plain", deck.input_name, "amplitude=0.1")
+    adopted = adopt(tmp_path / "plain", tmp_path / "adopted")
+    assert adopted.scene.wave.amplitude == 0.1
+    same = run(STRIP.with_values(ONE | {"time.duration": 5.0, "wave.amplitude": 0.1}), tmp_path / "run")
+    assert largest_difference(adopted, same) < ROUNDINGS * farthest_rounding(same.scene)
+
+
+def test_no_checkpoint_is_promised_for_one_column() -> None:
+    values = {"time.duration": 5.0}
+    assert forecast(prepare(STRIP.with_values(ONE | values))).checkpoint is None
+    assert forecast(prepare(STRIP.with_values(values))).checkpoint is not None
+    assert "restart " not in build(STRIP.with_values(ONE | values)).input_text
 
 
 def test_steps_begin_where_all_that_is_periodic_is_due(tmp_path: Path) -> None:
