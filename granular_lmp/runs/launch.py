@@ -139,16 +139,16 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
         if not known:
             raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
-        if Scene.load(folder / SCENE).shape.single_column:
-            raise RunFolderError(
-                f"{folder}: packing.columns = 1: a run of one column cannot be continued, since LAMMPS would renew its "
-                "neighbour list; run it again with force=True"
-            )
         if "edited" in info:
             raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
         refuse_other_scene(folder, info)
         with phase("build"):
             deck = deck_of(prepare(Scene.load(folder / SCENE)))
+        if deck.scene.shape.single_column:
+            raise RunFolderError(
+                f"{folder}: packing.columns = 1: a run of one column cannot be continued, since LAMMPS would renew its "
+                "neighbour list; run it again with force=True"
+            )
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
