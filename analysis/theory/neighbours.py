@@ -108,7 +108,7 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
     """
     size = 3 * points
     ends = at_ends(torus_shifts(wavenumber, points, direction), direction)
-    # Both ways as one matrix: more numbers to multiply, and a third of the time for one wave
+    # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy
     deforming = ends.deform(np.eye(size).reshape(-1, 3, points)).reshape(size, -1)
     gathering = -deforming.T
 
