@@ -17,6 +17,7 @@ from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted, Sce
 from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
@@ -246,7 +247,8 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("monitor.*"))}
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     scene = SHEET.with_values({"time.duration": 40.0, "output.checkpoint": 78 * 100 / SPEED / 60})
 
     def interrupt(step: int, steps: int) -> None:

@@ -20,6 +20,7 @@ from granular_lmp.effects.effect import Case
 from granular_lmp.errors import EffectError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
@@ -194,7 +195,8 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         assert not turned[:, sphere].any()
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     scene = SHEET.with_values(
         {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
         | {"output.checkpoint": 48 * 100 / SPEED / 60}
