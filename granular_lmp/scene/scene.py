@@ -7,10 +7,9 @@ t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap 
 here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from math import inf
 from pathlib import Path
 from typing import Any, Self
 
@@ -40,9 +39,9 @@ from granular_lmp.scene.sections import (
     Time,
     Wave,
 )
-from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide, echo_time
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.scene.sources import Source, check_quiet, check_sources, source_echo
+from granular_lmp.scene.sources import Source, check_quiet, check_sources, echo_at
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
@@ -348,12 +347,12 @@ class Scene(Document):
     @property
     def echo_time(self) -> float:
         """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
-        quiet = self.absorb.rows != 0
-        if self.shape.ends == "periodic" or (quiet and not self.source):
-            return inf
-        if self.source:
-            return source_echo(self.source, self.shape, quiet=quiet)
-        return echo_time(self.shape.rows, driven=self.wave.form == "driven")
+        return self.echo_at((self.shape.centre_row, self.shape.centre_row))
+
+    def echo_at(self, rows: Sequence[int]) -> float:
+        """Return the time τ at which the echo of the walls reaches rows, (first, last), in a perfect lattice."""
+        driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
+        return echo_at(rows, self.source, self.shape, driven=driven, quiet=quiet)
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
