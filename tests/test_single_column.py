@@ -187,6 +187,7 @@ def test_steps_begin_where_all_that_is_periodic_is_due(tmp_path: Path) -> None:
     [
         ({"packing.columns": 2}, r"packing\.columns = 2: must be at least 3, or 1"),
         ({"output.particles": 1.0}, "no snapshots"),
+        ({"output.checkpoint": 5.0}, r'no checkpoint, output\.checkpoint = "auto"'),
         ({"effects.viscosity": 1e-8}, "no effect damping"),
         ({"effects.friction": 0.3, "effects.sliding": True}, "no effect sliding"),
         ({"effects.contact_opening": True}, "no effect contact_opening"),

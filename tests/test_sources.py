@@ -196,7 +196,7 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
 
 
 def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     scene = SHEET.with_values(
         {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
         | {"output.checkpoint": 48 * 100 / SPEED / 60}
@@ -327,6 +327,10 @@ def test_the_echo_is_that_of_the_nearest_wall() -> None:
     # The first row is no wall for the waves that it makes: they come back from the last one, as those of a driven row
     driven = Scene.load("tr_driven").with_values({"packing.rows": 101, "time.duration": 20.0})
     assert echo(0) == driven.echo_time
+    # A sphere of the first row beside one of row 10 is in one source with it, and no less a wall for its waves
+    for place, is_wall in (({"spheres": [[0, 0], [10, 0]]}, True), ({"rows": [0, 10]}, False)):
+        moved = {"packing.rows": 101, "packing.columns": 4, "source": [{"motion": "x"} | place]}
+        assert (STRIP.with_values(moved).echo_time == echo(10)) == is_wall
 
 
 QUIET = STRIP.with_values({"packing.rows": 201, "absorb.rows": "auto", "absorb.reflection": 1e-2})

@@ -3,6 +3,7 @@
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
 
 GUARD = Guard(
     title="row_spread",
@@ -53,6 +54,7 @@ def refuse(case: Case) -> str:
         "a plane wave along y": not scene.uniform_rows or scene.declared_vector.axis != "y",
         f'wave.form = "running" or "standing", not "{scene.wave.form}"': scene.wave.form not in ("running", "standing"),
         "no snapshots, output.particles = 0": scene.output.particles > 0,
+        'no checkpoint, output.checkpoint = "auto"': scene.output.checkpoint != AUTO,
     }
     missing = [reason for reason, broken in reasons.items() if broken]
     return f"packing.columns = 1: needs {', '.join(missing)}; or take 3 columns" if missing else ""

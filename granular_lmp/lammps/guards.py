@@ -141,7 +141,11 @@ def _inside(scene: Scene) -> list[str]:
     near = ["v_reach^2>x*x+y*y"]
     for monitor in scene.monitor:
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
-        near.append(f"v_reach>abs(y-({(low + high) / 2!r}))-{(high - low) / 2!r}")
+        apart = f"abs(y-({(low + high) / 2!r}))"
+        if scene.shape.ends == "periodic":  # the shorter way may be across the faces
+            half = scene.shape.rows * row / 2
+            apart = f"({half!r}-abs({half!r}-{apart}))"
+        near.append(f"v_reach>{apart}-{(high - low) / 2!r}")
     where = "the centre or a monitor" if scene.monitor else "the centre"
     return [
         f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",

@@ -18,7 +18,7 @@ from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
-from granular_lmp.scene.monitors import Monitor, monitor_echo
+from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
 
 
@@ -99,8 +99,7 @@ def swiftness(scene: Scene) -> float:
 
 def echo_at(scene: Scene, monitor: Monitor) -> float:
     """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
-    driven, quiet = scene.wave.form == "driven", scene.absorb.rows != 0
-    return monitor_echo(monitor, scene.source, scene.shape, driven=driven, quiet=quiet) / swiftness(scene)
+    return scene.echo_at(monitor.span) / swiftness(scene)
 
 
 def places(scene: Scene) -> ase.Atoms:

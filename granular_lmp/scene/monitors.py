@@ -11,7 +11,6 @@ Recording changes no motion. What a run leaves is read by `granular_lmp.runs.mon
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 import ase
 import numpy as np
@@ -23,8 +22,6 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import in_words, place_troubles, spheres_at
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, NameRule, choice
 from granular_lmp.scene.sections import Packing
-from granular_lmp.scene.shape import arrival_time
-from granular_lmp.scene.sources import Source
 
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
@@ -214,28 +211,3 @@ def check_groups(monitors: Sequence[PlacedMonitor], sources: int) -> None:
             f"monitor: {len(monitors)} monitors beside {sources} sources take {groups} groups of LAMMPS, those with "
             f"contacts two each; must be at most {MOST_GROUPS}"
         )
-
-
-def monitor_echo(monitor: Monitor, sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
-    """Return the time τ at which an echo of the walls may reach a monitor, by the rule of `arrival_time`.
-
-    Waves of sources and of a driven row run to an end and from there to the monitor; a wave that fills the crystal is
-    disturbed by the walls from τ = 0 on. Ends that sources move send back waves of the others only, quiet ends none.
-    """
-    if shape.ends == "periodic":
-        return inf
-    first, last = monitor.span
-    end = shape.rows - 1
-    beyond = {0: first, end: end - last}  # rows from an end to the monitor
-    if driven:
-        return inf if quiet else arrival_time(end + beyond[end])
-    if not sources:
-        return inf if quiet else arrival_time(min(beyond.values()))
-    ways = [
-        abs(row - wall) + beyond[wall]
-        for each in sources
-        for wall in beyond
-        for row in each.rows_of()
-        if not each.is_in_row(wall) and (not quiet or any(other.is_in_row(wall) for other in sources))
-    ]
-    return arrival_time(min(ways)) if ways else inf

@@ -277,23 +277,45 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
             )
 
 
-def source_echo(sources: Sequence[Source], shape: Shape, *, quiet: bool) -> float:
-    """Return the time τ at which waves of the sources reach the centre from an end, by the shortest way.
+def echo_at(rows: Sequence[int], sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
+    """Return the time τ at which an echo of the walls may reach rows, by the shortest way and `arrival_time`.
 
-    The way is that from a sphere of a source to an end and on to the centre. An end that a source moves is where its
-    waves begin, and sends back none of them. If the crystal has `quiet` ends, only an end that a source moves sends
-    back waves, those of the other sources, and the time is infinite without any.
+    A wave that fills the crystal is disturbed by the walls from τ = 0 on. Waves of sources and of a driven row run to
+    an end and from there to the rows. Those that a source makes by moving an end begin there, and are not sent back by
+    it. `quiet` ends send back no waves, but an end that a source moves is not quiet, and sends back those of other
+    spheres.
+
+    Parameters
+    ----------
+    rows : (first, last)
+    sources : sequence of Source
+    shape : Shape
+    driven : bool
+        True if the first row is driven.
+    quiet : bool
+        True if the crystal has quiet ends.
+
+    Returns
+    -------
+    float
+        Infinite if no echo comes.
     """
-    last = shape.rows - 1
-    ends = [end for end in (0, last) if not quiet or any(each.is_in_row(end) for each in sources)]
+    if shape.ends == "periodic":
+        return inf
+    end = shape.rows - 1
+    beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
+    if driven or not sources:
+        return inf if quiet else arrival_time(end + beyond[end] if driven else min(beyond.values()))
     ways = [
-        abs(row - end) + abs(end - shape.centre_row)
+        abs(row - wall) + beyond[wall]
+        for wall in beyond
+        if not quiet or any(each.is_in_row(wall) for each in sources)
         for each in sources
-        for end in ends
+        if not (each.rows and each.is_in_row(wall))  # these rows reach from the end to where their waves begin
         for row in each.rows_of()
-        if not each.is_in_row(end)
+        if row != wall
     ]
-    return inf if quiet and not ways else arrival_time(min(ways, default=2 * last))
+    return arrival_time(min(ways)) if ways else inf
 
 
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.scene.scene import EXCLUSIVE, Scene, note
+from granular_lmp.scene.scene import Scene, note
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
@@ -21,7 +21,7 @@ def starter(scene: Scene, file: str) -> str:
     for line in scene.to_toml().splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
-        others = [other for other, excluded in EXCLUSIVE.items() if excluded[0] == key]
+        others = [other for other, excluded in Scene.exclusive.items() if excluded[0] == key]
         lines += [line, *(_commented(other) for other in others)]
     return _HEAD.format(file=file) + "\n".join(lines) + "\n"
 
