@@ -1,6 +1,7 @@
 """Scattering in LAMMPS: what is measured beside the linear lattice, and what is refused."""
 
 import csv
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,13 @@ import numpy as np
 import pytest
 
 from analysis.figures import scatter as beside_theory
-from granular_lmp import Scene
+from granular_lmp import Scene, run
 from granular_lmp.cli import main
 from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.crystal.row_waves import lattice_at, line_of, row_waves
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.errors import CrystalError, RunFolderError, SceneError
 from granular_lmp.plot.scattering import scattering_figure
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.studies.running_waves import amplitudes, burst_spectrum, tone_amplitude
@@ -179,6 +180,7 @@ def test_the_command_does_the_same(tmp_path: Path, capsys: pytest.CaptureFixture
         ({"inclusion": [{"rows": [45, 64], "density": 5e3}]}, r"packing\.rows = 91: leave \d rows behind them"),
         ({"output.particles": 3.0}, r"output\.particles = 3\.0: must be at most"),
         ({"wave.mode": "RT", "source.1.frequency": 0.6}, r'wave\.mode = "RT": must be a wave along y at the frequency'),
+        ({"time.duration": 100.0}, r"time\.duration = 100\.0: must be at least 1\d\d\.\d, until the fastest wave"),
         ({"packing.lattice": "square"}, r'packing\.lattice = "square": must be "hexagonal"'),
     ],
 )
@@ -186,6 +188,18 @@ def test_what_is_no_such_experiment_is_refused_by_name(changes: dict[str, Any], 
     with pytest.raises(SceneError, match=message):
         scatter(SCENE.with_values(changes), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_another_study_in_the_folder_leaves_nothing_of_the_first(found: Scatter, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(found.folder, tmp_path / "again"))
+    assert (folder / "tone_1_inclusions").is_dir()
+    with pytest.raises(RunFolderError, match=r"holds a study of scattering \(scatter\.csv\); choose another folder"):
+        run(PAPER, folder, force=True)
+    stopped = SCENE.with_values({"time.duration": 170.0, "time.timestep": 0.5})
+    with pytest.raises(SceneError, match="the burst has not passed"):
+        scatter(stopped, folder, force=True)
+    # Neither a table of the first study beside runs of the second, nor its tones
+    assert sorted(each.name for each in folder.iterdir()) == ["inclusions", "normalisation"]
 
 
 def test_tones_beside_a_tone_are_refused(tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from granular_lmp.runs.record import STATUS, GranularError, Record
+from analysis.measure.swept import Swept
+from granular_lmp.runs.record import GranularError, Record
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
@@ -24,9 +25,16 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
 
 
 def sweep(folder: str) -> list[Record]:
-    """The finished runs of a sweep, by wave number."""
-    runs = (load(path.parent) for path in Path(folder).glob(f"runs/*/{STATUS}"))
-    return sorted(runs, key=lambda record: record.scene.wavenumber)
+    """Return the finished runs of a sweep, by wave number; no run of an earlier sweep in the same folder.
+
+    Raises SystemExit with one line for a folder that holds no sweep, and where a run failed or is not finished.
+    """
+    swept = Swept.load(folder)
+    if swept is None:
+        raise SystemExit(f"{folder}: is no sweep; granular-lmp sweep SCENE --over KEY=VALUES makes one")
+    if swept.missing:
+        raise SystemExit(f"{folder}: {swept.missing} runs are not finished; the same sweep command again does them")
+    return sorted(map(load, dict.fromkeys(swept.folders)), key=lambda record: record.scene.wavenumber)
 
 
 def by_wave(records: Iterable[Record]) -> list[list[Record]]:

@@ -120,13 +120,13 @@ def check(scene: "ImpactScene", options: Options) -> int:
     return 0
 
 
-def export(folder: str, path: str) -> bool:
+def export(folder: str, path: str, monitor: str | None) -> bool:
     """Write the run of an impact in SI units; False if the folder holds another run.
 
     Raises
     ------
     RunFolderError
-        If the file is no CSV, or cannot be written.
+        If a monitor is asked for, the file is no CSV, or cannot be written.
     """
     from granular_lmp.errors import RunFolderError
     from granular_lmp.impact.record import ImpactRecord
@@ -134,7 +134,9 @@ def export(folder: str, path: str) -> bool:
 
     if not is_impact(folder):
         return False
-    if not path.endswith(".csv"):
+    if monitor is not None:
+        raise RunFolderError(f"--monitor {monitor}: must be left out for an impact, which has no monitors ({folder})")
+    if not path.lower().endswith(".csv"):
         raise RunFolderError(f"{path}: must end in .csv for an impact, whose dump.particles OVITO and ASE read")
     ImpactRecord.load(folder).write_si(path)
     return True

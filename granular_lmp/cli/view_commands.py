@@ -57,7 +57,7 @@ def _view(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
-    if impacts.export(options.folder, options.output):
+    if impacts.export(options.folder, options.output, options.monitor):
         say(options.output)
         return 0
     from granular_lmp.runs.export import export

@@ -26,6 +26,7 @@ LOG = "log.lammps"
 STATUS = "run.json"
 SWEEP = "sweep.json"
 COST = "cost.json"
+SCATTER = "scatter.csv"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
 # Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn
 DUMP_COLUMNS = (

@@ -24,12 +24,14 @@ from granular_lmp.accuracy.tolerance import run
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.crystal.row_waves import Line, lattice_at, line_of, row_waves
 from granular_lmp.errors import CrystalError, SceneError
-from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.lammps.outputs import SCATTER, replace_text, writable
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.linear import physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies.running_waves import (
     PERIODS,
@@ -41,7 +43,6 @@ from granular_lmp.studies.running_waves import (
     tone_amplitude,
 )
 
-TABLE = "scatter.csv"
 NORMALISATION, INCLUSIONS = "normalisation", "inclusions"  # run folders of the scene's own signal
 FREQUENCIES = 11  # of a burst, over the half of its main lobe in which its spectrum is above half of its peak
 CLEAR = 2  # rows beside a source, inclusions and quiet ends that are left out, as they come to rest a little aside
@@ -176,27 +177,45 @@ def scatter(
             f"output.particles = {scene.output.particles!r}: must be at most {apart:.4g}, a sixth of the shortest "
             "period of the source"
         )
-    frequencies = _running(
-        _windows(problem), scene, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1)
-    )
+    windows = _windows(problem)
+    # No earlier, whatever the wave is; whether it has passed is judged by what was recorded
+    lasts = 2 * np.pi * source.cycles / frequency if source.kind == "burst" else source.ramp
+    passed = source.delay + lasts + (windows.behind[-1] - source.rows[1]) / FASTEST_ROWS_PER_TAU
+    if scene.time.duration < passed:
+        raise SceneError(
+            f"time.duration = {scene.time.duration!r}: must be at least {passed:.4g}, until the fastest wave has "
+            "passed the rows behind the inclusions, and longer for slower ones"
+        )
+    frequencies = _running(windows, scene, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1))
     inner = frequencies[np.abs(frequencies / frequency - 1) <= width / 2]
     chosen = inner[np.unique(np.round(np.linspace(0, len(inner) - 1, tones)).astype(int))] if tones else inner[:0]
     folder = Path(folder).absolute()
     runs = [(scene, "", frequencies)]
     runs += [(_as_tone(scene, float(each)), f"tone_{k}_", np.array([each])) for k, each in enumerate(chosen, 1)]
-    with writable(folder):
-        folder.mkdir(parents=True, exist_ok=force)
     rows: list[Row] = []
-    for each, prefix, at in runs:
-        normal, scattered = (
-            run(one, folder / f"{prefix}{name}", force=force, progress=progress).snapshots()
-            for name, one in ((NORMALISATION, each.with_values({"inclusion": []})), (INCLUSIONS, each))
-        )
-        rows += _compare(prepare(each), normal, scattered, at)
-    found = Scatter(folder, scene, rows)
-    with writable(folder):
-        replace_text(folder / TABLE, found.to_csv())
+    with locked(folder, make=True, force=force):
+        _clear_study(folder)
+        for each, prefix, at in runs:
+            normal, scattered = (
+                run(one, folder / f"{prefix}{name}", force=force, progress=progress).snapshots()
+                for name, one in ((NORMALISATION, each.with_values({"inclusion": []})), (INCLUSIONS, each))
+            )
+            rows += _compare(prepare(each), normal, scattered, at)
+        found = Scatter(folder, scene, rows)
+        with writable(folder):
+            replace_text(folder / SCATTER, found.to_csv())
     return found
+
+
+def _clear_study(folder: Path) -> None:
+    """Delete the table and the tones of an earlier study, which is not to stand beside the runs of another."""
+    with writable(folder):
+        (folder / SCATTER).unlink(missing_ok=True)
+        clear(folder)
+        for tone in (each for each in folder.glob("tone_*") if each.is_dir() and not each.is_symlink()):
+            clear(tone)
+            if not any(tone.iterdir()):
+                tone.rmdir()
 
 
 # --- the experiment --------------------------------------------------------------------------------------------------
@@ -312,12 +331,15 @@ def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequenc
         for window in (windows.front, windows.behind)
     ]
     rows = []
-    step = scattered.scene.time.step
     for k, frequency in enumerate(frequencies):
-        # Velocity Verlet has the waves of this frequency in the lattice
-        stepped = 2 / step * np.sin(frequency * step / 2)
+        # Velocity Verlet has the waves of this frequency in the lattice; with a tolerance the steps of two runs differ
         whole, lower, upper = (
-            row_waves(line, stepped, physics) for line in (windows.whole, windows.lower, windows.upper)
+            row_waves(line, 2 / step * np.sin(frequency * step / 2), physics)
+            for line, step in (
+                (windows.whole, normal.scene.time.step),
+                (windows.lower, scattered.scene.time.step),
+                (windows.upper, scattered.scene.time.step),
+            )
         )
         before, after, front, behind = (
             amplitudes(waves, field[k]) for waves, field in zip((whole, whole, lower, upper), fields, strict=True)

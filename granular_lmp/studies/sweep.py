@@ -245,6 +245,7 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         clear(folder)
     if there != request:
         with writable(folder):
+            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 
 
