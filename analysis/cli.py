@@ -28,6 +28,7 @@ SCRIPTS = {
     "map": "the second harmonic over direction and wave number",
     "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
+    "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
     "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",
     "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",

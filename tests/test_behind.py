@@ -98,6 +98,10 @@ def test_amplitudes_of_both_harmonics_are_read_off() -> None:
         ({"source.1.force": "y"}, "must have a tone of force along x, and wave.mode = TR"),
         ({"inclusion": [{"rows": [54, 60], **HARD}]}, "must have one inclusion, of rows up to the last, 100"),
         ({"source.1.frequency": 0.55}, "TR must run at 0.55 rad per t0, and L at twice that, on both sides"),
+        (
+            {"source.1.hertz": 0.55 / (2 * np.pi * SCENE.sphere.time_scale)},
+            "TR must run at 0.55 rad per t0, and L at twice that, on both sides",
+        ),
     ],
 )
 def test_other_runs_are_refused(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -112,6 +116,5 @@ def test_too_few_runs_and_runs_of_two_interfaces_are_refused(record: Record) -> 
         behind.parts([record])
     farther = replace(record, scene=SCENE.with_values({"inclusion.1.rows": [58, 100]}))
     stiffer = replace(record, scene=SCENE.with_values({"inclusion.1.youngs_modulus": 220e9}))
-    assert behind._alike(farther) == behind._alike(replace(record, scene=SCENE))
     with pytest.raises(ValueError, match="2 kinds of runs: must be of one interface, and differ in its first row"):
         behind.parts([farther, farther, farther, stiffer])

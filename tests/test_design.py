@@ -179,7 +179,7 @@ def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> 
     assert mode.frequency == pytest.approx(float(omega), rel=1e-9)
 
 
-POINTS = 5  # of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶
+POINTS = 5  # points of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶
 
 
 def exact_lattice(pair: Pair, tau: NDArray[np.float64], amplitude: float) -> NDArray[np.complex128]:

@@ -72,7 +72,7 @@ def ledger(record: Record) -> dict[str, np.ndarray]:
     apart = region.velocity[:, j] - region.velocity[:, i]
     parting = np.sum(apart * normal, axis=-1)
     slip = np.sum(apart * tangent, axis=-1) - region.spin[:, i] - region.spin[:, j]
-    overlap, shear = contacts.overlap, contacts.shear + dashpot * slip  # of the spring alone
+    overlap, shear = contacts.overlap, contacts.shear + dashpot * slip  # the force of the spring alone
     stiffness = kappa * np.sqrt(overlap)
     elastic = (4 / 15 * overlap**2.5 - 2 / 3 * overlap) / a**2 + shear**2 / (2 * stiffness)
     energy = kinetic + elastic @ share

@@ -152,7 +152,7 @@ def test_the_power_of_sources_is_the_change_of_energy(tmp_path: Path) -> None:
     # The trapezoidal rule errs by h²/12 of the slope of the power, which is taken from it
     work -= 0.1**2 / 12 * (np.gradient(power, 0.1, edge_order=2) - np.gradient(power, 0.1, edge_order=2)[0])
     energy = crystal.energy(field, velocity)
-    assert energy[-1] > 0.01  # of m (D0/t0)²
+    assert energy[-1] > 0.01  # in m (D0/t0)²
     # a = 1e-3 times numbers of order 0.1, and the fourth order of the samples
     assert np.abs(work - energy).max() < 1e-3 * energy.max()
 

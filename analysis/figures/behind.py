@@ -22,7 +22,6 @@ Breaks where L waves do not run at 2Ω on both sides, and for distances that are
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -30,14 +29,14 @@ from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, save, start
 from analysis.figures.scatter import rows_at_rest
-from analysis.measure.runs import sweep
+from analysis.measure.runs import all_but, sweep
 from analysis.measure.sheets import fields_of
 from analysis.theory.transfer import Rows, running, scattering
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
-PERIODS = 10  # of Ω at the end of a run, over which amplitudes are taken
+PERIODS = 10  # amplitudes are taken over as many periods of Ω at the end of a run
 NEAR = 3  # rows beside source, interface and quiet end that are left out: near fields have decayed there
 FEWEST = 4  # runs
 
@@ -66,7 +65,7 @@ class Behind:
 
 @dataclass(frozen=True)
 class Parts:
-    """What makes the free wave behind.
+    """The free wave behind, by where it is made.
 
     Attributes
     ----------
@@ -120,7 +119,7 @@ def measure(record: Record) -> tuple[Behind, Rows, float]:
         raise ValueError(f"{record.folder}: must have a tone of force along x, and wave.mode = TR")
     if len(scene.inclusion) != 1 or list(scene.inclusion[0].rows)[1:] != [last]:
         raise ValueError(f"{record.folder}: must have one inclusion, of rows up to the last, {last}")
-    frequency = source.frequency or float(record.info["frequency"])
+    frequency = source.pulsation(scene.sphere, float(record.info["frequency"]))
     first, top, quiet = scene.inclusion[0].rows[0], source.rows[1], int(scene.absorb.rows)
     sides = [running(each, f * frequency / unit) for each in (rows, rows.reversed) for f in (1, 2)]
     if any(name not in side for name, side in zip(("TR", "L", "TR", "L"), sides, strict=True)):
@@ -156,7 +155,7 @@ def parts(records: Sequence[Record]) -> Parts:
     """
     if len(records) < FEWEST:
         raise ValueError(f"{len(records)} runs: must be {FEWEST} at least, with the interface in other rows")
-    kinds = {repr(_alike(record)) for record in records}
+    kinds = {repr(all_but(record, "inclusion.rows")) for record in records}
     if len(kinds) > 1:
         raise ValueError(f"{len(kinds)} kinds of runs: must be of one interface, and differ in its first row alone")
     measured = [measure(record) for record in records]
@@ -164,13 +163,6 @@ def parts(records: Sequence[Record]) -> Parts:
     _, rows, frequency = measured[0]
     passes, interface, residual = split(found)
     return Parts(found, passes, passage(rows, 2 * frequency), interface, residual)
-
-
-def _alike(record: Record) -> dict[str, Any]:
-    """Return what must be the same in all runs: every value but the name and the rows of the inclusion."""
-    tables = record.scene.to_dict()
-    others = [{key: value for key, value in each.items() if key != "rows"} for each in tables["inclusion"]]
-    return {key: value for key, value in tables.items() if key not in ("name", "description")} | {"inclusion": others}
 
 
 def split(found: Sequence[Behind]) -> tuple[complex, complex, float]:
@@ -229,10 +221,10 @@ def draw(found: Parts) -> Figure:
     right.plot(found.interface.real, found.interface.imag, "+", color="tab:orange", markersize=10)
     right.axhline(0, color="0.8", linewidth=0.6, zorder=0)
     right.axvline(0, color="0.8", linewidth=0.6, zorder=0)
-    right.set(aspect="equal", xlabel="Re $B$", ylabel="Im $B$")
+    right.set(aspect="equal", xlabel="Re $B$ ($1/D_0$)", ylabel="Im $B$ ($1/D_0$)")
     for axes in (left, right):
         axes.ticklabel_format(scilimits=(-2, 3))
-    right.set_title("free wave behind: around the part made at the interface", fontsize="small")
+    right.set_title("free wave behind; cross: made at the interface", fontsize="small")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""What passes rows that differ and what comes back, measured by ``granular-lmp scatter``, beside the linear lattice.
+"""Transmission and reflection by rows that differ, measured by ``granular-lmp scatter``, beside the linear lattice.
 
     python -m analysis.figures.scatter FOLDER... [-o FILE]
 
@@ -35,6 +35,7 @@ HELD = (
 )
 FORBIDDEN = 1e-6  # share below which a wave is left out: the row's mirror forbids it
 DENSE = 101  # points of a line
+ABREAST = 3  # panels in a row of the figure
 
 
 @dataclass(frozen=True)
@@ -188,9 +189,15 @@ def table(found: Sequence[Comparison]) -> str:
 
 def draw(found: Sequence[Comparison]) -> Figure:
     """Draw the shares of each folder over frequency, theory as lines; below, measured less theory."""
-    figure = Figure(figsize=(1.0 + 3.6 * len(found), 5.2), layout="constrained")
-    panels = figure.subplots(2, len(found), sharex="col", squeeze=False, height_ratios=[3, 1.2])
-    for number, (upper, lower, each) in enumerate(zip(*panels, found, strict=True)):
+    columns = min(len(found), ABREAST)
+    rows = -(-len(found) // columns)
+    figure = Figure(figsize=(1.0 + 3.6 * columns, 4.8 * rows), layout="constrained")
+    grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3, 1.2] * rows)
+    for number, each in enumerate(found):
+        row, column = divmod(number, columns)
+        upper = figure.add_subplot(grid[2 * row, column])
+        lower = figure.add_subplot(grid[2 * row + 1, column], sharex=upper)
+        upper.tick_params(labelbottom=False)
         _shares(upper, each)
         for line in each.lines:
             if line.mode in each.curves:
@@ -204,7 +211,7 @@ def draw(found: Sequence[Comparison]) -> Figure:
         lower.axhline(0, color="0.7", linewidth=0.7, zorder=0)
         lower.ticklabel_format(axis="y", scilimits=(0, 0))
         lower.set_xlabel(r"frequency $\Omega$ (rad/$t_0$)")
-        if not number:
+        if not column:
             upper.set_ylabel("share of the incident energy")
             lower.set_ylabel("measured − theory")
     return figure

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 SOURCES = {"source", said("wave.form", "none")}  # traits of a crystal that is shaken
-PART = 1 / 3  # of a run that is fitted
+PART = 1 / 3  # share of a run that is fitted, its end
 NEAR = 6  # rows beside a source, in which waves decay that it makes beside the one
 FEWEST_ROWS = 12
 PER_PERIOD = 4  # fewest snapshots in a period of Ω1 + Ω2

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from math import isclose
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,20 @@ def sweep(folder: str) -> list[Record]:
     return sorted(map(load, dict.fromkeys(swept.folders)), key=lambda record: record.scene.wavenumber)
 
 
+def all_but(record: Record, *keys: str) -> dict[str, Any]:
+    """Return the values of a run's scene but for its name, its description and some keys, "section.key"."""
+
+    def others(section: str, table: Any) -> Any:
+        if isinstance(table, list):
+            return [others(section, each) for each in table]
+        if not isinstance(table, dict):
+            return table
+        return {key: value for key, value in table.items() if f"{section}.{key}" not in keys}
+
+    tables = record.scene.to_dict()
+    return {name: others(name, table) for name, table in tables.items() if name not in ("name", "description")}
+
+
 def by_wave(records: Iterable[Record]) -> list[list[Record]]:
     """Return the runs of each wave, the finest step first: one run, or two of steps h/2 and h to be extrapolated.
 
@@ -49,10 +64,7 @@ def by_wave(records: Iterable[Record]) -> list[list[Record]]:
     """
     waves: dict[str, list[Record]] = {}
     for record in records:
-        tables = record.scene.to_dict()
-        others = {key: value for key, value in tables.items() if key not in ("name", "description")}
-        others["time"] = {key: value for key, value in tables["time"].items() if key not in ("timestep", "tolerance")}
-        waves.setdefault(repr(others), []).append(record)
+        waves.setdefault(repr(all_but(record, "time.timestep", "time.tolerance")), []).append(record)
     groups = [sorted(runs, key=lambda record: record.scene.time.step) for runs in waves.values()]
     for fine, *rest in groups:
         scene = fine.scene

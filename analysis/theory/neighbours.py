@@ -1,4 +1,4 @@
-"""Who touches whom in the hexagonal lattice, for a wave of any direction: on the phase torus, and on a ring of rows.
+"""Neighbours in the hexagonal lattice, for a wave of any direction: on the phase torus, and on a ring of rows.
 
 A sphere has three neighbours ahead, at the lattice vectors d of 0°, 60° and 120° from a close-packed row, and three
 behind, at −d. A plane wave that starts as a function of the phase k·r alone stays one, so on one period of it, the

@@ -45,7 +45,7 @@ Complexes = NDArray[np.complexfloating]
 NAMES = ("L", "TR", "RT")
 _FINITE = 1e-30  # 1/|λ| of a wave that ends at once
 _RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 next to the edge of a band
-_LEAST_FLUX = 1e-6  # of the stiffness: waves that carry less stand
+_LEAST_FLUX = 1e-6  # share of the stiffness: waves that carry less stand
 _ALIKE = 1e-6  # relative difference of rows that are those of one lattice
 
 
