@@ -1,7 +1,12 @@
 """The errors of the package: one base class, and the exit status of the command line for each."""
 
 # Arguments as messages name them → the options of the command line
-_OPTIONS = {"force=True": "--force", "scene=SCENE": "--scene SCENE", "changes={KEY: VALUE}": "--set KEY=VALUE"}
+_OPTIONS = {
+    "force=True": "--force",
+    "scene=SCENE": "--scene SCENE",
+    "kernel=True": "--kernel",
+    "changes={KEY: VALUE}": "--set KEY=VALUE",
+}
 
 
 class GranularError(Exception):

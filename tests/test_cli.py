@@ -21,7 +21,7 @@ from granular_lmp.scene.shipped import SHIPPED
 
 COMMANDS = (
     *("init", "list", "schema", "check", "build", "effects", "modes", "run", "resume"),
-    *("sweep", "cost", "kick", "collide", "view", "export", "doctor", "completion"),
+    *("sweep", "cost", "kick", "collide", "view", "export", "doctor", "build-kernel", "completion"),
 )
 
 

@@ -108,7 +108,7 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
     """
     size = 3 * points
     ends = at_ends(torus_shifts(wavenumber, points, direction), direction)
-    # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy. Complex waves are pairs of real ones, since
+    # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy. Complex waves are pairs of real ones, as
     # NumPy would turn the matrix into a complex one at each call
     deforming = ends.deform(np.eye(size).reshape(-1, 3, points)).reshape(size, -1)
     gathering = -deforming.T

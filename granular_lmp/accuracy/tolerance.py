@@ -21,6 +21,7 @@ from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
@@ -47,6 +48,7 @@ def run(
     ranks: int = 1,
     force: bool = False,
     progress: launch.Progress | None = None,
+    kernel: bool = False,
 ) -> Record:
     """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
 
@@ -69,6 +71,9 @@ def run(
         Run again in an existing folder: the files of the earlier run are deleted, all other files are kept.
     progress : callable, optional
         Callback ``progress(step, steps)``, called about ten times a second; `steps` grows if more runs are needed.
+    kernel : bool
+        Compute contacts with the library that `granular_lmp.lammps.kernel.library.build` made, in this process on one
+        rank: the same numbers in less time (docs/how-long.md). There are no checkpoints then.
 
     Returns
     -------
@@ -84,9 +89,9 @@ def run(
     RunFolderError
         If the folder exists (without `force`) or cannot be written.
     LaunchError
-        If the launcher is unknown, or there are more ranks than cores.
+        If the launcher is unknown, there are more ranks than cores, or the kernel does not know a contact of the deck.
     LammpsMissingError
-        If LAMMPS, its MPI library or a package is missing.
+        If LAMMPS, its MPI library, a package or the kernel is missing.
     LammpsError
         If LAMMPS stops with an error, or its output is incomplete.
     EffectError
@@ -102,7 +107,7 @@ def run(
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
     below it the rounding of positions dominates (docs/accuracy.md).
     """
-    options = launch.Options(launcher, ranks, force, progress)
+    options = launch.Options(launcher, ranks, force, progress, kernel)
     if isinstance(what, Deck) or what.time.tolerance is None:
         return launch.launch(what, folder, options, _budget)
     return _to_tolerance(what, folder, options)
@@ -146,7 +151,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     if not {"launcher", "ranks"} <= set(info):
         raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with force=True")
 
-    started = launch.Options(info["launcher"], info["ranks"], force=True)
+    started = launch.Options(info["launcher"], info["ranks"], force=True, kernel="kernel" in info)
 
     def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
         if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
@@ -170,6 +175,7 @@ def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> 
         "tolerance": scene.time.tolerance,
         "launcher": options.launcher,
         "ranks": options.ranks,
+        **({"kernel": library.description()} if options.kernel else {}),
     }
 
     def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:

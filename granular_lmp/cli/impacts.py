@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import Options, changes_of
 from granular_lmp.cli.output import interruptible, say, say_json
+from granular_lmp.errors import LaunchError
 
 if TYPE_CHECKING:
     from granular_lmp.impact.scene import ImpactScene
@@ -74,6 +75,8 @@ def run(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.run import run_impact
     from granular_lmp.runs.launch import Options as RunOptions
 
+    if options.kernel:
+        raise LaunchError("--kernel: impacts run without it")
     folder = options.output or f"runs/{scene.name}"
     with interruptible() as progress:
         record = run_impact(

@@ -1,4 +1,4 @@
-"""Commands about this machine: doctor, completion."""
+"""Commands about this machine: doctor, build-kernel, completion."""
 
 import argparse
 
@@ -10,6 +10,13 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
     text = "tell what was found: LAMMPS, its packages, MPI, cores; run a short self-test"
     json_argument(add(commands, "doctor", _doctor, text))
+
+    add(
+        commands,
+        "build-kernel",
+        _build_kernel,
+        "compile what computes contacts faster, for run --kernel; needs a compiler",
+    )
 
     text = "print what completes commands, options and scenes in a shell: source <(granular-lmp completion bash)"
     completion = add(commands, "completion", _completion, text)
@@ -27,6 +34,13 @@ def _doctor(options: Options) -> int:
     found = examine()
     say_json(asdict(found))
     return found.exit_status
+
+
+def _build_kernel(options: Options) -> int:
+    from granular_lmp.lammps.kernel.library import build
+
+    say(f"{build()}: granular-lmp run --kernel takes it")
+    return 0
 
 
 def _completion(options: Options) -> int:

