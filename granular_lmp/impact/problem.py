@@ -16,6 +16,7 @@ from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.scene.places import spheres_at
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -147,16 +148,8 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
 
 def _chosen(where: Striker | Output, crystal: ase.Atoms, name: str) -> Integers:
     """Return the indices of the spheres that a table names, ascending."""
-    row, column = crystal.arrays["row"], crystal.arrays["column"]
-    if where.rows:
-        found = np.flatnonzero((where.rows[0] <= row) & (row <= where.rows[1]))
-        if not len(found):
-            raise SceneError(f"{name}: rows = {list(where.rows)}: hold vacancies only")
-        return found
-    index: dict[tuple[int, ...], int] = {
-        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
-    }
-    for place in where.spheres:
-        if tuple(place) not in index:
-            raise SceneError(f"{name}: sphere {list(place)}: is a vacancy")
-    return np.unique([index[tuple(place)] for place in where.spheres])
+    role = "striker" if isinstance(where, Striker) else "recorded sphere"
+    try:
+        return spheres_at(where.rows, where.spheres, crystal, role)
+    except SceneError as error:
+        raise SceneError(f"{name}: {error}") from error
