@@ -17,7 +17,7 @@ from granular_lmp.crystal.modes import FULL, Physics, bloch_modes
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, zone_edge
 
-_SAMPLES = 160  # of |k| between Γ and the edge of the zone; a crossing between two is found by linear interpolation
+_SAMPLES = 160  # points of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
 _STEP = 1e-4  # 1/R, of central differences
 
 

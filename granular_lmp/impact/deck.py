@@ -24,9 +24,9 @@ from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 SKIN = 0.2  # radii
-LOOKS = 20  # looks of the guards in the shortest collision
-LONGEST_STEP = 0.5  # of 1/ω of the stiffest contact: beyond it a collision has hardly ten steps
-COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # of the thermo table behind the step
+LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
+LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
+GUARD_COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # The thermo table has them behind the step
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
 
 
@@ -80,7 +80,7 @@ def deck_of(problem: ImpactProblem) -> ImpactDeck:
 def look_steps(problem: ImpactProblem) -> int:
     """Return the steps between two looks of the guards, a whole number of them in a sample."""
     time = problem.scene.time
-    most = min(max(int(problem.shortest_collision / LOOKS / time.step), 1), time.steps_per_sample)
+    most = min(max(int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), 1), time.steps_per_sample)
     return next(steps for steps in range(most, 0, -1) if time.steps_per_sample % steps == 0)
 
 

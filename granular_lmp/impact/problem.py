@@ -20,7 +20,7 @@ from granular_lmp.scene.places import spheres_at
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-FEWEST_STEPS = 10.0  # of the shortest collision; the velocities then err by 3 %
+STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class ImpactProblem:
 
     @property
     def effects(self) -> tuple[Chosen, ...]:
-        """What the deck holds and why, as for the scene of a wave."""
+        """Effects that the deck holds, with the reasons, as for the scene of a wave."""
         scene, effects = self.scene, self.scene.effects
         rubs, loses = effects.friction > 0, effects.restitution < 1
         ends = [name for name in ("first", "last", "sides") if getattr(scene.packing, name) in (HELD, WALL)]
@@ -136,12 +136,12 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.output != Output():
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
-    most = problem.shortest_collision / FEWEST_STEPS
+    most = problem.shortest_collision / STEPS_IN_COLLISION
     if scene.time.step > most:
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: leaves the shortest collision of two neighbours, "
-            f"{problem.shortest_collision:.4g} t0, fewer than {FEWEST_STEPS:g} steps; must be at most {most:.4g}, and "
-            f"at most {most / 8:.2g} for errors of 1e-4"
+            f"{problem.shortest_collision:.4g} t0, fewer than {STEPS_IN_COLLISION:g} steps; must be at most "
+            f"{most:.4g}, and at most {most / 8:.2g} for errors of 1e-4"
         )
     return problem
 

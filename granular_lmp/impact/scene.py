@@ -34,10 +34,11 @@ from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
 FREE, HELD, WALL, PERIODIC = "free", "held", "wall", "periodic"
-WORDS = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
+WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
 SHIPPED_IMPACTS = SHIPPED / "impacts"
-FEWEST_ROUNDINGS = 1e4  # roundings of the farthest position in ℓ; the velocities then err by 1e-4 of a striker's
-LARGEST_RATIO = 10.0  # of radii in a chain
+# ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
+ROUNDINGS_IN_OVERLAP = 1e4
+LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
 # What a scene of a linear wave has, and why an impact has it not
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
@@ -85,7 +86,7 @@ class Striker:
     def components(self) -> tuple[float, float]:
         """Velocity along x and y, m/s."""
         if isinstance(self.direction, str):
-            x, y = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}[self.direction]
+            x, y = WORDS[self.direction]
         else:
             x, y = cos(radians(self.direction)), sin(radians(self.direction))
         return self.velocity * x, self.velocity * y
@@ -107,7 +108,7 @@ class Time(Sampled):
 
 @dataclass(frozen=True)
 class Effects:
-    """What contacts do beside Hertz's repulsion. They open and close by themselves."""
+    """Forces of contacts beside Hertz's repulsion. Contacts open and close by themselves."""
 
     friction: float = number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0)
     rotation: bool = flag("spheres turn, where there is friction", default=True)
@@ -117,7 +118,7 @@ class Effects:
 
 @dataclass(frozen=True)
 class Output:
-    """Which spheres are recorded, at each sample: all of them if nothing is declared."""
+    """Spheres that are recorded at each sample: all of them if nothing is declared."""
 
     rows: Rows = places_field(rows_rule("first and last recorded row"))
     spheres: Spheres = places_field(spheres_rule("[row, column] of each recorded sphere"))
@@ -326,11 +327,11 @@ class ImpactScene(Document):
                 f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
         rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
-        if self.scale.length < FEWEST_ROUNDINGS * rounding:
+        if self.scale.length < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
                 f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {self.scale.length:.3g} m is less than "
-                f"{FEWEST_ROUNDINGS:g} roundings of a position in {self.packing.rows} rows x {self.packing.columns} "
-                "columns; must be faster, or the lattice smaller"
+                f"{ROUNDINGS_IN_OVERLAP:g} roundings of a position in {self.packing.rows} rows x "
+                f"{self.packing.columns} columns; must be faster, or the lattice smaller"
             )
 
 

@@ -93,7 +93,7 @@ class PlacedMonitor:
 
     @property
     def words(self) -> str:
-        """What is recorded in words."""
+        """Kind and places of the record in words."""
         count = len(self.spheres)
         return f"{self.monitor.what} of {count} sphere{'s' if count > 1 else ''}, {self.monitor.places}"
 

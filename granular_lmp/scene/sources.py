@@ -52,9 +52,11 @@ _OWN = {
     "cycles": ("burst",),
     "ramp": ("tone", "step"),
 }
-FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+FEWEST_CYCLES = (
+    3.0  # A burst before quiet ends has at least these: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+)
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
-FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
+FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
 @dataclass(frozen=True)
