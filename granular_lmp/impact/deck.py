@@ -133,12 +133,13 @@ def _text(problem: ImpactProblem) -> str:
     ]
     if walls:
         walls = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(materials))] + walls
-    held = problem.crystal.arrays["fixed"].any() and problem.on["damping"]
-    frozen = [
-        "# a held sphere has no end of mass: without fix freeze its contacts would lose less than the restitution says",
-        "group        held subtract all mobile",
-        "fix          held held freeze",
-    ]
+    frozen: list[str] = []
+    if problem.on["damping"] and problem.crystal.arrays["fixed"].any():
+        frozen = [
+            "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
+            "group        held subtract all mobile",
+            "fix          held held freeze",
+        ]
     spins = problem.on["rotation"]
     everyone = len(problem.recorded) == len(problem.crystal)
     lines = [
@@ -185,7 +186,7 @@ def _text(problem: ImpactProblem) -> str:
         "compute      u all displace/atom",
         "fix          plane all enforce2d",
         f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
-        *(frozen if held else []),
+        *frozen,
         "",
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
         "#     the stiffest pair of spheres",
