@@ -122,7 +122,12 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
         (CHAIN_SCENE, "striker.1.direction", "x", "striker 1: direction = 'x': must be \"y\""),
         (CHAIN_SCENE, "striker.1.velocity", 0.0, "striker.1.velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
         (CHAIN_SCENE, "striker.1.rows", [0, 60], "striker 1: rows = [0, 60]: must be [first, last], from 0 to 59"),
-        (CHAIN_SCENE, "striker.1.spheres", [[0, 0]], "striker 1: must have either rows or spheres"),
+        (
+            CHAIN_SCENE,
+            "striker.1.spheres",
+            [[0, 0]],
+            "striker 1: rows and spheres given: must be either rows or spheres",
+        ),
         (CHAIN_SCENE, "striker.1.velocity", 300.0, "striker: velocity = 300: two spheres would overlap by"),
         (CHAIN_SCENE, "striker.1.velocity", 1e-9, "roundings of a position in 1000000 rows"),
         (CHAIN_SCENE, "output.rows", [3, 77], "output: rows = [3, 77]"),

@@ -61,6 +61,8 @@ def test_a_scene_of_a_frequency_fits() -> None:
         {"disorder": {"vacancies": 1.5}},
         {"inclusion": [{"rows": [3], "density": 5000.0}]},
         {"time": {"duration": 120.0, "tau": 3.0}},
+        {"source": [{"signal": []}]},
+        {"source": [{"signal": [[0.0, 0.0], [1.0, 1.0]]}]},
     ],
     ids=str,
 )

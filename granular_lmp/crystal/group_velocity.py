@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant
-from granular_lmp.crystal.modes import FULL, Physics, bloch_modes
+from granular_lmp.crystal.modes import FULL, MODES, Physics, bloch_modes, branch_names
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, zone_edge
 
-_SAMPLES = 160  # of |k| between Γ and the edge of the zone; a crossing between two is found by linear interpolation
+_SAMPLES = 160  # points of |k| between Γ and the edge of the zone; a crossing is interpolated linearly between two
 _STEP = 1e-4  # 1/R, of central differences
 
 
@@ -59,11 +59,5 @@ def fronts(
         nearby = k + _STEP * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
         values = bloch_modes(lattice, sphere, nearby, physics)[0][:, branch]
         velocity = np.array([values[0] - values[1], values[2] - values[3]]) / (2 * _STEP)
-        result.setdefault(_name(shapes[place, at], along[place], branch), []).append(velocity)
-    return {name: np.array(result[name]) for name in ("L", "TR", "RT") if name in result}
-
-
-def _name(shapes: NDArray[np.float64], along: NDArray[np.float64], branch: int) -> str:
-    longitudinal = int(np.argmax(np.abs(shapes[:, :2] @ along)))
-    others = [each for each in range(len(shapes)) if each != longitudinal]
-    return "L" if branch == longitudinal else ("TR", "RT")[others.index(branch)]
+        result.setdefault(branch_names(shapes[place, at], along[place])[branch], []).append(velocity)
+    return {name: np.array(result[name]) for name in MODES if name in result}

@@ -20,7 +20,7 @@ from granular_lmp.errors import CrystalError
 
 Complexes = NDArray[np.complexfloating]
 _RUNS = 1e-6  # ||λ| − 1| of a wave that runs; rounding leaves 1e-8 of it next to the edge of a band
-_LEAST_FLUX = 1e-6  # of the stiffness: a wave that carries less stands
+_LEAST_FLUX = 1e-6  # A wave that carries less, in units of the stiffness, stands
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,9 @@ from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 SKIN = 0.2  # radii
-LOOKS = 20  # looks of the guards in the shortest collision
-LONGEST_STEP = 0.5  # of 1/ω of the stiffest contact: beyond it a collision has hardly ten steps
-COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # of the thermo table behind the step
+LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
+LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
+GUARD_COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # The thermo table has them behind the step
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
 
 
@@ -80,7 +80,7 @@ def deck_of(problem: ImpactProblem) -> ImpactDeck:
 def look_steps(problem: ImpactProblem) -> int:
     """Return the steps between two looks of the guards, a whole number of them in a sample."""
     time = problem.scene.time
-    most = min(max(int(problem.shortest_collision / LOOKS / time.step), 1), time.steps_per_sample)
+    most = min(max(int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), 1), time.steps_per_sample)
     return next(steps for steps in range(most, 0, -1) if time.steps_per_sample % steps == 0)
 
 
@@ -133,12 +133,13 @@ def _text(problem: ImpactProblem) -> str:
     ]
     if walls:
         walls = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(materials))] + walls
-    held = problem.crystal.arrays["fixed"].any() and problem.on["damping"]
-    frozen = [
-        "# a held sphere has no end of mass: without fix freeze its contacts would lose less than the restitution says",
-        "group        held subtract all mobile",
-        "fix          held held freeze",
-    ]
+    frozen: list[str] = []
+    if problem.on["damping"] and problem.crystal.arrays["fixed"].any():
+        frozen = [
+            "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
+            "group        held subtract all mobile",
+            "fix          held held freeze",
+        ]
     spins = problem.on["rotation"]
     everyone = len(problem.recorded) == len(problem.crystal)
     lines = [
@@ -185,7 +186,7 @@ def _text(problem: ImpactProblem) -> str:
         "compute      u all displace/atom",
         "fix          plane all enforce2d",
         f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
-        *(frozen if held else []),
+        *frozen,
         "",
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
         "#     the stiffest pair of spheres",

@@ -112,7 +112,7 @@ class Deck:
         return differing_lines(written_text(self.problem), self.input_text)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the view of a notebook."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:

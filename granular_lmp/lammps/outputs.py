@@ -257,7 +257,7 @@ def mend_log(path: str | Path) -> None:
 
 @dataclass(frozen=True)
 class RunLog:
-    """What a LAMMPS log says of its last run.
+    """Contents of a LAMMPS log about its last run.
 
     Attributes
     ----------

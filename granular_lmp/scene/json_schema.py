@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document
-from granular_lmp.scene.samples import FEWEST, MOST, SignalRule
 from granular_lmp.scene.scene import Scene, note
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
@@ -94,8 +94,8 @@ def _value(key: Key) -> dict[str, Any]:
 
 def _values(rule: Rule) -> dict[str, Any]:
     """Return the JSON Schema of the values that a rule allows."""
-    if isinstance(rule, SignalRule):
-        pairs = _values(ArrayRule(float, "", "", several=True)) | {"minItems": FEWEST, "maxItems": MOST}
+    if isinstance(rule, samples.SignalRule):
+        pairs = _values(ArrayRule(float, "", "", several=True)) | {"minItems": samples.FEWEST, "maxItems": samples.MOST}
         return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
     if isinstance(rule, ArrayRule):
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))

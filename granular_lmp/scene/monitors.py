@@ -19,14 +19,22 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import in_words, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, NameRule, choice
+from granular_lmp.scene.places import (
+    Rows,
+    Spheres,
+    in_words,
+    place_troubles,
+    places_field,
+    rows_rule,
+    spheres_at,
+    spheres_rule,
+)
+from granular_lmp.scene.schema import AUTO, NameRule, choice
 from granular_lmp.scene.sections import Packing
 
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
-_MOST = 10_000_000  # rows or columns
 _CONTACT_LINE = 110  # bytes
 
 
@@ -45,12 +53,8 @@ class Monitor:
     """
 
     name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
-    rows: Sequence[int] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
-    )
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
-    )
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
     what: str = choice("contacts: motion and contact forces; flux: these of rows, for energy", WHAT, default="motion")
 
     @property
@@ -89,7 +93,7 @@ class PlacedMonitor:
 
     @property
     def words(self) -> str:
-        """What is recorded in words."""
+        """Kind and places of the record in words."""
         count = len(self.spheres)
         return f"{self.monitor.what} of {count} sphere{'s' if count > 1 else ''}, {self.monitor.places}"
 

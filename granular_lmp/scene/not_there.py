@@ -1,4 +1,4 @@
-"""What people ask for and a scene cannot say: the rows of ``docs/reference/not-there.md``, and the keys they would try.
+"""Wishes that a scene cannot express: the rows of ``docs/reference/not-there.md``, and the keys they would try.
 
 A key of a scene that is one of these words is refused with the reason, and with where to go instead.
 """

@@ -277,7 +277,7 @@ class Scene(Document):
 
     @property
     def imperfections(self) -> str:
-        """What is not perfect in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
+        """Imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
         disorder = self.disorder
         spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
         words = [f"{name} {value!r}" for name, value in spread.items() if value]

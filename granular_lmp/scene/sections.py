@@ -13,6 +13,7 @@ from granular_lmp.crystal.lattices import HEXAGONAL, LATTICES, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.places import rows_rule, spheres_rule
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, switch
 from granular_lmp.scene.shape import Auto
 
@@ -246,11 +247,10 @@ DISORDER_RULES = {
     "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
     "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
 }
-_MOST = 10_000_000  # rows or columns
 INCLUSION_RULES = {
-    "rows": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST)),
-    "spheres": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True),
-    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, _MOST), length=3),
+    "rows": rows_rule(),
+    "spheres": spheres_rule(),
+    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, 10_000_000), length=3),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     **SPHERE_RULES,
     "vacancy": Rule(bool, "", "the places are empty"),

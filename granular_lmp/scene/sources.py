@@ -27,8 +27,17 @@ from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.places import in_words, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
+from granular_lmp.scene.places import (
+    Rows,
+    Spheres,
+    in_words,
+    place_troubles,
+    places_field,
+    rows_rule,
+    spheres_at,
+    spheres_rule,
+)
+from granular_lmp.scene.schema import AUTO, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
 
@@ -43,10 +52,11 @@ _OWN = {
     "cycles": ("burst",),
     "ramp": ("tone", "step"),
 }
-_MOST = 10_000_000  # rows or columns
-FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+FEWEST_CYCLES = (
+    3.0  # A burst before quiet ends has at least these: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+)
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
-FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
+FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
 @dataclass(frozen=True)
@@ -71,12 +81,8 @@ class Source:
         In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
     """
 
-    rows: Sequence[int] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
-    )
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
-    )
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
     motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
     signal: str | samples.Samples = field(
