@@ -38,7 +38,7 @@ TONE = DRIVEN.with_values(
 
 
 def read(signal: np.ndarray, tau: np.ndarray, frequency: float) -> dict[str, Any]:
-    """What is read off a monitor of two spheres, one of which moves against the other, by the time that is recorded."""
+    """Return what is read off a monitor of two spheres that move against one another, by the time that is recorded."""
     moved = np.stack([signal, -signal], axis=1)
     still = np.zeros_like(moved)
     scene = TONE.with_values({"source.1.frequency": frequency, "time.sample": float(tau[1] - tau[0])})

@@ -1,4 +1,4 @@
-"""What the commands run, build, check, effects and list say of an impact (`granular_lmp.impact`)."""
+"""Commands on an impact (`granular_lmp.impact`): init, run, build, check, effects and export."""
 
 from typing import TYPE_CHECKING
 

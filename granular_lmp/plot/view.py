@@ -1,4 +1,4 @@
-"""The picture of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
+"""Pictures of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
 
 from pathlib import Path
 from typing import Any
