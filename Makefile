@@ -290,7 +290,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

@@ -116,7 +116,7 @@ def largest_difference(one: Record, other: Record) -> str:
 
 
 def lean(scene: Scene) -> Scene:
-    """The scene with what it calls for and no more: effects auto, rows auto."""
+    """Return the scene with what it calls for and no more: effects auto, rows auto."""
     return scene.with_values({"packing.rows": "auto", "packing.columns": "auto"})
 
 

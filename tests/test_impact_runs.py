@@ -49,7 +49,9 @@ def test_two_ranks_move_a_sheet_alike(folders: dict[str, Path], tmp_path: Path) 
     assert two.info["ranks"] == 2
 
 
-def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(tmp_path: Path) -> None:
+def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def stop(done: int, steps: int) -> None:
         raise KeyboardInterrupt
 
@@ -59,6 +61,8 @@ def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(tmp_path: Path) 
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
     with pytest.raises(RunFolderError, match="not a finished run"):
         ImpactRecord.load(tmp_path / "run")
+    assert main(["resume", str(tmp_path / "run")]) == 2
+    assert "holds an impact, which cannot be continued; run it again with --force" in capsys.readouterr().err
     assert len(ImpactRecord.load(tmp_path / "run", unfinished=True).tau) >= 1
 
 

@@ -11,7 +11,7 @@ import pytest
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.driven import driven_amplitudes
 from granular_lmp import Record, Scene, run
-from granular_lmp.errors import ReadoutError, RunFolderError
+from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.readouts import readout, readout_columns, steady_part
 from granular_lmp.runs.record import read_status, write_status
@@ -38,7 +38,7 @@ TONE = DRIVEN.with_values(
 
 
 def read(signal: np.ndarray, tau: np.ndarray, frequency: float) -> dict[str, Any]:
-    """What is read off a monitor of two spheres, one of which moves against the other, by the time that is recorded."""
+    """Return what is read off a monitor of two spheres that move against one another, by the time that is recorded."""
     moved = np.stack([signal, -signal], axis=1)
     still = np.zeros_like(moved)
     scene = TONE.with_values({"source.1.frequency": frequency, "time.sample": float(tau[1] - tau[0])})
@@ -153,6 +153,9 @@ def test_a_sweep_over_frequency_is_a_response_curve(tmp_path: Path) -> None:
     (axes,) = sweep_figure(again, "line.u1").axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("source.1.frequency (rad/t0)", "line.u1 ($D_0$)")
     assert len(axes.containers) == 2  # error bars of each curve
+    short = sweep(TONE, {"time.duration": [10.0]}, tmp_path / "short")
+    with pytest.raises(ViewError, match=r"column = 'line\.u1': time\.duration = 10\.0: leaves .* steady periods"):
+        sweep_figure(short, "line.u1")
 
 
 @pytest.mark.parametrize("said", [3, {"u": 1}, {"v": {"1": 0.1}}, {"phi": {"1": [0.1, "x"]}}, {"u": {"1": [0.1]}}])

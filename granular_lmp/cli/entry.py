@@ -49,7 +49,7 @@ def main(argv: list[str] | None = None) -> int:
         return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader of our output, `head` say, has gone
         return 0
-    except OSError as error:  # of the machine: a folder that nobody may look into, no descriptors left
+    except OSError as error:  # the machine refuses: a folder that nobody may look into, no descriptors left
         remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
         return 2 if error.filename else 1
     except MemoryError as error:

@@ -1,4 +1,4 @@
-"""What the commands run, build, check, effects and list say of an impact (`granular_lmp.impact`)."""
+"""Commands on an impact (`granular_lmp.impact`): init, run, build, check, effects, resume and export."""
 
 from typing import TYPE_CHECKING
 
@@ -121,6 +121,16 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
     say(f"guards    {', '.join(each.guard for each in problem.effects if each.guard)}")
     return 0
+
+
+def refuse_resume(folder: str) -> None:
+    """Raise RunFolderError if the folder holds an impact that did not finish: its decks write no checkpoints."""
+    from granular_lmp.errors import RunFolderError
+    from granular_lmp.impact.scene import is_impact
+    from granular_lmp.runs.record import read_status
+
+    if is_impact(folder) and read_status(folder).get("status") != "finished":
+        raise RunFolderError(f"{folder}: holds an impact, which cannot be continued; run it again with force=True")
 
 
 def export(folder: str, path: str, monitor: str | None) -> bool:

@@ -12,7 +12,7 @@ from granular_lmp.plot.signals import BRANCH_STYLES
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 
-MOST_SPHERES = 4  # of a source: each has fronts of its own
+MOST_SPHERES = 4  # a source may have; each has fronts of its own
 
 
 class Fronts:

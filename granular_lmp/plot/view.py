@@ -1,4 +1,4 @@
-"""The picture of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
+"""Pictures of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
 
 from pathlib import Path
 from typing import Any
@@ -123,6 +123,13 @@ def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
         raise ViewError(f"--{unfit[0]}: is not for {what} in such a picture ({folder})")
 
 
+def _why_not(sweep: Sweep, column: str) -> str | None:
+    """Return why nothing was read off the monitor that a column is of, as its first finished run says; None without."""
+    for row in sweep.having("finished")[:1]:
+        return sweep.record(row).info.get("monitors", {}).get(column.partition(".")[0], {}).get("why")
+    return None
+
+
 def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     """Return a figure of a column over the key with most values, with a curve for each combination of the others.
 
@@ -135,6 +142,8 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
     allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
+    if column not in allowed and (why := _why_not(sweep, column)):
+        raise ViewError(f"column = {column!r}: {why}")
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))

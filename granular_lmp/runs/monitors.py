@@ -1,4 +1,4 @@
-"""What a monitor recorded: motion of its spheres, forces of their contacts, and energy flux through its rows.
+"""Records of monitors: motion of its spheres, forces of their contacts, and energy flux through its rows.
 
 Everything is dimensionless like `granular_lmp.runs.snapshots`: displacements in D0, times in t0, forces in k1 D0,
 torques in k1 D0 R, and powers in k1 D0²/t0.

@@ -1,4 +1,4 @@
-"""What an experimenter reads off the monitors of a driven crystal: harmonics of the drive and the static field.
+"""Read-outs of the monitors of a driven crystal: harmonics of the drive and the static field.
 
 In the steady part of a run, at the frequency Ω of the drive, each component of each sphere is fitted by
 
@@ -32,7 +32,7 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 Floats = NDArray[np.float64]
 
 HARMONICS = 3
-FEWEST_PERIODS = 4  # of the steady part, two in each half
+FEWEST_PERIODS = 4  # the steady part has at least four, two in each half
 
 
 def drive_of(scene: Scene) -> tuple[float, float]:

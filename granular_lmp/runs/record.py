@@ -246,7 +246,7 @@ class Record:
         self.to_xarray().to_netcdf(path)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the HTML that a notebook shows."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:

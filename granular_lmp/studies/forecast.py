@@ -1,4 +1,4 @@
-"""What a run would take, found out without doing it: its size, seconds on this machine, and memory.
+"""Forecast of a run, made without doing it: its size, seconds on this machine, and memory.
 
 The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
 cell of the same spheres and effects, for a few steps of it would take as long as many runs.
@@ -28,7 +28,7 @@ SERIAL = 0.1
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a run of a scene would take.
+    """Size, time and memory of a run of a scene.
 
     Attributes
     ----------

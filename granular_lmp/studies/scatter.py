@@ -44,19 +44,19 @@ from granular_lmp.studies.running_waves import (
 )
 
 NORMALISATION, INCLUSIONS = "normalisation", "inclusions"  # run folders of the scene's own signal
-FREQUENCIES = 11  # of a burst, over the half of its main lobe in which its spectrum is above half of its peak
+FREQUENCIES = 11  # a burst is read off over the half of its main lobe where its spectrum is above half of its peak
 CLEAR = 2  # rows beside a source, inclusions and quiet ends that are left out, as they come to rest a little aside
 FEWEST_ROWS = 8  # to tell six waves apart
 FEWEST_SNAPSHOTS = 6.0  # in a period of the highest frequency
 FORBIDDEN = 1e-6  # share below which a wave is not shown
-OTHER = 1e-2  # of the incident amplitude that other waves from the source may have
+OTHER = 1e-2  # largest amplitude of other waves from the source, over that of the incident one
 
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Row:
-    """What becomes of the incident wave in one mode, at one frequency.
+    """Shares of the incident wave that pass and come back in one mode, at one frequency.
 
     Attributes
     ----------
