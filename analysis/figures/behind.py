@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, save, start
 from analysis.figures.scatter import rows_at_rest
+from analysis.measure.rows import waves
 from analysis.measure.runs import all_but, sweep
 from analysis.measure.sheets import fields_of
 from analysis.theory.transfer import Rows, running, scattering
@@ -97,13 +98,6 @@ def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, 
     found = np.linalg.lstsq(basis, rate[late].reshape(len(angle), -1), rcond=None)[0]
     first, second = ((found[2 * k - 1] + 1j * found[2 * k]) / (-1j * k * frequency) for k in (1, 2))
     return first.reshape(rate.shape[1:]), second.reshape(rate.shape[1:])
-
-
-def waves(field: Complexes, at: NDArray[np.floating], wavenumbers: Sequence[float]) -> tuple[Complexes, float]:
-    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative."""
-    basis = np.exp(1j * np.multiply.outer(at, np.asarray(wavenumbers)))
-    found = np.linalg.lstsq(basis, field, rcond=None)[0]
-    return found, float(np.linalg.norm(basis @ found - field) / np.linalg.norm(field))
 
 
 def measure(record: Record) -> tuple[Behind, Rows, float]:
