@@ -1,5 +1,6 @@
 """Two shaken rows: what their waves make at the sum and the difference, in LAMMPS, beside theory and symmetry."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,16 @@ def test_an_amplitude_that_is_one_percent_off_is_seen(record: Record, monkeypatc
     amplitude = tones.forced_amplitude
     monkeypatch.setattr(tones, "forced_amplitude", lambda pair: 1.01 * amplitude(pair))
     assert min(line.error for line in tones.compare(record).lines) > 7e-3
+
+
+def test_a_run_to_a_tolerance_is_read_with_the_step_of_its_snapshots(
+    record: Record, found: tones.Tones, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    snapshots, tables = record.snapshots(), record.scene.to_dict()
+    time = {key: value for key, value in tables["time"].items() if key != "timestep"}
+    tolerant = replace(record, scene=Scene.from_dict(tables | {"time": time | {"tolerance": 0.1}}))
+    monkeypatch.setattr(Record, "snapshots", lambda self: snapshots)
+    assert tones.compare(tolerant).lines[0].theory == found.lines[0].theory
 
 
 def test_two_sources_make_nothing_that_symmetry_forbids(record: Record, tmp_path: Path) -> None:

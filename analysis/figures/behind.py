@@ -38,6 +38,7 @@ from granular_lmp.runs.record import GranularError, Record
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
 PERIODS = 10  # amplitudes are taken over as many periods of Ω at the end of a run
+PER_PERIOD = 4  # fewest samples in a period of 2Ω
 NEAR = 3  # rows beside source, interface and quiet end that are left out: near fields have decayed there
 FEWEST = 4  # runs
 
@@ -87,8 +88,10 @@ class Parts:
 def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, Complexes]:
     """Return the displacements at Ω and at 2Ω, X of Re[X e^{−iΩτ}], from velocities (T, …) over the last periods.
 
-    Raises ValueError for fewer than twice as many periods.
+    Raises ValueError for fewer than twice as many periods, and fewer than `PER_PERIOD` samples in a period of 2Ω.
     """
+    if np.diff(tau).max(initial=0.0) > np.pi / frequency / PER_PERIOD:
+        raise ValueError(f"samples every tau = {np.diff(tau).max():.4g}: must be {PER_PERIOD} in a period of 2Ω")
     length = PERIODS * 2 * np.pi / frequency
     if tau[-1] < 2 * length:
         raise ValueError(f"tau = {tau[-1]:.6g} at the end: must be at least {2 * length:.6g}, {2 * PERIODS} periods")

@@ -132,7 +132,8 @@ def compare(record: Record) -> Tones:
         dict(zip(sorted(seen), amplitudes_at(rows.tau[late], each[late][:, n], sorted(seen))[1], strict=True))
         for each in (rows.p, rows.q)
     )
-    contact, step, place = contact_of(record), scene.time.step, n - scene.shape.centre_row
+    # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
+    contact, step, place = contact_of(record), record.snapshots().scene.time.step, n - scene.shape.centre_row
     # Velocity Verlet moves a wave of the lattice's Ω at the frequency 2/h·asin(Ωh/2)
     xi = [wavenumber(2 / step * np.sin(w * step / 2), contact, longitudinal=False) for w in (first, second)]
     pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]

@@ -80,7 +80,12 @@ def amplitudes_at(tau: Floats, signals: Floats, frequencies: ArrayLike) -> tuple
 
 
 def waves(field: NDArray[np.complexfloating], at: ArrayLike, wavenumbers: Sequence[float]) -> tuple[Complexes, float]:
-    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative."""
+    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative.
+
+    Raises ValueError for fewer places than waves.
+    """
+    if len(field) < len(wavenumbers):
+        raise ValueError(f"{len(field)} rows: must be at least {len(wavenumbers)}, as many as the waves in them")
     basis = np.exp(1j * np.multiply.outer(at, np.asarray(wavenumbers)))
     found = np.linalg.lstsq(basis, field, rcond=None)[0]
     return found, float(np.linalg.norm(basis @ found - field) / np.linalg.norm(field))
