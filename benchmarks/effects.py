@@ -1,4 +1,4 @@
-"""The time that each effect costs, and that leaving out what a scene does not call for changes nothing.
+"""Cost of each effect in time, and proof that leaving out what a scene does not call for changes nothing.
 
     python -m benchmarks.effects [--repeats N] [--write docs/effects.md]
 
@@ -116,7 +116,7 @@ def largest_difference(one: Record, other: Record) -> str:
 
 
 def lean(scene: Scene) -> Scene:
-    """The scene with what it calls for and no more: effects auto, rows auto."""
+    """Return the scene with what it calls for and no more: effects auto, rows auto."""
     return scene.with_values({"packing.rows": "auto", "packing.columns": "auto"})
 
 
