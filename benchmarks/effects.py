@@ -1,4 +1,4 @@
-"""The time that each effect costs, and that leaving out what a scene does not call for changes nothing.
+"""Cost of each effect in time, and proof that leaving out what a scene does not call for changes nothing.
 
     python -m benchmarks.effects [--repeats N] [--write docs/effects.md]
 

@@ -9,6 +9,7 @@ import pytest
 
 from analysis.figures import behind
 from analysis.figures.behind import Behind, Parts
+from analysis.measure.rows import waves
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.contact import Contact
 from analysis.theory.transfer import heavy_rows, rows_of, running
@@ -81,6 +82,17 @@ def test_a_long_wave_passes_an_interface_as_between_two_elastic_media() -> None:
     assert behind.passage(rows, frequency) == pytest.approx(2 * speeds[0] / sum(speeds), rel=1e-3)
 
 
+def test_waves_in_a_row_of_places_are_found_again_and_too_few_places_refused() -> None:
+    n = np.arange(5) + 0.5
+    field = (0.3 - 0.2j) * np.exp(0.8j * n) + 0.1j * np.exp(-1.1j * n)
+    found, left = waves(field, n, (0.8, -1.1))
+    assert found == pytest.approx(np.array([0.3 - 0.2j, 0.1j]), abs=1e-12)  # rounding
+    assert left < 1e-12
+    assert waves(field, n, (0.8, -1.2))[1] > 0.01
+    with pytest.raises(ValueError, match="2 rows: must be at least 3"):
+        waves(field[:2], n[:2], (0.8, -1.1, 0.0))
+
+
 def test_amplitudes_of_both_harmonics_are_read_off() -> None:
     tau = np.arange(0.0, 500.0)
     first, second = 0.3 - 0.2j, 0.01 + 0.02j
@@ -90,6 +102,8 @@ def test_amplitudes_of_both_harmonics_are_read_off() -> None:
     assert found[1] == pytest.approx(np.array([second]), abs=1e-9)
     with pytest.raises(ValueError, match=r"tau = 400 at the end: must be at least 418\.879, 20 periods"):
         behind.amplitudes(tau[:401], rate[:401, None], 0.3)
+    with pytest.raises(ValueError, match="samples every tau = 3: must be 4 in a period of 2Ω"):
+        behind.amplitudes(tau[::3], rate[::3, None], 0.3)
 
 
 @pytest.mark.parametrize(

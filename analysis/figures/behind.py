@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, save, start
 from analysis.figures.scatter import rows_at_rest
+from analysis.measure.rows import waves
 from analysis.measure.runs import all_but, sweep
 from analysis.measure.sheets import fields_of
 from analysis.theory.transfer import Rows, running, scattering
@@ -37,6 +38,7 @@ from granular_lmp.runs.record import GranularError, Record
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
 PERIODS = 10  # amplitudes are taken over as many periods of Ω at the end of a run
+PER_PERIOD = 4  # fewest samples in a period of 2Ω
 NEAR = 3  # rows beside source, interface and quiet end that are left out: near fields have decayed there
 FEWEST = 4  # runs
 
@@ -86,8 +88,10 @@ class Parts:
 def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, Complexes]:
     """Return the displacements at Ω and at 2Ω, X of Re[X e^{−iΩτ}], from velocities (T, …) over the last periods.
 
-    Raises ValueError for fewer than twice as many periods.
+    Raises ValueError for fewer than twice as many periods, and fewer than `PER_PERIOD` samples in a period of 2Ω.
     """
+    if np.diff(tau).max(initial=0.0) > np.pi / frequency / PER_PERIOD:
+        raise ValueError(f"samples every tau = {np.diff(tau).max():.4g}: must be {PER_PERIOD} in a period of 2Ω")
     length = PERIODS * 2 * np.pi / frequency
     if tau[-1] < 2 * length:
         raise ValueError(f"tau = {tau[-1]:.6g} at the end: must be at least {2 * length:.6g}, {2 * PERIODS} periods")
@@ -97,13 +101,6 @@ def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, 
     found = np.linalg.lstsq(basis, rate[late].reshape(len(angle), -1), rcond=None)[0]
     first, second = ((found[2 * k - 1] + 1j * found[2 * k]) / (-1j * k * frequency) for k in (1, 2))
     return first.reshape(rate.shape[1:]), second.reshape(rate.shape[1:])
-
-
-def waves(field: Complexes, at: NDArray[np.floating], wavenumbers: Sequence[float]) -> tuple[Complexes, float]:
-    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative."""
-    basis = np.exp(1j * np.multiply.outer(at, np.asarray(wavenumbers)))
-    found = np.linalg.lstsq(basis, field, rcond=None)[0]
-    return found, float(np.linalg.norm(basis @ found - field) / np.linalg.norm(field))
 
 
 def measure(record: Record) -> tuple[Behind, Rows, float]:
