@@ -1,54 +1,119 @@
-"""Every contestant on one problem, interleaved: time as a whole and in the loop, and the error that goes with it.
+"""Every contestant on one problem, interleaved: processor time, wall time, time of the loop, and the error with it.
 
-    python -m benchmarks [--repeats N] [--only NAME ...]
+    python -m benchmarks [--repeats N] [--only NAME ...] [-o FILE]
 
-One that is not installed is skipped and said so. Times are medians (smallest–largest); a ratio is to the first line,
-the median of the ratios within a round, then the ratio of the smallest times.
+One that is not installed is skipped and said so. Times are medians (smallest–largest). A ratio is one of processor
+times, and only to the first run of this package in LAMMPS whose error of p is the same within a factor of 1.5: the
+median of the ratios within a round, then the ratio of the smallest times. With -o the figure is drawn, error over time.
 """
 
 import argparse
+import resource
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
-from benchmarks import naive, ours, rows
+from benchmarks import contact_list, naive, ours, rows
+from benchmarks.figure import Point, draw
 from benchmarks.peers import liggghts, yade
 from benchmarks.problem import Contestant, Solution, base_scene, errors, exact
-from benchmarks.timing import both_ratios, interleave, machine, rates, spread, table
+from benchmarks.timing import both_ratios, interleave, machine, spread, table
 
-CONTESTANTS = {module.CONTESTANT.name: module.CONTESTANT for module in (ours, naive, rows, yade, liggghts)}
+CONTESTANTS = {
+    each.name: each
+    for each in (
+        *(*ours.CONTESTANTS, *contact_list.CONTESTANTS, *rows.CONTESTANTS),
+        *(naive.CONTESTANT, yade.CONTESTANT, liggghts.CONTESTANT),
+    )
+}
+SAME = 1.5  # factor within which errors are the same
 HEAD = [
-    *("", "spheres", "steps", "whole, s", "ratio", "loop, s", "ratio", "error of p", "of q"),
-    *("M particle-steps/s", "ns per contact and step"),
+    "",
+    "spheres",
+    "steps",
+    "error of p",
+    "of q",
+    "processor, s",
+    "wall, s",
+    "loop, s",
+    "ratio at equal error",
+    "to",
 ]
 
 
-def report(present: Sequence[Contestant], repeats: int) -> str:
-    """Run the contestants and give the table, their remarks below it."""
-    exact(base_scene())  # not on anybody's clock
-    rounds = interleave({contestant.name: contestant.solve for contestant in present}, repeats)
-    lines, remarks = [], []
-    for contestant in present:
-        last = rounds[contestant.name][-1][1]
-        lines.append(_line(contestant.title, rounds[contestant.name], rounds[present[0].name]))
-        if last.remark:
-            remarks.append(f"- {contestant.name}: {last.remark}")
-    return "\n".join([table(HEAD, lines), "", *remarks])
+@dataclass(frozen=True)
+class Rounds:
+    """The rounds of one contestant: processor seconds, wall seconds, solutions; and the errors of the last."""
+
+    contestant: Contestant
+    processor: list[float]
+    wall: list[float]
+    solutions: list[Solution]
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Errors of p and q."""
+        return errors(base_scene(), self.solutions[-1].p, self.solutions[-1].q)
 
 
-def _line(title: str, rounds: list[tuple[float, Solution]], first: list[tuple[float, Solution]]) -> list[str]:
-    whole, first_whole = [seconds for seconds, _ in rounds], [seconds for seconds, _ in first]
-    loop, first_loop = [solution.loop for _, solution in rounds], [solution.loop for _, solution in first]
-    last = rounds[-1][1]
+def timed(solve: Callable[[Path], Solution]) -> Callable[[Path], tuple[float, Solution]]:
+    """Return the job with its processor seconds, also those of the programs that it starts."""
+
+    def job(folder: Path) -> tuple[float, Solution]:
+        started = _processor_seconds()
+        solution = solve(folder)
+        return _processor_seconds() - started, solution
+
+    return job
+
+
+def _processor_seconds() -> float:
+    each = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(used.ru_utime + used.ru_stime for used in each)
+
+
+def measured(present: Sequence[Contestant], repeats: int) -> dict[str, Rounds]:
+    """Run the contestants in turn, `repeats` times."""
+    exact(base_scene())  # not on anybody's clock, nor is the compiler
+    if any(each.name.startswith("list") for each in present):
+        contact_list.library()
+    done = interleave({each.name: timed(each.solve) for each in present}, repeats)
+    return {
+        each.name: Rounds(
+            each,
+            [result[0] for _, result in done[each.name]],
+            [wall for wall, _ in done[each.name]],
+            [result[1] for _, result in done[each.name]],
+        )
+        for each in present
+    }
+
+
+def reference(error: float, rounds: Mapping[str, Rounds]) -> str | None:
+    """Return the first contestant of this package in LAMMPS with the same error of p, if there is one."""
+    own = [each.name for each in ours.CONTESTANTS if each.name in rounds]
+    return next((name for name in own if 1 / SAME <= rounds[name].errors[0] / error <= SAME), None)
+
+
+def report(rounds: Mapping[str, Rounds]) -> str:
+    """Return the table, and the remarks of contestants below it."""
+    remarks = [f"- {name}: {each.solutions[-1].remark}" for name, each in rounds.items() if each.solutions[-1].remark]
+    return "\n".join([table(HEAD, [_line(each, rounds) for each in rounds.values()]), "", *remarks])
+
+
+def _line(each: Rounds, rounds: Mapping[str, Rounds]) -> list[str]:
+    last = each.solutions[-1]
+    equal = reference(each.errors[0], rounds)
     return [
-        title,
+        each.contestant.title,
         str(last.spheres),
         "own" if last.steps is None else str(last.steps),
-        spread(whole),
-        both_ratios(whole, first_whole),
-        spread(loop),
-        both_ratios(loop, first_loop),
-        *(f"{error:.2g}" for error in errors(base_scene(), last.p, last.q)),
-        *(("–", "–") if last.steps is None else rates(last.spheres * last.steps, loop)),
+        *(f"{error:.2g}" for error in each.errors),
+        spread(each.processor),
+        spread(each.wall),
+        spread([solution.loop for solution in each.solutions]),
+        *(("–", "–") if equal is None else (both_ratios(each.processor, rounds[equal].processor), equal)),
     ]
 
 
@@ -57,11 +122,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="rounds (default 5)")
     parser.add_argument("--only", nargs="+", choices=CONTESTANTS, metavar="NAME", help=", ".join(CONTESTANTS))
+    parser.add_argument("-o", "--output", metavar="FILE", help="draw error over processor time: PNG, PDF or SVG")
     options = parser.parse_args(argv)
     missing = {name: CONTESTANTS[name].missing() for name in options.only or CONTESTANTS}
     print(machine() + "\n")
     if present := [CONTESTANTS[name] for name, why in missing.items() if not why]:
-        print(report(present, max(options.repeats, 1)))
+        rounds = measured(present, max(options.repeats, 1))
+        print(report(rounds))
+        if options.output:
+            draw(
+                [
+                    Point(each.contestant.series or each.contestant.title, each.processor, each.errors)
+                    for each in rounds.values()
+                ],
+                options.output,
+            )
     for name, why in missing.items():
         if why:
             print(f"- {name}: skipped, {why}")

@@ -58,6 +58,7 @@ class Contestant:
     title: str
     solve: Callable[[Path], Solution]
     missing: Callable[[], str] = lambda: ""
+    series: str = ""  # what a line of the figure joins; "": a point by itself
 
 
 @cache

@@ -1,12 +1,14 @@
 """The benchmarks measure what they say: errors that can be wrong, ratios within rounds, contestants may be absent."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import __main__ as bench
-from benchmarks import naive, ours, rows
+from benchmarks import contact_list, naive
 from benchmarks.problem import Contestant, Solution, Start, base_scene, errors, exact
 from benchmarks.timing import interleave, ratio
 
@@ -20,9 +22,46 @@ def test_the_start_of_a_peer_is_the_wave() -> None:
     assert not start.displacement[start.held].any()
 
 
-def test_rows_are_within_one_percent(tmp_path: Path) -> None:
-    solution = rows.solve(tmp_path)
+@pytest.mark.parametrize("name", ["rows-0.0001", "exact-0.0001", "list-0.05", "ours-0.05"])
+def test_contestants_are_within_one_percent(name: str, tmp_path: Path) -> None:
+    if why := bench.CONTESTANTS[name].missing():
+        pytest.skip(why)
+    solution = bench.CONTESTANTS[name].solve(tmp_path)
     assert max(errors(base_scene(), solution.p, solution.q)) < 0.01  # what the benchmark asks of p
+
+
+@pytest.mark.skipif(bool(contact_list.missing()), reason=contact_list.missing())
+def test_the_contacts_in_c_are_of_second_order_and_a_pair_of_fourth(tmp_path: Path) -> None:
+    def error(name: str) -> float:
+        solution = bench.CONTESTANTS[name].solve(tmp_path)
+        return errors(base_scene(), solution.p, solution.q)[0]
+
+    # The next order of the step is a hundredth of the error of single steps, and a tenth of that of pairs (measured)
+    assert error("list-0.1") / error("list-0.05") == pytest.approx(4, rel=0.05)
+    assert error("list-pair-0.25") / error("list-pair-0.125") == pytest.approx(16, rel=0.2)
+
+
+def test_a_ratio_is_between_runs_of_equal_error_only() -> None:
+    p, q = exact(base_scene())
+
+    def rounds(name: str, error: float) -> bench.Rounds:
+        return bench.Rounds(bench.CONTESTANTS[name], [1.0], [1.0], [Solution((1 + error) * p, q, 1.0, 1, 1)])
+
+    done = {"ours-0.1": rounds("ours-0.1", 6e-3), "ours-0.05": rounds("ours-0.05", 1.6e-3)}
+    assert bench.reference(2e-3, done) == "ours-0.05"
+    assert bench.reference(5e-3, done) == "ours-0.1"
+    assert bench.reference(3e-3, done) is None
+    assert "| – | – |" in bench.report(done | {"rows-0.0001": rounds("rows-0.0001", 3e-3)})
+
+
+def test_processor_time_has_the_programs_that_a_contestant_starts(tmp_path: Path) -> None:
+    def start(folder: Path) -> Solution:
+        busy = "import time\nwhile time.process_time() < 0.2: pass"
+        subprocess.run([sys.executable, "-S", "-c", busy], check=True)
+        return Solution(np.zeros(1), np.zeros(1), 0.0, 1, 1)
+
+    seconds, _ = bench.timed(start)(tmp_path)
+    assert seconds >= 0.2  # what the program waits for of its own clock
 
 
 def test_a_wrong_signal_has_a_large_error() -> None:
@@ -62,12 +101,14 @@ def test_a_contestant_that_is_not_installed_is_skipped_and_said_so(
     assert "- yade: skipped, no program yade" in capsys.readouterr().out
 
 
-def test_every_time_in_the_table_has_its_error(capsys: pytest.CaptureFixture[str]) -> None:
-    assert bench.main(["--only", "ours", "rows", "--repeats", "1"]) == 0
+def test_every_time_in_the_table_has_its_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["ours-0.2", "rows-0.0001"]
+    assert bench.main(["--only", *names, "--repeats", "1", "-o", str(tmp_path / "bench.svg")]) == 0
+    assert (tmp_path / "bench.svg").stat().st_size > 0
     lines = [line.split("|")[1:-1] for line in capsys.readouterr().out.splitlines() if line.startswith("| ")]
-    assert [line[0].strip() for line in lines[1:]] == ["---", ours.CONTESTANT.title, rows.CONTESTANT.title]
+    assert [line[0].strip() for line in lines[1:]] == ["---", *(bench.CONTESTANTS[name].title for name in names)]
     for line in lines[2:]:
-        assert all(0 < float(cell) < 0.01 for cell in line[7:9])
+        assert all(0 < float(cell) < 0.02 for cell in line[3:5])  # of p with the step 0.2
 
 
 def test_the_naive_deck_reads_its_own_sphere_only(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ def lacks() -> str:
         library.headers()
     except LammpsMissingError as missing:
         return str(missing)
+    if sys.platform != "linux":
+        return "the kernel is tested on Linux only"
     if not has_package("PLUGIN"):
         return "LAMMPS without the package PLUGIN"
     return "" if shutil.which("c++") else "no C++ compiler"
@@ -68,6 +70,16 @@ SCENES = {
     ),
     "Hertz": short("steel_compressed"),
     "two materials": short("tr_impurity"),
+    "unequal radii and vacancies": short(
+        "tr_periodic",
+        **{
+            "packing.rows": 16,
+            "packing.columns": 12,
+            "disorder.radius": 5e-5,
+            "disorder.vacancies": 0.02,
+            "effects.contact_opening": True,
+        },
+    ),
     "held rows": short("rt_wave"),
 }
 
@@ -77,6 +89,7 @@ def test_numbers_are_those_of_lammps(name: str, tmp_path: Path) -> None:
     plain, kernel = both(SCENES[name], tmp_path)
     assert largest_difference(plain, kernel) < ROUNDING
     assert max(float(np.abs(signal).max()) for signal in (plain.p, plain.q, plain.phi)) > 0.05
+    assert kernel.info["smallest_overlap"] == pytest.approx(plain.info["smallest_overlap"], abs=ROUNDING)
     assert (tmp_path / "plain" / f"in.{plain.scene.name}").read_bytes() == (
         tmp_path / "kernel" / f"in.{plain.scene.name}"
     ).read_bytes()
@@ -118,6 +131,18 @@ def test_a_run_to_a_tolerance_takes_the_kernel_at_every_step(tmp_path: Path) -> 
     runs = list((tmp_path / "run").glob("*_per_sample"))
     assert len(runs) >= 2
     assert all(read_status(each)["kernel"] == library.description() for each in runs)
+
+
+def test_an_interrupted_tolerance_continues_with_the_kernel(tmp_path: Path) -> None:
+    scene = short("tr_periodic", **{"time.tolerance": 0.01, "packing.rows": 16})
+
+    def stop(step: int, steps: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted):
+        run(scene, tmp_path / "run", kernel=True, progress=stop)
+    assert resume(tmp_path / "run").info["kernel"] == library.description()
+    assert all("kernel" in read_status(each) for each in (tmp_path / "run").glob("*_per_sample"))
 
 
 def test_a_run_after_one_with_the_kernel_is_without_it(tmp_path: Path) -> None:

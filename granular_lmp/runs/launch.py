@@ -76,11 +76,12 @@ class Options:
     def __post_init__(self) -> None:
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
+        if self.kernel and self.program:
+            taken = f"launcher = {self.launcher!r} with ranks = {self.ranks!r}"
+            raise LaunchError(f"kernel=True: runs in this process on one rank, and excludes {taken}")
         if not 1 <= self.ranks <= core_count():
             # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
-        if self.kernel and self.program:
-            raise LaunchError(f"kernel=True: runs on one rank in this process, not as {self.launcher} on {self.ranks}")
 
     @property
     def program(self) -> bool:

@@ -1,0 +1,63 @@
+"""The figure of the benchmark: what an accuracy costs, for every contestant that took part."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from matplotlib.figure import Figure
+
+# Lines of one kind of code have one colour; what is dashed gives the bound that no general code reaches
+STYLES = {
+    "LAMMPS, one step": ("tab:blue", "o", "-"),
+    "LAMMPS, to a tolerance": ("tab:blue", "s", "-"),
+    "LAMMPS, one step, kernel": ("tab:orange", "o", "-"),
+    "LAMMPS, to a tolerance, kernel": ("tab:orange", "s", "-"),
+    "contact list in C": ("tab:grey", "o", "--"),
+    "contact list in C, pairs of steps": ("tab:grey", "s", "--"),
+    "the row equations, scipy": ("tab:green", "v", "-"),
+    "the exact lattice, scipy": ("tab:green", "^", "-"),
+}
+OTHERS = ("tab:red", "X", "none")
+
+
+@dataclass(frozen=True)
+class Point:
+    """One contestant: the line that it belongs to, processor seconds of its rounds, errors of p and q."""
+
+    series: str
+    seconds: list[float]
+    errors: tuple[float, float]
+
+
+def draw(points: Sequence[Point], path: str) -> None:
+    """Draw the errors of p and q over processor seconds: median, with a bar from the fastest to the slowest round."""
+    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for component, (ax, name) in enumerate(zip(axes, ("p, second harmonic", "q, fundamental"), strict=True)):
+        for series in dict.fromkeys(point.series for point in points):
+            own = sorted((point for point in points if point.series == series), key=lambda each: each.errors[component])
+            colour, marker, line = STYLES.get(series, OTHERS)
+            middle = [median(each.seconds) for each in own]
+            around = [
+                [at - min(each.seconds) for at, each in zip(middle, own, strict=True)],
+                [max(each.seconds) - at for at, each in zip(middle, own, strict=True)],
+            ]
+            ax.errorbar(
+                middle,
+                [each.errors[component] for each in own],
+                xerr=around,
+                color=colour,
+                marker=marker,
+                linestyle=line,
+                markersize=5,
+                linewidth=1.2,
+                elinewidth=0.8,
+                label=series,
+            )
+        ax.set(xscale="log", yscale="log", xlabel="processor time, s", title=name)
+        ax.margins(0.08)
+        ax.grid(which="major", linewidth=0.4, alpha=0.6)
+    axes[0].set_ylabel("relative error, τ ≤ 120")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8)
+    figure.savefig(path, dpi=150)
