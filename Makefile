@@ -13,6 +13,7 @@
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
+# make scattering (what passes rows that differ, and the second harmonic behind: docs/experiments.md),
 # make disorder (what unequal spheres and defects do to waves, quarter of an hour: docs/imperfect.md),
 # make quiet (what quiet ends reflect, by theory and in LAMMPS, twenty minutes: docs/waves.md),
 # make cost (seconds against error of every knob, ten minutes: docs/accuracy.md),
@@ -37,7 +38,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 test processors: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: paper figures spectrum dispersion waves quiet disorder gallery test processors stability guards impact onset witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact onset witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -128,6 +129,30 @@ quiet: .venv/ready
 	$(BIN)/granular-lmp sweep $(QUIET) -o runs/quiet/slow --set time.duration=1200 --over absorb.rows=5,10 \
 	    --over wave.mode=L,TR,RT --over wave.wavenumber=0.6
 	$(BIN)/python -m granular_lmp.plot.reflection runs/quiet/fast runs/quiet/slow -o figures/quiet_ends.png
+
+# A wave meets rows that differ. Spheres three times as stiff that adhere three times as much overlap alike
+SCATTER = $(BIN)/granular-lmp scatter tr_burst_scattering --force
+SCATTERED = heavy light interface empty longitudinal rt
+
+scattering: .venv/ready
+	$(SCATTER) -o runs/scattering/heavy --tones 3 --set name=heavy
+	$(SCATTER) -o runs/scattering/light --set name=light --set 'inclusion=[{rows=[69,69],density=440.0}]'
+	$(SCATTER) -o runs/scattering/interface --tones 1 --set name=interface \
+	    --set 'inclusion=[{rows=[69,130],youngs_modulus=219e9,work_of_adhesion=0.189,poisson_ratio=0.3}]'
+	$(SCATTER) -o runs/scattering/empty --set name=empty_places --set time.duration=440 --set 'inclusion=[{spheres=[[69,1]],vacancy=true}]'
+	$(SCATTER) -o runs/scattering/longitudinal --tones 1 --set name=longitudinal --set wave.mode=L \
+	    --set wave.wavenumber=1.0 --set source.1.force=y
+	$(SCATTER) -o runs/scattering/rt --set name=rt --set wave.mode=RT --set wave.wavenumber=1.9 \
+	    --set source.1.cycles=16.0 --set time.timestep=0.05 --set time.sample=0.5 \
+	    --set output.particles=0.5 --set time.duration=460
+	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
+	rm -rf runs/scattering/behind
+	$(BIN)/granular-lmp sweep tr_burst_scattering -o runs/scattering/behind --workers $(CORES) \
+	    --set packing.rows=151 --set wave.wavenumber=0.802 --set wave.amplitude=0.1 --set absorb.reflection=1e-3 \
+	    --set time.duration=620 --set 'source=[{rows=[40,40],force="x",signal="tone",ramp=60.0}]' \
+	    --set 'inclusion=[{rows=[52,150],youngs_modulus=219e9,work_of_adhesion=0.189}]' \
+	    --over 'inclusion.1.rows=[52,150],[56,150],[60,150],[64,150],[68,150],[72,150]'
+	$(BIN)/python -m analysis.figures.behind runs/scattering/behind -o figures/behind.png
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,
@@ -266,7 +291,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

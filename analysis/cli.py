@@ -11,6 +11,7 @@ from importlib import import_module
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
+    "behind": "the second harmonic behind an interface: made before it, and at it",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
     "defects": "a wave that a vacancy or a heavy sphere scatters, beside the network and theory",
@@ -27,6 +28,8 @@ SCRIPTS = {
     "map": "the second harmonic over direction and wave number",
     "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
+    "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
+    "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",
     "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",
     "spectrum": "the second harmonic of runs over wave number, its zero and its pole",

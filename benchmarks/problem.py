@@ -1,7 +1,7 @@
 """The problem that every contestant solves: p and q of the centre sphere for the paper's base case, ξ = 0.802.
 
 201 rows between held ends, TR wave, D0 = 0.2 Δ0, τ = 0, 0.5, …, 120. The reference is the exact infinite lattice in
-true contact geometry (`analysis.theory.lattice.torus`), which 201 rows meet to 1e-7 until the walls are heard.
+true contact geometry (`analysis.theory.lattice.torus`), which 201 rows meet to 1e-7 until walls echo.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Solution:
-    """What a contestant hands in.
+    """Answer of a contestant.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Start:
 
     @classmethod
     def of(cls, scene: Scene) -> "Start":
-        """Of a scene with fixed ends."""
+        """Return it for a scene with fixed ends."""
         deck, sphere = build(scene), scene.sphere
         packing = deck.packing
         fields = plane_wave(packing, deck.problem.mode, scene.wave.phase)

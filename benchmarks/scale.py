@@ -42,8 +42,10 @@ HEAD = [
 
 @dataclass(frozen=True)
 class Run:
-    """One run: seconds to build and write the deck, in LAMMPS before and after the loop, in the loop, of the checkpoint
-    in it; processor seconds; share of the cores that the loop had, %; MB; errors.
+    """One run.
+
+    Seconds to build and write the deck, in LAMMPS before and after the loop, in the loop, and of the checkpoint in it;
+    processor seconds; share of the cores that the loop had, %; MB; errors.
     """
 
     build: float
@@ -59,7 +61,7 @@ class Run:
 
 
 def sized(spheres: int) -> Scene:
-    """The base case with about so many spheres, and so many samples that the work is about `WORK`; at least three."""
+    """Return the base case with about as many spheres, and three samples or as many as make the work `WORK`."""
     rows = round(spheres / COLUMNS) | 1
     samples = max(3, round(WORK / (rows * COLUMNS) / base_scene().time.steps_per_sample))
     return base_scene().with_values(
@@ -107,8 +109,9 @@ def solve(scene: Scene, ranks: int, folder: Path) -> Run:
 
 
 def _wait(process: "subprocess.Popen[bytes]") -> tuple[float, float]:
-    """Wait for a program; the most memory that it or a program started by it held, MB (0 where there is no /proc), and
-    the processor seconds of all of them.
+    """Wait for a program, and return the most memory of one process and the processor seconds of all.
+
+    The memory, MB, is of the program or of one started by it; 0 where there is no /proc.
 
     ``lmp`` of the wheel is a script that starts the real one, and the peak that wait4 reports is no less than what this
     Python held when it started the script.
@@ -167,7 +170,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _usual_ranks() -> list[int]:
-    """1, and 2 and 4 where there are as many cores and a program that starts ranks."""
+    """Return 1, and 2 and 4 where there are as many cores and a program that starts ranks."""
     try:
         lmp_command(2)
     except LammpsMissingError:

@@ -47,7 +47,7 @@ TESTED = ("20250722",)
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found; what comes after a failure is not known.
+    """Findings on this machine; those after a failure are not known.
 
     Attributes
     ----------

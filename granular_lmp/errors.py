@@ -56,6 +56,10 @@ class ViewError(GranularError):
     exit_status = 2
 
 
+class ReadoutError(GranularError):
+    """Nothing can be read off a monitor of a run; the text says why."""
+
+
 class PackageMissingError(GranularError):
     """A Python package that only a few functions need is not installed."""
 

@@ -17,7 +17,7 @@ from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of
-from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, swiftness
+from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.scene import Scene
@@ -97,8 +97,18 @@ class Problem:
         return largest_step(self.scene)
 
     def warnings(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit, and for each effect that is forced off."""
-        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects)]
+        """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
+        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects), *self._echoes()]
+
+    def _echoes(self) -> list[str]:
+        """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""
+        time = self.scene.time
+        found = {} if time.allow_echo else {each.name: echo_at(self.scene, each) for each in self.scene.monitor}
+        return [
+            f"monitor {name}: the echo of the walls may reach it at tau = {echo:.4g}"
+            for name, echo in found.items()
+            if echo < time.duration
+        ]
 
     def stepped(self, scene: Scene) -> "Problem":
         """Return the problem of the same scene with another time step."""

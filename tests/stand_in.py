@@ -1,5 +1,6 @@
 """Runs that LAMMPS has not made: what a script reads of a record whose rows move as given."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,6 +47,16 @@ def leave_folder(record: Record, folder: Path) -> None:
     (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
     record.write_csv(folder / TRAJECTORY)
     write_status(folder, {"status": "finished", "samples": len(record.tau)} | status_of(scene) | record.info)
+
+
+def leave_sweep(records: Sequence[Record], folder: Path) -> None:
+    """Write what a finished sweep over the wave number leaves that a script reads, its runs in the order of records."""
+    lines = ["wave.wavenumber,run,status"]
+    for number, record in enumerate(records):
+        leave_folder(record, folder / "runs" / str(number))
+        lines.append(f"{record.scene.wave.wavenumber!r},runs/{number},finished")
+    (folder / "sweep.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "sweep.json").write_text('{"over": {"wave.wavenumber": []}}', encoding="utf-8")
 
 
 class Changed:

@@ -18,7 +18,7 @@ from tests.conftest import PAPER
 
 Wave = tuple[ModeName, float, float, float]  # mode, ξ, a = D0/Δ0, ν
 NAMES = ("p", "q", "phi")
-RECORDS = 120  # of 0.5 τ each
+RECORDS = 120  # one every 0.5 τ
 
 
 def scene_of(wave: Wave, tolerance: float, records: int = RECORDS) -> Scene:

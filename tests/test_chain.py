@@ -79,7 +79,7 @@ def test_the_forces_are_the_gradient_of_the_energy() -> None:
     chain = compressed([1.0, 3.0, np.inf, 2.0, 1.0], [2.0, 1.0, 0.5, 1.0, 1.5, 0.0], 0.7)
     rng = np.random.default_rng(1)
     for _ in range(5):
-        u = rng.normal(0, 1.0, 5)  # of the overlap: contacts are open too
+        u = rng.normal(0, 1.0, 5)  # in overlaps: contacts are open too
         u[2] = 0.0
         small = 1e-5
         slope = [

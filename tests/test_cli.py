@@ -216,6 +216,8 @@ def test_bash_completes_commands_options_and_scenes(capsys: pytest.CaptureFixtur
     assert completed(script, "collide", "test1") == ["test1_glass", "test1_limestone"]
     assert completed(script, "adopt", "tr_p") == ["tr_periodic", "tr_pulse"]  # once each: its DIR is no scene
     assert completed(script, "completion", "b") == ["bash"]
+    assert completed(script, "run", "soli") == ["solitary_chain"]
+    assert completed(script, "modes", "soli") == []
 
 
 def test_build_writes_a_deck_that_is_a_scene_again(

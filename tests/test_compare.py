@@ -78,6 +78,14 @@ def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     assert np.std(off) == pytest.approx(1, abs=0.06)
 
 
+@pytest.mark.parametrize(("mode", "columns"), [("TR", 1), ("L", 3)])
+def test_of_a_few_records_no_amplitude_is_measured(mode: str, columns: int) -> None:
+    scene = PAPER.with_values({"wave.mode": mode})
+    few, enough = (from_theory(scene, "second-order", TAU[:count]) for count in (3 * columns - 1, 3 * columns))
+    assert signals.measured_amplitude(few, wave_of(few)) == (None, None)
+    assert signals.measured_amplitude(enough, wave_of(enough))[0] is not None
+
+
 # Mode, ξ, a, duration, and what holds best there
 WAVES = [
     ("TR", 0.802, 0.2, 120, "hierarchy"),

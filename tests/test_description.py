@@ -2,7 +2,7 @@
 
 import pytest
 
-from granular_lmp import Scene
+from granular_lmp import ImpactScene, Scene
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.shipped import SHIPPED, shipped
 from granular_lmp.studies.collision import Collision
@@ -36,6 +36,9 @@ def test_every_shipped_scene_and_collision_has_one() -> None:
     for name, said in scenes.items():
         assert said
         assert Scene.load(name).description == said
+    for name, said in shipped("impacts/*/scene.toml").items():
+        assert said
+        assert ImpactScene.load(name).description == said
     for name, said in collisions.items():
         assert said
         assert Collision.load(name).description == said

@@ -19,7 +19,7 @@ from analysis.theory import lattice
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
-from analysis.theory.neighbours import Neighbours, directions_at_rest
+from analysis.theory.neighbours import shifted
 from analysis.theory.springs import BONDS
 from tests.test_mixing import relative
 
@@ -179,7 +179,7 @@ def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> 
     assert mode.frequency == pytest.approx(float(omega), rel=1e-9)
 
 
-POINTS = 5  # of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶
+POINTS = 5  # points of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶
 
 
 def exact_lattice(pair: Pair, tau: NDArray[np.float64], amplitude: float) -> NDArray[np.complex128]:
@@ -194,10 +194,10 @@ def exact_lattice(pair: Pair, tau: NDArray[np.float64], amplitude: float) -> NDA
     for bond in BONDS:
         by_one, by_other = (lattice.periodic_kernel(phases[:, None] - phases + k @ bond, POINTS) for k in waves)
         shifts.append(np.kron(by_one, by_other))
-    neighbours = Neighbours(
-        directions_at_rest(0.0),
-        lambda values: np.stack([values @ shift.T for shift in shifts]),
-        lambda values: np.sum([value @ shift for value, shift in zip(values, shifts, strict=True)], axis=0),
+    neighbours = shifted(
+        0.0,
+        lambda values: np.stack([values @ shift.T for shift in shifts], axis=-2),
+        lambda values: np.sum([values[..., bond, :] @ shift for bond, shift in enumerate(shifts)], axis=0),
     )
     one, other = (angle.ravel() for angle in np.meshgrid(phases, phases, indexing="ij"))
     start = np.zeros((6, POINTS**2))

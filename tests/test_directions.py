@@ -628,7 +628,7 @@ def test_the_map_has_the_resonance_and_the_antiresonance_of_the_theory_page(
     def amplitude(xi):
         return second_harmonic_amplitude(along_y(xi), 0, contact)[1].imag
 
-    half = 5e-4  # of the last digit shown
+    half = 5e-4  # half of the last digit shown
     assert detuning(resonance - half) * detuning(resonance + half) < 0
     assert amplitude(antiresonance - half) * amplitude(antiresonance + half) < 0
     # The page's numbers are not those of the paper's lattice, and the closed form agrees with both

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from analysis import second_harmonic as sh
 from analysis.figures import driven as driven_figure
 from analysis.measure.norms import relative_error
-from analysis.measure.rows import rows_of
+from analysis.measure.rows import amplitudes_at, rows_of
 from analysis.theory import driven, lattice
 from analysis.theory.contact import Contact, Law
 from granular_lmp.scene.sections import Envelope
@@ -164,7 +164,7 @@ def fitted(
     tau = begin + period * np.arange(count * SAMPLES) / SAMPLES
     rows = int(tau[-1] / 4 + REACH / 2) + 20  # no echo: half a row per τ, there and back
     signals = strip(mode, amplitude, tau, rows, contact, ramp)[:, :, 1 : REACH + 1]
-    fits = [driven_figure.fit(tau, signals[:, i], mode.frequency) for i in range(3)]
+    fits = [amplitudes_at(tau, signals[:, i], mode.frequency * np.arange(1, 4)) for i in range(3)]
     return np.array([fit[1][0] for fit in fits]), fits[0][1][1], fits[0][0]
 
 
@@ -253,7 +253,7 @@ def test_the_amplitudes_put_in_are_found() -> None:
     tau, frequency = np.arange(0, 60, 0.5), 0.7
     put = np.array([0.3 - 0.1j, 0.02j, 0.001])
     signal = (put * np.exp(-1j * frequency * np.multiply.outer(tau, [1, 2, 3]))).sum(axis=1).real + 0.05 + 0.01 * tau
-    mean, found = driven_figure.fit(tau, signal[:, None], frequency)
+    mean, found = amplitudes_at(tau, signal[:, None], frequency * np.arange(1, 4))
     assert found[:, 0] == pytest.approx(put, rel=0, abs=1e-14)  # rounding
     assert mean[0] == pytest.approx(0.05 + 0.01 * np.mean(tau), rel=1e-12)
 

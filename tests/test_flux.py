@@ -17,7 +17,7 @@ from tests.conftest import PAPER
 @pytest.mark.parametrize("name", ["L", "TR", "RT"])
 def test_a_plane_wave_carries_its_energy_with_the_group_velocity(name: ModeName, tmp_path: Path) -> None:
     changes = {"wave.mode": name, "wave.wavenumber": np.pi / 4, "wave.amplitude": 1e-3, "time.duration": 20.0}
-    monitor = {"name": "row", "rows": [3, 4], "what": "flux"}
+    monitor = {"name": "row", "rows": [0, 7], "what": "flux"}  # also through the rows at the face of the cell
     scene = Scene.load("tr_periodic").with_values({"packing.rows": 8, "time.sample": 0.2, "time.timestep": 0.05})
     record = run(scene.with_values(changes | {"monitor": [monitor]}), tmp_path / "run")
     row, sphere = record.monitor("row"), record.scene.sphere
@@ -72,7 +72,7 @@ def ledger(record: Record) -> dict[str, np.ndarray]:
     apart = region.velocity[:, j] - region.velocity[:, i]
     parting = np.sum(apart * normal, axis=-1)
     slip = np.sum(apart * tangent, axis=-1) - region.spin[:, i] - region.spin[:, j]
-    overlap, shear = contacts.overlap, contacts.shear + dashpot * slip  # of the spring alone
+    overlap, shear = contacts.overlap, contacts.shear + dashpot * slip  # the force of the spring alone
     stiffness = kappa * np.sqrt(overlap)
     elastic = (4 / 15 * overlap**2.5 - 2 / 3 * overlap) / a**2 + shear**2 / (2 * stiffness)
     energy = kinetic + elastic @ share

@@ -180,7 +180,8 @@ def test_error_of_one_row(xi, name, bounds):
     exact = lattice.torus(Wave(mode, 0.2, Contact(NU)), TAU, rtol=1e-9)
     found = fs.shifted_second_order(mode, SILICA, 0.2, TAU)
     for field, bound in enumerate(bounds):
-        assert np.linalg.norm(found[field] - exact[field]) <= bound * np.linalg.norm(exact[field])
+        # 1e-11: the rounding of what symmetry makes zero, q and φ of L
+        assert np.linalg.norm(found[field] - exact[field]) <= bound * np.linalg.norm(exact[field]) + 1e-11
 
 
 def test_row_and_phase_are_one_shift_of_the_wave():

@@ -106,6 +106,17 @@ def test_snapshots_widen_the_record_to_all_spheres_and_so_the_guard(tmp_path: Pa
         run(everyone, tmp_path / "run")
 
 
+def test_the_cone_of_a_monitor_reaches_across_the_faces_of_a_periodic_cell(tmp_path: Path) -> None:
+    packet = {"wave.mode": "TR", "wave.wavenumber": 0.8, "wave.amplitude": 0.2, "wave.form": "running"}
+    cell = {"packing.rows": 200, "envelope.length": 8.0, "envelope.offset": 80.0, "time.timestep": 0.1}
+    scene = STANDING.with_values(packet | cell)
+    # The packet is around row 20, which row 190 is nearer to across the faces than the centre, which sees none of it
+    assert run(scene, tmp_path / "centre").info["smallest_overlap"] > 1 - 1e-6
+    watched = scene.with_values({"monitor": [{"name": "across", "rows": [190, 190]}]})
+    # Contacts at the edge of the cone lose 0.027 of their overlap, and half of it is far above what is at the centre
+    assert run(watched, tmp_path / "across").info["smallest_overlap"] < 1 - 0.013
+
+
 def test_contacts_that_bear_their_shear_do_not_stop_a_run_whose_bound_is_above_one(tmp_path: Path) -> None:
     # An L wave shears the contacts that hardly touch least: the bound takes the hardest sheared of all over them
     scene = STANDING.with_values({"wave.form": "running", "wave.amplitude": 0.5, "effects.friction": 0.5})

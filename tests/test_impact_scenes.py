@@ -11,12 +11,12 @@ from granular_lmp import ImpactScene, Scene
 from granular_lmp.cli import main
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, LATTICES, SQUARE
+from granular_lmp.crystal.scale import DEEPEST, Scale, collision_time
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.deck import deck_of, look_steps
 from granular_lmp.impact.lattice import grain, neighbours, touching
 from granular_lmp.impact.problem import prepare
-from granular_lmp.impact.scale import DEEPEST, Scale, collision_time
 from granular_lmp.impact.scene import SHIPPED_IMPACTS, is_impact
 
 STEEL = Sphere(radius=5e-3, youngs_modulus=200e9, poisson_ratio=0.3, work_of_adhesion=0.0, density=7800.0)
@@ -84,7 +84,6 @@ def test_the_impact_is_the_unit() -> None:
     # A = m = v = 1 in these units
     assert STEEL.normal_coefficient * scale.length**1.5 * scale.time**2 / scale.mass == pytest.approx(scale.length)
     assert scale.velocity == pytest.approx(2.0)
-    assert scale.energy == pytest.approx(4 * STEEL.mass)
     assert Scale.of(STEEL, 64.0).time == pytest.approx(scale.time / 2)  # v^{-1/5}
 
 
@@ -93,6 +92,14 @@ def test_the_collision_time_and_the_deepest_overlap_are_hertzs() -> None:
 
     assert collision_time(0.5) == pytest.approx(other(1.0, 1.0, 1.0), rel=1e-12)
     assert pytest.approx(0.5 * 0.5) == 2 / 5 * DEEPEST**2.5  # ½ μ v² = (2/5) A δ^{5/2}, μ = m/2
+
+
+def test_spheres_at_rest_have_their_own_scale() -> None:
+    scene = Scene.load("tr_periodic")
+    assert scene.scale == Scale(scene.sphere.mass, scene.sphere.static_overlap, scene.sphere.time_scale)
+    assert Scale.of(scene.sphere, 3.0) == scene.scale
+    with pytest.raises(ValueError, match="velocity = 0.0: must be above 0 where spheres have no overlap at rest"):
+        Scale.of(STEEL)
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------
@@ -115,7 +122,12 @@ def test_the_collision_time_and_the_deepest_overlap_are_hertzs() -> None:
         (CHAIN_SCENE, "striker.1.direction", "x", "striker 1: direction = 'x': must be \"y\""),
         (CHAIN_SCENE, "striker.1.velocity", 0.0, "striker.1.velocity = 0.0: must be a number in [1e-9, 10000], m/s"),
         (CHAIN_SCENE, "striker.1.rows", [0, 60], "striker 1: rows = [0, 60]: must be [first, last], from 0 to 59"),
-        (CHAIN_SCENE, "striker.1.spheres", [[0, 0]], "striker 1: must have either rows or spheres"),
+        (
+            CHAIN_SCENE,
+            "striker.1.spheres",
+            [[0, 0]],
+            "striker 1: rows and spheres given: must be either rows or spheres",
+        ),
         (CHAIN_SCENE, "striker.1.velocity", 300.0, "striker: velocity = 300: two spheres would overlap by"),
         (CHAIN_SCENE, "striker.1.velocity", 1e-9, "roundings of a position in 1000000 rows"),
         (CHAIN_SCENE, "output.rows", [3, 77], "output: rows = [3, 77]"),
@@ -136,6 +148,11 @@ def test_what_has_no_meaning_is_refused_by_name(scene: ImpactScene, key: str, va
 def test_tables_of_a_linear_wave_are_refused(table: str) -> None:
     with pytest.raises(SceneError, match=rf"^{table}: is of a linear wave"):
         ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {table: {}})
+
+
+def test_a_monitor_is_refused_with_what_records_an_impact() -> None:
+    with pytest.raises(SceneError, match=r"^monitor: is of the scene of a wave: \[output\] says which spheres"):
+        ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {"monitor": [{}]})
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
-from granular_lmp.scene.scene import REPEATED
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import ArrayRule
 
 SCHEMA = json_schema()
@@ -61,6 +61,8 @@ def test_a_scene_of_a_frequency_fits() -> None:
         {"disorder": {"vacancies": 1.5}},
         {"inclusion": [{"rows": [3], "density": 5000.0}]},
         {"time": {"duration": 120.0, "tau": 3.0}},
+        {"source": [{"signal": []}]},
+        {"source": [{"signal": [[0.0, 0.0], [1.0, 1.0]]}]},
     ],
     ids=str,
 )
@@ -103,5 +105,5 @@ def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
 def test_the_reference_names_every_key() -> None:
     page = reference()
     for key in KEYS:
-        section = f"[[{key.section}]]" if key.section in REPEATED else f"[{key.section}]"
+        section = f"[[{key.section}]]" if key.section in Scene.repeated else f"[{key.section}]"
         assert f"| `{key.name}` |" in page.partition(f"## `{section}`")[2]

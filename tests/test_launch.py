@@ -202,10 +202,10 @@ def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: l
     assert np.isfinite(record.q).all()
 
 
-# 3000 steps of 603 spheres: a second or more, to be stopped in its first half. Few steps, since ranks that share a core
-# wait for each other in busy loops, a time slice at each of them
-LONG = {"packing.rows": 201, "time.duration": 150.0}
-OFTEN = 603 * 200 / SPEED / 60  # minutes: 200 steps on one rank, twice as many on two
+# 1500 steps of 1203 spheres: a second or more, to be stopped in its first half. Few steps: ranks that share a core wait
+# for each other in busy loops, a time slice at each of them
+LONG = {"packing.rows": 401, "time.duration": 75.0}
+OFTEN = 1203 * 100 / SPEED / 60  # minutes: 100 steps on one rank, twice as many on two
 LONG_RUN = [f"{key}={value}" for key, value in LONG.items()]
 
 
@@ -221,7 +221,7 @@ def dump_of(record: Record) -> bytes:
 
 
 def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: Path) -> None:
-    process = started(tmp_path / "run", 10_000, *LONG_RUN)
+    process = started(tmp_path / "run", 5_000, *LONG_RUN)
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
     assert 0 < read_status(tmp_path / "run")["samples"] < len(whole.tau)
@@ -239,7 +239,7 @@ def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: P
 def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(
     switch: list[str], whole: Record, tmp_path: Path
 ) -> None:
-    process = started(tmp_path / "run", 25_000, *LONG_RUN, f"output.checkpoint={OFTEN}", *switch)
+    process = started(tmp_path / "run", 20_000, *LONG_RUN, f"output.checkpoint={OFTEN}", *switch)
     children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
     process.kill()
     process.communicate(timeout=30)

@@ -1,6 +1,7 @@
 """Monitors: what a scene may ask of them, what they record, and how their files fare in run folders."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted, Sce
 from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
+from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.scene import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
@@ -65,6 +68,10 @@ def test_a_scene_is_read_back_from_its_text() -> None:
         ({"monitor.1.sample": 2.0}, r"monitor\.1\.sample: unknown key"),
         ({"packing.rows": "auto", "wave.form": "running", "source": []}, r"packing\.rows = 'auto': must be a number"),
         (
+            {"packing.columns": 1, "wave.form": "running", "source": [], "monitor": [LINE]},
+            r"packing\.columns = 1: must be at least 3 with \[\[monitor\]\]",
+        ),
+        (
             {"packing.columns": "auto", "wave.form": "running", "source": []},
             r"packing\.columns = 'auto': must be a number where a monitor has single spheres",
         ),
@@ -88,12 +95,19 @@ def test_what_cannot_be_recorded_is_refused(changes: dict[str, Any], message: st
 def test_the_echo_at_a_monitor_is_said() -> None:
     def echo(**changes: Any) -> float:
         scene = PAPER.with_values({"packing.rows": 101, "time.allow_echo": True} | changes)
-        return scene.echo_at(scene.monitor[0])
+        return echo_at(scene, scene.monitor[0])
 
     near, far = ({"monitor": [{"name": "a", "rows": [row, row]}]} for row in (10, 50))
     assert echo(**near) < echo(**far) == PAPER.with_values({"packing.rows": 101, "time.allow_echo": True}).echo_time
     assert echo(**near, **{"packing.rows": 100, "packing.ends": "periodic"}) == np.inf
-    assert any("monitor line: the echo of the walls may reach it at tau = " in each for each in SHEET.remarks())
+
+    def said(**changes: Any) -> bool:
+        forced = SHEET.with_values({"time.duration": 4.0, "monitor.3.rows": [1, 1], "time.allow_echo": False} | changes)
+        return any("monitor line: the echo of the walls may reach it" in each for each in prepare(forced).warnings())
+
+    assert said()
+    assert not said(**{"time.allow_echo": True})
+    assert not said(**{"monitor.3.rows": [6, 6]})
 
 
 def test_a_sheet_that_is_kicked_has_no_monitors(tmp_path: Path) -> None:
@@ -117,16 +131,23 @@ def test_motion_is_that_of_the_snapshots(record: Record) -> None:
     assert record.monitor("beside").column.tolist() == [3, 4]
 
 
-def test_contact_forces_and_torques_are_what_moves_a_sphere(record: Record) -> None:
+@pytest.mark.parametrize("spread", [0.0, 1e-5])
+def test_contact_forces_and_torques_are_what_moves_a_sphere(spread: float, record: Record, tmp_path: Path) -> None:
+    if spread:  # spheres that differ, one of them of twice the density
+        heavy = {"disorder.radius": spread, "inclusion": [{"spheres": [[6, 4]], "density": 4400.0}]}
+        record = run(record.scene.with_values(heavy), tmp_path / "run")
     beside = record.monitor("beside")
     contacts, scene = beside.contacts, record.scene
     sphere = scene.sphere
     number = int(beside.spheres[1])  # [6, 4], which nothing pushes from outside
+    radius = beside.crystal.arrays["radius"][number]
     sign = np.where(contacts.j == number, 1.0, np.where(contacts.i == number, -1.0, 0.0))
     force = (sign[:, None] * contacts.force).sum(axis=1)
-    torque = -(abs(sign) * contacts.shear * (1 - contacts.overlap * sphere.overlap_ratio)).sum(axis=1)
-    unit = 2 * (sphere.stiffness_ratio + 3)  # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
-    rate = np.column_stack([beside.velocity[:, 1], 0.4 * beside.spin[:, 1]])
+    lever = radius - contacts.overlap * sphere.overlap_ratio  # δ/2 in radii, as overlap_ratio is Δ0/2R
+    torque = -(abs(sign) * contacts.shear * lever).sum(axis=1)
+    # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
+    unit = 2 * (sphere.stiffness_ratio + 3) * radius**3 * (2.0 if spread else 1.0)
+    rate = np.column_stack([beside.velocity[:, 1], 0.4 * radius**2 * beside.spin[:, 1]])
     slope = unit * np.gradient(rate, 0.25, axis=0)[1:-1]
     found = np.column_stack([force, torque])
     # The central difference over two samples, h = 1/4 each, is the mean of the acceleration, of which Simpson's rule
@@ -211,11 +232,23 @@ def test_check_names_monitors_with_their_size(tmp_path: Path, capsys: pytest.Cap
     }
 
 
+def test_contacts_that_a_killed_run_did_not_write_are_unknown(record: Record, tmp_path: Path) -> None:
+    assert record.folder is not None
+    shutil.copytree(record.folder, tmp_path / "run")
+    path = tmp_path / "run" / "monitor.behind.contacts"
+    path.write_bytes(path.read_bytes()[:-50])
+    whole, cut = record.monitor("behind"), Record.load(tmp_path / "run").monitor("behind")
+    np.testing.assert_array_equal(cut.flux[:-1], whole.flux[:-1])
+    assert np.isnan(cut.flux[-1]).all()
+    assert np.isfinite(cut.velocity).all()
+
+
 def files_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("monitor.*"))}
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     scene = SHEET.with_values({"time.duration": 40.0, "output.checkpoint": 78 * 100 / SPEED / 60})
 
     def interrupt(step: int, steps: int) -> None:

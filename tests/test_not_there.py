@@ -9,7 +9,6 @@ from granular_lmp import Scene
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.json_schema import keys
 from granular_lmp.scene.not_there import NOT_THERE, PAGE, not_supported, table
-from granular_lmp.scene.scene import SECTIONS
 
 ROOT = Path(__file__).parents[1]
 WORDS = [(row, word) for row in NOT_THERE for word in row.words.split()]
@@ -24,7 +23,7 @@ def test_the_page_holds_the_table_of_the_messages() -> None:
 
 
 def test_no_wish_is_a_key_of_a_scene() -> None:
-    there = {key.name for key in keys()} | set(SECTIONS) | {"name", "description"}
+    there = {key.name for key in keys()} | set(Scene.sections) | {"name", "description"}
     assert not there & {word for _, word in WORDS}
 
 

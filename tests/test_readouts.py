@@ -11,7 +11,10 @@ import pytest
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.driven import driven_amplitudes
 from granular_lmp import Record, Scene, run
-from granular_lmp.runs.readouts import NoReadoutError, readout, readout_columns, steady_part
+from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
+from granular_lmp.plot.view import sweep_figure
+from granular_lmp.runs.readouts import readout, readout_columns, steady_part
+from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import Sweep, sweep
 
 DRIVEN = Scene.load("tr_driven").with_values(
@@ -35,7 +38,7 @@ TONE = DRIVEN.with_values(
 
 
 def read(signal: np.ndarray, tau: np.ndarray, frequency: float) -> dict[str, Any]:
-    """What is read off a monitor of two spheres, one of which moves against the other, by the time that is recorded."""
+    """Return what is read off a monitor of two spheres that move against one another, by the time that is recorded."""
     moved = np.stack([signal, -signal], axis=1)
     still = np.zeros_like(moved)
     scene = TONE.with_values({"source.1.frequency": frequency, "time.sample": float(tau[1] - tau[0])})
@@ -98,14 +101,14 @@ def test_the_static_field_has_its_sign() -> None:
 )
 def test_why_nothing_can_be_read_off(changes: dict[str, Any], message: str) -> None:
     scene = TONE.with_values(changes)
-    with pytest.raises(NoReadoutError, match=message):
+    with pytest.raises(ReadoutError, match=message):
         steady_part(scene, scene.monitor[0])
 
 
 def test_the_steady_part_ends_with_the_echo_unless_the_scene_allows_it() -> None:
     assert steady_part(DRIVEN, DRIVEN.monitor[0])[2] == 180.0
     later = DRIVEN.with_values({"monitor.1.rows": [70, 70]})
-    with pytest.raises(NoReadoutError, match=r"up to tau = 126\.1.*allow_echo = true or quiet ends"):
+    with pytest.raises(ReadoutError, match=r"up to tau = 126\.1.*allow_echo = true or quiet ends"):
         steady_part(later, later.monitor[0])
     allowed = later.with_values({"time.allow_echo": True, "time.duration": 320.0})
     assert steady_part(allowed, allowed.monitor[0])[2] == 320.0
@@ -147,3 +150,18 @@ def test_a_sweep_over_frequency_is_a_response_curve(tmp_path: Path) -> None:
     again = Sweep.load(tmp_path / "sweep")
     np.testing.assert_array_equal(again.column("line.v2"), done.column("line.v2"))
     assert np.isnan(again.column("line.u1")[1])
+    (axes,) = sweep_figure(again, "line.u1").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("source.1.frequency (rad/t0)", "line.u1 ($D_0$)")
+    assert len(axes.containers) == 2  # error bars of each curve
+    short = sweep(TONE, {"time.duration": [10.0]}, tmp_path / "short")
+    with pytest.raises(ViewError, match=r"column = 'line\.u1': time\.duration = 10\.0: leaves .* steady periods"):
+        sweep_figure(short, "line.u1")
+
+
+@pytest.mark.parametrize("said", [3, {"u": 1}, {"v": {"1": 0.1}}, {"phi": {"1": [0.1, "x"]}}, {"u": {"1": [0.1]}}])
+def test_other_readouts_in_a_run_folder_are_refused(said: Any, driven: Record, tmp_path: Path) -> None:
+    write_status(tmp_path, driven.info)
+    assert read_status(tmp_path)["monitors"] == driven.info["monitors"]
+    write_status(tmp_path, driven.info | {"monitors": {"near": said}})
+    with pytest.raises(RunFolderError, match=r"run\.json: monitors must hold why, or u, v and phi with pairs"):
+        read_status(tmp_path)

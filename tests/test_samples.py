@@ -14,6 +14,7 @@ from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.launch import resume
 from granular_lmp.scene import samples
@@ -69,7 +70,10 @@ def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) ->
     assert np.abs(moved["burst"]).max() > 0.1
 
 
-def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(tmp_path: Path) -> None:
+def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     pairs = [[0.1 * n, green.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
     scene = SMALL.with_values(
         {"source": sources(motion="x", signal=pairs, delay=1.0) + sources(force="y", signal=pairs)}

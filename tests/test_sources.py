@@ -16,9 +16,11 @@ from analysis.theory.contact import Contact
 from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
+from granular_lmp.effects.effect import Case
 from granular_lmp.errors import EffectError, RunInterrupted, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
+from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
@@ -110,6 +112,24 @@ def test_five_percent_more_of_a_source_are_seen(source: int, sheet: tuple[np.nda
     assert worst(found[0], expected, np.arange(256)) > 5e-3
 
 
+def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
+    turned = MOVE | {"motion": "rotation"}
+    scene = SHEET.with_values({"packing.rows": 10, "packing.columns": 10, "source": [turned], "output.particles": 1.0})
+    found, snapshots = extrapolated(scene, tmp_path)
+    signal = green.tone(0.5, 6.0, delay=0.7)
+    expected = green.response(crystal_of(snapshots), [Load([33], "rotation", signal, moves=True)], snapshots.tau)
+    free = np.setdiff1d(np.arange(100), 33)
+    assert worst(found[0], expected[0], free) < 1e-3  # as above
+    assert worst(found[1], expected[1], free) < 1e-3
+    # The sphere turns as it is told, to the rounding of an angle of 1e-7, and does not move
+    np.testing.assert_allclose(found[0][:, 33, 2], signal(snapshots.tau), rtol=0, atol=1e-8)
+    assert not found[0][:, 33, :2].any()
+    later = green.response(
+        crystal_of(snapshots), [Load([33], "rotation", green.tone(0.5, 6.0, delay=0.75), moves=True)], snapshots.tau
+    )
+    assert worst(found[0], later[0], free) > 5e-3  # a step later is seen
+
+
 def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
     found, snapshots = extrapolated(STRIP, tmp_path)
     load = Load([45, 46, 47], "x", green.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
@@ -132,7 +152,7 @@ def test_the_power_of_sources_is_the_change_of_energy(tmp_path: Path) -> None:
     # The trapezoidal rule errs by h²/12 of the slope of the power, which is taken from it
     work -= 0.1**2 / 12 * (np.gradient(power, 0.1, edge_order=2) - np.gradient(power, 0.1, edge_order=2)[0])
     energy = crystal.energy(field, velocity)
-    assert energy[-1] > 0.01  # of m (D0/t0)²
+    assert energy[-1] > 0.01  # in m (D0/t0)²
     # a = 1e-3 times numbers of order 0.1, and the fourth order of the samples
     assert np.abs(work - energy).max() < 1e-3 * energy.max()
 
@@ -175,7 +195,8 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         assert not turned[:, sphere].any()
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     scene = SHEET.with_values(
         {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
         | {"output.checkpoint": 48 * 100 / SPEED / 60}
@@ -184,6 +205,7 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path) -> N
                 PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
                 MOVE,
                 TURN | {"spheres": [[1, 1]], "frequency": 0.4},
+                {"spheres": [[5, 2]], "motion": "rotation", "frequency": 0.7},
             ]
         }
     )
@@ -283,6 +305,13 @@ def test_rotation_and_shear_are_called_for_whatever_the_unit() -> None:
     assert on["rotation"]
 
 
+def test_a_prescribed_rotation_is_a_slip_of_contacts() -> None:
+    still = {"spheres": [[3, 3]], "motion": "rotation", "frequency": 0.5}
+    case = Case(SHEET.with_values({"source": [still]}))
+    assert case.stretches[1].min() == pytest.approx(1e-3)  # a, on every contact
+    assert Case(SHEET.with_values({"source": [still | {"motion": "x"}]})).stretches[1].min() < 0.9e-3
+
+
 def test_whole_rows_need_three_columns_and_single_spheres_a_number() -> None:
     assert STRIP.with_values({"packing.columns": "auto"}).shape.columns == 3
     with pytest.raises(SceneError, match=r"packing\.columns = 'auto': must be a number where a source has single"):
@@ -298,6 +327,10 @@ def test_the_echo_is_that_of_the_nearest_wall() -> None:
     # The first row is no wall for the waves that it makes: they come back from the last one, as those of a driven row
     driven = Scene.load("tr_driven").with_values({"packing.rows": 101, "time.duration": 20.0})
     assert echo(0) == driven.echo_time
+    # A sphere of the first row beside one of row 10 is in one source with it, and no less a wall for its waves
+    for place, is_wall in (({"spheres": [[0, 0], [10, 0]]}, True), ({"rows": [0, 10]}, False)):
+        moved = {"packing.rows": 101, "packing.columns": 4, "source": [{"motion": "x"} | place]}
+        assert (STRIP.with_values(moved).echo_time == echo(10)) == is_wall
 
 
 QUIET = STRIP.with_values({"packing.rows": 201, "absorb.rows": "auto", "absorb.reflection": 1e-2})
@@ -340,7 +373,11 @@ NEITHER = {"spheres": [[1, 1]]}
         ({"source": [NEITHER]}, "source 1: neither given: must be either motion or force"),
         ({"source": [NEITHER | {"motion": "x", "force": "x"}]}, "source 1: motion and force given"),
         ({"source": [{"motion": "x"}]}, "source 1: neither given: must be either rows or spheres"),
-        ({"source": [NEITHER | {"motion": "rotation"}]}, r'source\.1\.motion = \'rotation\': must be one of "x", "y"'),
+        ({"source": [MOVE, MOVE | {"motion": "rotation"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
+        (
+            {"source": [MOVE | {"motion": "rotation"}], "effects.tracking": False},
+            r'source 1: motion = "rotation": needs effects\.rotation and effects\.tracking',
+        ),
         ({"source": [NEITHER | {"motion": "z"}]}, r'source\.1\.motion = \'z\': must be one of "x", "y"'),
         (
             {"source": [NEITHER | {"force": "x", "signal": "f.csv"}]},

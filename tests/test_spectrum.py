@@ -11,11 +11,11 @@ import pytest
 from analysis import second_harmonic as closed
 from analysis.figures import spectrum as spectrum_figure
 from analysis.measure import spectrum
-from analysis.measure.runs import by_wave
+from analysis.measure.runs import by_wave, sweep
 from analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.ladder import with_step
-from tests.stand_in import leave_folder
+from tests.stand_in import leave_folder, leave_sweep
 
 ZONE = Scene.load("tr_periodic").with_values({"packing.rows": 128, "wave.amplitude": 0.02})
 TAU = np.arange(0.0, 120.1, 0.5)
@@ -188,8 +188,7 @@ def folder(tmp_path: Path) -> Callable[[Iterable[Record]], Path]:
     """Makes the folder of a sweep of records."""
 
     def make(records: Iterable[Record]) -> Path:
-        for number, record in enumerate(records):
-            leave_folder(record, tmp_path / "sweep" / "runs" / str(number))
+        leave_sweep(list(records), tmp_path / "sweep")
         return tmp_path / "sweep"
 
     return make
@@ -207,6 +206,25 @@ def test_the_script_prints_medians_and_locations(
     assert float(lines["TR"][3]) < 1e-8  # as in `test_the_amplitude_put_in_is_found`
     assert float(lines["resonance"][2]) == pytest.approx(1.47627, abs=3e-4)  # a quartic over 0.4 rad of wave number
     assert float(lines["antiresonance"][2]) == pytest.approx(2.12923, abs=3e-4)
+
+
+def test_runs_of_an_earlier_sweep_in_the_folder_are_left_out(folder: Callable[..., Path]) -> None:
+    swept = folder([of_theory("TR", 18), of_theory("TR", 17)])
+    leave_folder(of_theory("L", 19), swept / "runs" / "earlier")
+    assert [record.scene.wave.mode for record in sweep(str(swept))] == ["TR", "TR"]
+    assert [record.folder for record in sweep(str(swept))] == [swept / "runs" / "1", swept / "runs" / "0"]
+
+
+def test_a_sweep_with_a_run_that_is_not_finished_and_a_folder_that_holds_none_are_refused(
+    folder: Callable[..., Path],
+) -> None:
+    swept = folder([of_theory("TR", 17), of_theory("TR", 18)])
+    table = swept / "sweep.csv"
+    table.write_text(table.read_text(encoding="utf-8").replace("finished", "failed", 1), encoding="utf-8")
+    with pytest.raises(SystemExit, match="sweep: 1 runs are not finished; the same sweep command again does them"):
+        sweep(str(swept))
+    with pytest.raises(SystemExit, match="runs: is no sweep; granular-lmp sweep SCENE"):
+        sweep(str(swept / "runs"))
 
 
 def at(record: Record, amplitude: float, scale: float = 1.0) -> Record:

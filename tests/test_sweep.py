@@ -305,6 +305,17 @@ def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_pa
     assert (tmp_path / "mine.txt").read_text() == "keep"
 
 
+def test_the_table_of_another_sweep_is_gone_before_the_first_run(small: Scene, tmp_path: Path) -> None:
+    sweep(small, {"wave.amplitude": [0.1]}, tmp_path / "sweep")
+    there: list[bool] = []
+
+    def look(*_: object) -> None:
+        there.append((tmp_path / "sweep" / "sweep.csv").exists())
+
+    sweep(small, {"wave.amplitude": [0.2]}, tmp_path / "sweep", force=True, progress=look)
+    assert there == [False]
+
+
 def test_two_sweeps_do_not_share_a_folder(small: Scene, tmp_path: Path) -> None:
     with locked(tmp_path / "sweep", make=True), pytest.raises(RunFolderError, match="another run is at work there"):
         sweep(small, TWO, tmp_path / "sweep")

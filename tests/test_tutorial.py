@@ -61,7 +61,7 @@ def output(command: list[str], folder: Path) -> str:
 
 
 def says(printed: str, shown: str) -> bool:
-    """Whether a printed line is the line shown: the same words, and numbers that agree to two digits."""
+    """Tell if a printed line is the line shown: the same words, and numbers that agree to two digits."""
     words, others = printed.split(), shown.split()
     return len(words) == len(others) and all(map(same, words, others))
 

@@ -373,8 +373,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/disorder.png", sweeps="folders of sweeps over disorder.seed")
     chosen = options.parse_args(arguments)
     records = [record for folder in chosen.sweeps for record in sweep(folder)]
-    if not records:
-        options.error(f"{chosen.sweeps[0]}: no sweep with finished runs")
     try:
         found = read(records)
         text = table(found)

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from analysis.figures.plotting import parser, show, start
-from analysis.measure.rows import AIRY, Rows, echo, load_form
+from analysis.measure.rows import AIRY, Rows, amplitudes_at, echo, load_form
 from analysis.theory.choice import wave_of
 from analysis.theory.driven import beat_length, driven_amplitudes, slowest, static
 from analysis.theory.wave import Wave
@@ -27,18 +27,6 @@ PERIODS = 5  # fewest in the window of the fit: Hann's sidelobes then keep 1, Ω
 PER_PERIOD = 8  # fewest snapshots: above Nyquist's 6 of the third harmonic
 FEWEST_ROWS = 3
 PART = 1 / 3  # share of the time after the ramp that the window takes
-
-
-def fit(tau: Floats, signals: Floats, frequency: float) -> tuple[Floats, Complexes]:
-    """Mean (N,) and amplitudes (3, N) of e^{−imΩτ}, m = 1, 2, 3, of signals (T, N), by least squares, Hann-weighted.
-
-    The window lowers what other frequencies of a wave just switched on leave in the amplitudes.
-    """
-    angles = frequency * np.multiply.outer(tau, [1, 2, 3])
-    columns = np.column_stack([np.ones_like(tau), tau - np.mean(tau), np.cos(angles), np.sin(angles)])
-    weights = np.sin(np.pi * (np.arange(len(tau)) + 0.5) / len(tau))[:, None]  # squared, they are Hann's
-    factors, *_ = np.linalg.lstsq(columns * weights, signals * weights, rcond=None)
-    return factors[0], factors[2:5] + 1j * factors[5:8]
 
 
 @dataclass(frozen=True)
@@ -84,14 +72,15 @@ def compare(record: Record, rows: Rows) -> Comparison:
             f"rows per tau, ramp {scene.envelope.ramp:g}) at tau = {tau[0]:.4g} and hear no echo until {last:.4g}"
         )
     fundamental, second = driven_amplitudes(linear, constants, wave.amplitude, n, wave.phase)
-    means, p = fit(tau, rows.p[first:, n], linear.frequency)
+    harmonics = linear.frequency * np.arange(1, 4)
+    means, p = amplitudes_at(tau, rows.p[first:, n], harmonics)
     if linear.name == "L":
         run, theory = {"p": p[0]}, {"p": fundamental[0]}
     else:
-        run = {"q": fit(tau, rows.q[first:, n], linear.frequency)[1][0]}
+        run = {"q": amplitudes_at(tau, rows.q[first:, n], harmonics)[1][0]}
         theory = {"q": fundamental[1]}
         if constants.rotation:
-            run["phi"] = fit(tau, rows.phi[first:, n], linear.frequency)[1][0]
+            run["phi"] = amplitudes_at(tau, rows.phi[first:, n], harmonics)[1][0]
             theory["phi"] = fundamental[2]
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
     # Quiet ends do not absorb a steady push, and the held end hinders it

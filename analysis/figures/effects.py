@@ -112,9 +112,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if len(chosen.sweeps) > len(STYLES):
         options.error(f"{len(chosen.sweeps)} sweeps; at most {len(STYLES)} can be told apart")
     sweeps = [sweep(folder) for folder in chosen.sweeps]
-    empty = [folder for folder, records in zip(chosen.sweeps, sweeps, strict=True) if not records]
-    if empty:
-        options.error(f"{empty[0]}: no sweep with finished runs")
     for record in (record for records in sweeps for record in records):
         traits = traits_of(record)
         if left_out := missing("exact-lattice", traits):

@@ -4,8 +4,8 @@
 
 RUN is a run folder of an impact with one striking sphere on the edge of a sheet that records all spheres, or those of
 the directions 0, 30, 60 and 90 degrees from the edge. The decay β of height ∝ distance^−β is printed, and
-the speed V over height^{1/5} at the near and at the far end, from ten diameters to where the record ends or the sheet
-does.
+the speed V over height^{1/5} at the near and at the far end, from ten diameters to where the record ends, or an echo of
+the far end or of the nearer side comes.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from granular_lmp.runs.record import GranularError
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
+ASIDE = 0.85  # share of the way to the nearer side: the head of the front, 3 distances, has no echo at its crest there
 FEWEST = 4  # spheres of a fit
 CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (analysis.theory.solitary)
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
@@ -35,11 +36,14 @@ def fronts(record: ImpactRecord) -> dict[int, Front]:
     strikers = np.concatenate(record.problem.strikers)
     if len(strikers) != 1:
         raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")
-    places = (record.rest - record.problem.crystal.positions[strikers[0], :2]) / 2
+    centres = record.problem.crystal.positions[:, :2]
+    places = (record.rest - centres[strikers[0]]) / 2
+    room = np.abs(np.array([centres[:, 0].min(), centres[:, 0].max()]) - centres[strikers[0], 0]).min() / 2
     found = {}
     for degrees in DIRECTIONS:
         whole = front(record.tau, record.velocity, places, degrees)
-        part = whole.between(NEAREST, FARTHEST * record.scene.packing.rows)
+        farthest = min(FARTHEST * record.scene.packing.rows, ASIDE * room / np.cos(np.radians(degrees)))
+        part = whole.between(NEAREST, farthest)
         if len(part.distance) < FEWEST:
             raise ValueError(
                 f"{record.scene.name}: {len(part.distance)} recorded spheres at {degrees} degrees that the front has "

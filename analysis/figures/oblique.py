@@ -101,8 +101,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/oblique.png", sweeps="folders of sweeps over wave.mode, wave.direction")
     chosen = options.parse_args(arguments)
     records = [record for folder in chosen.sweeps for record in sweep(folder)]
-    if not records:
-        options.error(f"{chosen.sweeps[0]}: no sweep with finished runs")
     try:
         made = points(records)
     except (ValueError, GranularError) as error:

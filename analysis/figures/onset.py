@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from analysis.figures.plotting import SILICA, parser, save, start
 from analysis.measure.onset import Event, Onset, onset
-from analysis.measure.runs import sweep
+from analysis.measure.runs import all_but, sweep
 from granular_lmp.runs.record import Record
 
 MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # with its size, in points
@@ -72,14 +72,19 @@ def table(found: Sequence[Point]) -> str:
 
 
 def draw(records: Sequence[Record], found: Sequence[Point]) -> Figure:
-    """Return the figure: onset of opening, onset of sliding, the second harmonic over amplitude and over friction."""
+    """Return the figure: onset of opening, onset of sliding, the second harmonic over amplitude and over friction.
+
+    Raises ValueError for runs without sliding of several frictions, and runs with sliding that differ in more than it.
+    """
     figure = Figure(figsize=(10.0, 7.0), layout="constrained")
-    (opens, slides), (beyond, frictions) = figure.subplots(2, 2)
+    (opens, slides), (beyond, rubbed) = figure.subplots(2, 2)
     _map(opens, found, "opening", "(a) contacts open")
-    friction = next(r.scene.effects.friction for runs in waves(records).values() for r in runs)
-    _map(slides, found, "sliding", f"(b) contacts slide, friction {friction:g}")
+    frictions = sorted({run.scene.effects.friction for runs in waves(records).values() for run in runs})
+    if len(frictions) > 1:
+        raise ValueError(f"effects.friction = {frictions}: must be one in the runs without sliding")
+    _map(slides, found, "sliding", f"(b) contacts slide, friction {frictions[0]:g}")
     _beyond(beyond, records)
-    _frictions(frictions, records)
+    _frictions(rubbed, records)
     return figure
 
 
@@ -130,6 +135,8 @@ def _frictions(axes: Axes, records: Sequence[Record]) -> None:
     if not runs:
         axes.text(0.5, 0.5, "no runs with sliding", ha="center", transform=axes.transAxes)
         return
+    if len({repr(all_but(run, "effects.friction")) for run in runs}) > 1:
+        raise ValueError(f"{runs[0].folder}: the runs with sliding must differ in effects.friction alone")
     frictions = [float(run.scene.effects.friction) for run in runs]
     period = 2 * np.pi / runs[0].info["frequency"]
     last = [np.abs(run.q[run.tau > run.tau[-1] - period]).max() for run in runs]
@@ -152,10 +159,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.error(f"{chosen.sweeps[0]}: no finished runs with effects.sliding = false")
     try:
         found = points(runs)
+        figure = draw(runs, found)
     except ValueError as error:
         options.error(str(error))
     print(table(found))
-    save(draw(runs, found), chosen.output)
+    save(figure, chosen.output)
     return 0
 
 

@@ -178,8 +178,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.add_argument("--csv", metavar="FILE", help="write the points too: wave, generated wave, theory")
     chosen = options.parse_args(arguments)
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
-    if not runs:
-        options.error(f"{chosen.sweeps[0]}: no sweep with finished runs")
     for record in runs:
         if reason := refusal(record):
             options.error(f"{record.folder}: {reason}")

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from analysis.figures.plotting import parser, show, start
-from analysis.measure.rows import rows_of
+from analysis.measure.rows import amplitudes_at, rows_of, waves
 from analysis.measure.runs import load
 from analysis.theory.bloch import real_modes, wavevector_of
 from analysis.theory.catalogue import missing, said
@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 SOURCES = {"source", said("wave.form", "none")}  # traits of a crystal that is shaken
-PART = 1 / 3  # of a run that is fitted
+PART = 1 / 3  # share of a run that is fitted, its end
 NEAR = 6  # rows beside a source, in which waves decay that it makes beside the one
 FEWEST_ROWS = 12
 PER_PERIOD = 4  # fewest snapshots in a period of Ω1 + Ω2
@@ -128,27 +128,31 @@ def compare(record: Record) -> Tones:
         raise ValueError(
             f"the lines {sorted(seen)} rad per t0 must lie {resolved:.3g} apart in the last third of the run"
         )
-    p, q = (_amplitudes(rows.tau[late], each[late][:, n], sorted(seen)) for each in (rows.p, rows.q))
-    contact, step, place = contact_of(record), scene.time.step, n - scene.shape.centre_row
+    p, q = (
+        dict(zip(sorted(seen), amplitudes_at(rows.tau[late], each[late][:, n], sorted(seen))[1], strict=True))
+        for each in (rows.p, rows.q)
+    )
+    # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
+    contact, step, place = contact_of(record), record.snapshots().scene.time.step, n - scene.shape.centre_row
     # Velocity Verlet moves a wave of the lattice's Ω at the frequency 2/h·asin(Ωh/2)
     xi = [wavenumber(2 / step * np.sin(w * step / 2), contact, longitudinal=False) for w in (first, second)]
-    tones = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
-    waves = []
-    for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), tones, strict=True):
+    pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
+    sent = []
+    for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), pair_of, strict=True):
         shape = real_modes(tone.wavevector, springs(contact))[1][0]
-        waves.append(-_fitted(place, q[frequency], [ahead * each, -ahead * each])[0] / shape[0])
+        sent.append(-waves(q[frequency], place, [ahead * each, -ahead * each])[0][0] / shape[0])
     lines = []
     signs: tuple[tuple[str, Literal[1, -1]], ...] = ("sum", 1), ("difference", -1)
     for name, sign in signs:
         at = first + sign * second
-        pair = Pair(tones[0], tones[1], sign, contact)
-        product = waves[0] * (waves[1] if sign > 0 else waves[1].conjugate())
+        pair = Pair(pair_of[0], pair_of[1], sign, contact)
+        product = sent[0] * (sent[1] if sign > 0 else sent[1].conjugate())
         theory, forced = complex(forced_amplitude(pair)[1] * product * scene.wave.amplitude), xi[0] - sign * xi[1]
         frequency = abs(at)
         if at < 0:  # the same field with a positive frequency
             theory, forced = theory.conjugate(), -forced
         free = wavenumber(2 / step * np.sin(frequency * step / 2), contact, longitudinal=True)
-        run, ahead, back = _fitted(place, p[frequency], [forced, free, -free]).tolist()
+        run, ahead, back = waves(p[frequency], place, [forced, free, -free])[0].tolist()
         lines.append(Line(name, frequency, forced, free, run, theory, ahead, back, p[frequency]))
     return Tones(record, (first, second), place, tuple(lines))
 
@@ -163,20 +167,6 @@ def _sources(record: Record) -> tuple[Any, Any]:
     if not right or any("x" not in (each.motion, each.force) for each in sources):
         raise ValueError('sources must be two, each of one row, with signal = "tone", a frequency, and force = "x"')
     return sources[0], sources[1]
-
-
-def _amplitudes(tau: Floats, signals: Floats, frequencies: list[float]) -> dict[float, Complexes]:
-    """Amplitudes (N,) of e^{−iΩτ} in signals (T, N), beside a mean and a slope, by least squares, Hann-weighted."""
-    angles = np.multiply.outer(tau, frequencies)
-    columns = np.column_stack([np.ones_like(tau), tau - tau.mean(), np.cos(angles), np.sin(angles)])
-    weights = np.sin(np.pi * (np.arange(len(tau)) + 0.5) / len(tau))[:, None]
-    factors = np.linalg.lstsq(columns * weights, signals * weights, rcond=None)[0][2:]
-    return dict(zip(frequencies, factors[: len(frequencies)] + 1j * factors[len(frequencies) :], strict=True))
-
-
-def _fitted(n: NDArray[np.int64], values: Complexes, wavenumbers: list[float]) -> Complexes:
-    """Amplitudes at n = 0 of waves e^{iξn} in the rows n, by least squares."""
-    return np.asarray(np.linalg.lstsq(np.exp(1j * np.multiply.outer(n, wavenumbers)), values, rcond=None)[0])
 
 
 def draw(found: Tones) -> Figure:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.measure.norms import slope
 
 Floats = NDArray[np.float64]
-SILENCE = 1e-5  # of the striker's speed: a crest below it is rounding, or the foot of the front
+SILENCE = 1e-5  # share of the striker's speed: a crest below it is rounding, or the foot of the front
 SAME_LINE = 1e-6  # distance across a direction, that a sphere on it has by rounding
 
 

@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.measure.runs import all_but
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -42,12 +43,15 @@ def onset(records: Sequence[Record], event: Event) -> Onset | None:
     Raises
     ------
     ValueError
-        If contacts slide in a run or bear no shear, two runs have one amplitude, or too few are near the event.
+        If contacts slide in a run or bear no shear, runs differ in more or have one amplitude, or the first has the
+        event already.
     """
     ordered = sorted(records, key=lambda record: record.scene.wave.amplitude)
     amplitudes = np.array([record.scene.wave.amplitude for record in ordered])
     if np.any(np.diff(amplitudes) == 0):
         raise ValueError(f"{ordered[0].folder}: two runs have one amplitude; they must differ in the amplitude alone")
+    if len({repr(all_but(record, "wave.amplitude")) for record in ordered}) > 1:
+        raise ValueError(f"{ordered[0].folder}: the runs must differ in wave.amplitude alone")
     happened, left, rule = np.array([_margins(record, event) for record in ordered]).T
     try:
         found = crossing(amplitudes, left, happened > 0)

@@ -1,5 +1,6 @@
-"""Runs along y whose rows move as one, read row by row from their snapshots: standing waves and driven rows."""
+"""Runs along y whose rows move as one: read row by row from their snapshots, and their tones and waves by amplitude."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from analysis.theory.choice import traits_of
 from granular_lmp.runs.record import GranularError, Record
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complexfloating]
 
 AIRY = 3.5  # widths d^{1/3}, after d rows, ahead of a front at which the lattice moves by 1e-6 of the wave
 
@@ -62,3 +64,28 @@ def echo(distance: ArrayLike) -> Floats:
     """τ after which a signal that has run so many rows is heard to 1e-6: ½ row per τ, Airy's d^{1/3} ahead of it."""
     rows = np.asarray(distance, dtype=float)
     return 2 * np.maximum(rows - AIRY * np.cbrt(rows), 0)
+
+
+def amplitudes_at(tau: Floats, signals: Floats, frequencies: ArrayLike) -> tuple[Floats, Complexes]:
+    """Mean (N,) and amplitudes (F, N) of e^{−iΩτ} in signals (T, N), beside a slope, by least squares, Hann-weighted.
+
+    The window lowers what other frequencies of a wave just switched on leave in the amplitudes.
+    """
+    angles = np.multiply.outer(tau, frequencies)
+    columns = np.column_stack([np.ones_like(tau), tau - np.mean(tau), np.cos(angles), np.sin(angles)])
+    weights = np.sin(np.pi * (np.arange(len(tau)) + 0.5) / len(tau))[:, None]  # squared, they are Hann's
+    factors, *_ = np.linalg.lstsq(columns * weights, signals * weights, rcond=None)
+    count = angles.shape[1]
+    return factors[0], factors[2 : 2 + count] + 1j * factors[2 + count :]
+
+
+def waves(field: NDArray[np.complexfloating], at: ArrayLike, wavenumbers: Sequence[float]) -> tuple[Complexes, float]:
+    """Return the amplitudes of e^{ikn} in a field (n,) at places (n,), and what they leave of it, relative.
+
+    Raises ValueError for fewer places than waves.
+    """
+    if len(field) < len(wavenumbers):
+        raise ValueError(f"{len(field)} rows: must be at least {len(wavenumbers)}, as many as the waves in them")
+    basis = np.exp(1j * np.multiply.outer(at, np.asarray(wavenumbers)))
+    found = np.linalg.lstsq(basis, field, rcond=None)[0]
+    return found, float(np.linalg.norm(basis @ found - field) / np.linalg.norm(field))

@@ -3,10 +3,12 @@
 from collections.abc import Iterable
 from math import isclose
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from granular_lmp.runs.record import STATUS, GranularError, Record
+from analysis.measure.swept import Swept
+from granular_lmp.runs.record import GranularError, Record
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
@@ -24,9 +26,30 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
 
 
 def sweep(folder: str) -> list[Record]:
-    """The finished runs of a sweep, by wave number."""
-    runs = (load(path.parent) for path in Path(folder).glob(f"runs/*/{STATUS}"))
-    return sorted(runs, key=lambda record: record.scene.wavenumber)
+    """Return the finished runs of a sweep, by wave number; no run of an earlier sweep in the same folder.
+
+    Raises SystemExit with one line for a folder that holds no sweep, and where a run failed or is not finished.
+    """
+    swept = Swept.load(folder)
+    if swept is None:
+        raise SystemExit(f"{folder}: is no sweep; granular-lmp sweep SCENE --over KEY=VALUES makes one")
+    if swept.missing:
+        raise SystemExit(f"{folder}: {swept.missing} runs are not finished; the same sweep command again does them")
+    return sorted(map(load, dict.fromkeys(swept.folders)), key=lambda record: record.scene.wavenumber)
+
+
+def all_but(record: Record, *keys: str) -> dict[str, Any]:
+    """Return the values of a run's scene but for its name, its description and some keys, "section.key"."""
+
+    def others(section: str, table: Any) -> Any:
+        if isinstance(table, list):
+            return [others(section, each) for each in table]
+        if not isinstance(table, dict):
+            return table
+        return {key: value for key, value in table.items() if f"{section}.{key}" not in keys}
+
+    tables = record.scene.to_dict()
+    return {name: others(name, table) for name, table in tables.items() if name not in ("name", "description")}
 
 
 def by_wave(records: Iterable[Record]) -> list[list[Record]]:
@@ -41,10 +64,7 @@ def by_wave(records: Iterable[Record]) -> list[list[Record]]:
     """
     waves: dict[str, list[Record]] = {}
     for record in records:
-        tables = record.scene.to_dict()
-        others = {key: value for key, value in tables.items() if key not in ("name", "description")}
-        others["time"] = {key: value for key, value in tables["time"].items() if key not in ("timestep", "tolerance")}
-        waves.setdefault(repr(others), []).append(record)
+        waves.setdefault(repr(all_but(record, "time.timestep", "time.tolerance")), []).append(record)
     groups = [sorted(runs, key=lambda record: record.scene.time.step) for runs in waves.values()]
     for fine, *rest in groups:
         scene = fine.scene

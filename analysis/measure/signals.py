@@ -12,6 +12,7 @@ from granular_lmp.runs.record import Record
 COMPONENTS = ("p", "q", "phi")
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
+FEWEST = 3  # records for each factor of a fit, without which its error says nothing
 
 
 def predicted_amplitude(wave: Wave) -> float | None:
@@ -45,8 +46,8 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
     second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
     proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
-    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; and where there is
-    no closed form for it.
+    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; where there is no
+    closed form for it; and for fewer than `FEWEST` records a factor.
     """
     predicted = predicted_amplitude(wave)
     if predicted is None:
@@ -58,9 +59,11 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     if wave.mode.p:
         angle = wave.mode.frequency * record.tau
         columns += [np.cos(angle), np.sin(angle)]
+    if len(record.tau) < FEWEST * len(columns):
+        return None, None
     matrix = np.column_stack(columns)
     solution, *_ = np.linalg.lstsq(matrix, record.p)
     residual = record.p - matrix @ solution
-    variance = residual @ residual / max(len(record.tau) - len(columns), 1)
+    variance = residual @ residual / (len(record.tau) - len(columns))
     spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
     return float(solution[0] * predicted), float(spread * predicted)

@@ -31,7 +31,7 @@ from analysis.theory.springs import springs
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
 Function = Callable[[Floats], Floats]
-COMPONENTS = {"x": 0, "y": 1, "torque": 2}
+COMPONENTS = {"x": 0, "y": 1, "torque": 2, "rotation": 2}
 _SAME = 1e-3  # lattice constants: spheres farther apart than 1 + that do not touch
 _LOWEST = 1e-6  # rad/t0: a crystal that nothing holds shifts as a whole, ω = 0; its answer is off by (ωτ)²/6
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -45,7 +45,7 @@ class Load:
     Attributes
     ----------
     spheres : (n,) indices.
-    axis : "x", "y" or "torque"; a motion has no "torque".
+    axis : "x", "y" or "torque"; of a motion "x", "y" or "rotation", φ = Rθ.
     signal : g of times (T,), in k1 D0, k1 D0 R or D0.
     moves : True for a motion. Its spheres then do nothing else.
     """
@@ -56,7 +56,7 @@ class Load:
     moves: bool = False
 
     def __post_init__(self) -> None:
-        allowed = ("x", "y") if self.moves else tuple(COMPONENTS)
+        allowed = ("x", "y", "rotation" if self.moves else "torque")
         if self.axis not in allowed:
             raise ValueError(f"axis = {self.axis!r}: must be one of {', '.join(allowed)}")
 

@@ -1,4 +1,4 @@
-"""Who touches whom in the hexagonal lattice, for a wave of any direction: on the phase torus, and on a ring of rows.
+"""Neighbours in the hexagonal lattice, for a wave of any direction: on the phase torus, and on a ring of rows.
 
 A sphere has three neighbours ahead, at the lattice vectors d of 0°, 60° and 120° from a close-packed row, and three
 behind, at −d. A plane wave that starts as a function of the phase k·r alone stays one, so on one period of it, the
@@ -108,15 +108,24 @@ def torus_neighbours(wavenumber: float, points: int, direction: float = 90.0) ->
     """
     size = 3 * points
     ends = at_ends(torus_shifts(wavenumber, points, direction), direction)
-    # Both ways as one matrix: more numbers to multiply, and a third of the time for one wave
+    # Both ways as one matrix: more numbers to multiply, fewer calls of NumPy. Complex waves are pairs of real ones, as
+    # NumPy would turn the matrix into a complex one at each call
     deforming = ends.deform(np.eye(size).reshape(-1, 3, points)).reshape(size, -1)
     gathering = -deforming.T
 
+    def product(values: Floats, matrix: Floats) -> Floats:
+        if values.dtype == float:
+            return values @ matrix
+        parts = np.stack([values.real, values.imag]) @ matrix
+        return parts[0] + 1j * parts[1]
+
     def deform(places: Floats) -> Floats:
-        return (places.reshape(*places.shape[:-2], size) @ deforming).reshape(*places.shape[:-2], 3, 3, points)
+        flat = places.reshape(*places.shape[:-2], size)
+        return product(flat, deforming).reshape(*places.shape[:-2], 3, 3, points)
 
     def gather(forces: Floats) -> Floats:
-        return (forces.reshape(*forces.shape[:-3], 3 * size) @ gathering).reshape(*forces.shape[:-3], 3, points)
+        flat = forces.reshape(*forces.shape[:-3], 3 * size)
+        return product(flat, gathering).reshape(*forces.shape[:-3], 3, points)
 
     return Neighbours(deform, gather)
 

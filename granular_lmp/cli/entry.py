@@ -19,6 +19,7 @@ _STDERR = 2  # its descriptor
 
 def program() -> int:
     """Run the command of this process; returns its exit status."""
+    gc.set_threshold(100_000)  # to search all that is imported for circles, again and again, is 5 % of a short command
     status = main()
     gc.freeze()  # the interpreter would search numpy for circles before it ends: 7 % of a short command
     return status
@@ -48,7 +49,7 @@ def main(argv: list[str] | None = None) -> int:
         return 128 + signal.SIGINT
     except BrokenPipeError:  # the reader of our output, `head` say, has gone
         return 0
-    except OSError as error:  # of the machine: a folder that nobody may look into, no descriptors left
+    except OSError as error:  # the machine refuses: a folder that nobody may look into, no descriptors left
         remark(f"granular-lmp: error: {error.filename or 'this machine'}: {error.strerror or error}")
         return 2 if error.filename else 1
     except MemoryError as error:

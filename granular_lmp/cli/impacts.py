@@ -1,4 +1,4 @@
-"""What the commands run, build, check, effects and list say of an impact (`granular_lmp.impact`)."""
+"""Commands on an impact (`granular_lmp.impact`): init, run, build, check, effects, resume and export."""
 
 from typing import TYPE_CHECKING
 
@@ -27,6 +27,30 @@ def impact_of(options: Options) -> "ImpactScene | None":
         raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
     scene = ImpactScene.load(options.scene)
     return scene.with_values(changes_of(options)) if options.changes else scene
+
+
+_HEAD = """\
+# Run it:                        granular-lmp run {file}
+# What it would take:            granular-lmp check {file}
+# Change one value:              granular-lmp run {file} --set striker.1.velocity=0.1
+# Every key, with what is allowed: docs/reference/impact.md
+# Tables that may be added:      [disorder], [output], [[striker]], [[inclusion]]
+
+"""
+
+
+def init(file: str, source: str) -> bool:
+    """Write an impact into a new file, under the name of the file; False if `source` is none."""
+    from pathlib import Path
+
+    from granular_lmp.impact.scene import ImpactScene, is_impact
+    from granular_lmp.scene.starter import write_new
+
+    if not is_impact(source):
+        return False
+    scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
+    write_new(Path(file), _HEAD.format(file=file) + scene.to_toml())
+    return True
 
 
 def build(scene: "ImpactScene", options: Options) -> int:
@@ -97,6 +121,38 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
     say(f"guards    {', '.join(each.guard for each in problem.effects if each.guard)}")
     return 0
+
+
+def refuse_resume(folder: str) -> None:
+    """Raise RunFolderError if the folder holds an impact that did not finish: its decks write no checkpoints."""
+    from granular_lmp.errors import RunFolderError
+    from granular_lmp.impact.scene import is_impact
+    from granular_lmp.runs.record import read_status
+
+    if is_impact(folder) and read_status(folder).get("status") != "finished":
+        raise RunFolderError(f"{folder}: holds an impact, which cannot be continued; run it again with force=True")
+
+
+def export(folder: str, path: str, monitor: str | None) -> bool:
+    """Write the run of an impact in SI units; False if the folder holds another run.
+
+    Raises
+    ------
+    RunFolderError
+        If a monitor is asked for, the file is no CSV, or cannot be written.
+    """
+    from granular_lmp.errors import RunFolderError
+    from granular_lmp.impact.record import ImpactRecord
+    from granular_lmp.impact.scene import is_impact
+
+    if not is_impact(folder):
+        return False
+    if monitor is not None:
+        raise RunFolderError(f"--monitor {monitor}: must be left out for an impact, which has no monitors ({folder})")
+    if not path.lower().endswith(".csv"):
+        raise RunFolderError(f"{path}: must end in .csv for an impact, whose dump.particles OVITO and ASE read")
+    ImpactRecord.load(folder).write_si(path)
+    return True
 
 
 def effects(scene: "ImpactScene", options: Options) -> int:

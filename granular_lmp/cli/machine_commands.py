@@ -47,6 +47,7 @@ def _completion(options: Options) -> int:
     from granular_lmp.cli.completion import bash
     from granular_lmp.scene.shipped import shipped
 
-    scenes, collisions = shipped("*/scene.toml"), shipped("collisions/*.toml")
-    say(bash(options.parsers, {"collide": collisions}, scenes))
+    scenes, collisions, impacts = map(shipped, ("*/scene.toml", "collisions/*.toml", "impacts/*/scene.toml"))
+    names = {"collide": collisions} | dict.fromkeys(("run", "build", "check", "effects"), scenes | impacts)
+    say(bash(options.parsers, names, scenes))
     return 0

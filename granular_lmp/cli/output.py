@@ -1,4 +1,4 @@
-"""What a command prints: its answer on standard output; notes, warnings and the progress bar on standard error."""
+"""Output of a command: its answer on standard output; notes, warnings and the progress bar on standard error."""
 
 import json
 import os

@@ -67,6 +67,7 @@ def _resume(options: Options) -> int:
     with phase("imports"):
         from granular_lmp.accuracy.tolerance import resume
 
+    impacts.refuse_resume(options.folder)
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
     return _say_how_it_went(options.folder, record)

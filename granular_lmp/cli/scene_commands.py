@@ -64,7 +64,8 @@ def _init(options: Options) -> int:
     if options.all is not None:
         say(f"{options.all}: {', '.join(copy_shipped(options.all))}")
         return 0
-    write_starter(options.file, options.source)
+    if not impacts.init(options.file, options.source):
+        write_starter(options.file, options.source)
     say(f"{options.file}: as {options.source}; next: granular-lmp check {options.file}")
     return 0
 
@@ -120,7 +121,10 @@ def _check(options: Options) -> int:
         bounds = found.on(ranks)
         if bounds and found.spheres >= WORTH_RANKS:
             say(f"{f'on {ranks}':10}{bounds[0]:.2g} to {bounds[1]:.2g} s{how}")
-    say(f"restart   a checkpoint about every {found.checkpoint:.3g} minutes")
+    restart = "none: one column cannot be continued"
+    if found.checkpoint is not None:
+        restart = f"a checkpoint about every {found.checkpoint:.3g} minutes"
+    say(f"restart   {restart}")
     say(f"memory    about {found.memory / 1e6:.0f} MB")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")
     say(f"guards    {', '.join(problem.guards) or 'none'}")

@@ -1,4 +1,4 @@
-"""Commands that do many runs, or runs of another kind: sweep, cost, kick, collide."""
+"""Commands that do many runs, or runs of another kind: sweep, scatter, cost, kick, collide."""
 
 import argparse
 from math import inf
@@ -37,6 +37,18 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         metavar="N",
         help="processes, each with one run at a time (default: 1); or mpi: the ranks of "
         "mpiexec -n RANKS python -m mpi4py.futures -m granular_lmp sweep ...",
+    )
+
+    scatter = add(
+        commands,
+        "scatter",
+        _scatter,
+        "run a scene with and without its inclusions: what passes them and what comes back",
+    )
+    scene_arguments(scatter)
+    folder_arguments(scatter, "study folder (default: scatter/NAME)")
+    scatter.add_argument(
+        "--tones", type=positive, default=0, metavar="N", help="frequencies of a burst that are run as tones too"
     )
 
     cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
@@ -100,6 +112,22 @@ def _sweep(options: Options) -> int:
     finished = len(done.having("finished"))
     say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
+
+
+def _scatter(options: Options) -> int:
+    from granular_lmp.lammps.outputs import writable
+    from granular_lmp.plot.scattering import scattering_figure
+    from granular_lmp.studies.scatter import scatter
+
+    scene = scene_of(options)
+    folder = options.output or f"scatter/{scene.name}"
+    with interruptible() as bar:
+        found = scatter(scene, folder, tones=options.tones, force=options.force, progress=bar)
+    say(found.text())
+    with writable(found.folder):
+        scattering_figure(found).savefig(found.folder / "scatter.png", dpi=150)
+    say(f"{folder}: scatter.csv, scatter.png")
+    return 0
 
 
 def _cost(options: Options) -> int:

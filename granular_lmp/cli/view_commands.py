@@ -2,6 +2,7 @@
 
 import argparse
 
+from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import Commands, Options, add, positive
 from granular_lmp.cli.output import remark, say
 
@@ -18,6 +19,11 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     view.add_argument("--magnify", type=float, metavar="X", help="of a run: displacements and angles X times as large")
     view.add_argument(
         "--rows", type=positive, metavar="N", help="of a run: rows to draw around the centre (default: 25)"
+    )
+    view.add_argument(
+        "--fronts",
+        action="store_true",
+        help="of a run with bursts: where their L, TR and RT waves are by the group velocities of the crystal",
     )
     view.add_argument(
         "--at-rest",
@@ -42,7 +48,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    wanted = {name: getattr(options, name) for name in ("tau", "colour", "magnify", "rows", "column", "at_rest")}
+    names = ("tau", "colour", "magnify", "rows", "fronts", "column", "at_rest")
+    wanted = {name: getattr(options, name) for name in names}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")
     say(options.output)
@@ -50,6 +57,9 @@ def _view(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
+    if impacts.export(options.folder, options.output, options.monitor):
+        say(options.output)
+        return 0
     from granular_lmp.runs.export import export
     from granular_lmp.runs.record import Record
 

@@ -49,10 +49,10 @@ class Lattice:
 
     @property
     def fewest_columns(self) -> int:
-        """Fewest columns that LAMMPS simulates correctly.
+        """Fewest columns that LAMMPS simulates correctly on any neighbour list.
 
         With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, which share one shear
-        history.
+        history when the list is renewed; see `Shape.single_column`.
         """
         return 3 if self.endless_rows else 1
 
@@ -88,12 +88,17 @@ class Shape:
         return self.rows * self.columns
 
     @property
+    def single_column(self) -> bool:
+        """True if one column stands for rows of many, which is right as long as the neighbour list is not renewed."""
+        return self.lattice.endless_rows and self.columns == 1
+
+    @property
     def words(self) -> str:
         """Rows and columns in words, and the lattice unless it is hexagonal."""
         if self.lattice == CHAIN:
             return f"a chain of {self.rows} rows"
         square = " of a square lattice" if self.lattice == SQUARE else ""
-        return f"{self.rows} rows x {self.columns} columns{square}"
+        return f"{self.rows} rows x {self.columns} column{'s' * (self.columns != 1)}{square}"
 
 
 def lattice_constant(sphere: Sphere) -> float:

@@ -306,11 +306,15 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     columns = [column for column in columns if column in physics.coordinates]
     frequencies, shapes = _solve(lattice, sphere, _wavevector(sphere, vector), physics, columns)
     if index is None:
-        longitudinal = int(np.argmax(np.abs(vector.along(*shapes[:, :2].T))))
-        others = [branch for branch in range(len(shapes)) if branch != longitudinal]
-        index = longitudinal if name == "L" else others[MODES.index(name) - 1]
+        index = branch_names(shapes, np.array(vector.unit)).index(name)
     shape = shapes[index] * _sign(name, vector, shapes[index]) + 0.0  # + 0.0: no minus zero
     return Mode(name, vector, float(frequencies[index]), *map(float, shape))
+
+
+def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
+    """Return L, TR or RT for each branch of a lattice, (B, 3), ascending in frequency, at a wave vector along (2,)."""
+    longitudinal, others = int(np.argmax(np.abs(shapes[:, :2] @ along))), iter(MODES[1:])
+    return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
 @lru_cache(maxsize=4)  # the effects of one scene ask five times

@@ -97,7 +97,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Potential:
-    """What the energy of a crystal depends on; see the module.
+    """Parameters of the energy of a crystal; see the module.
 
     Attributes
     ----------

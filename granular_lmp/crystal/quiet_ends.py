@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts
-from granular_lmp.crystal.modes import FULL, Mode, Physics, bloch_modes, effective_inertia
+from granular_lmp.crystal.modes import FULL, Mode, Physics
+from granular_lmp.crystal.row_waves import Complexes, Line, flux, line_of, waves
 from granular_lmp.crystal.sphere import Sphere
 
-Complexes = NDArray[np.complexfloating]
 POWERS = (2.0, 3.0, 4.0)
 MOST_ROWS = 2000
 # Imaginary part of the frequency, relative: it tells waves that leave from those that come, and costs that much of r
@@ -60,16 +60,6 @@ class QuietEnd:
         return self.strength * (np.arange(1, self.rows + 1) / self.rows) ** self.power
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """Rows of the lattice as a chain: K₀, K₊, K₋ in units of M t0⁻² of a translation, and M."""
-
-    on_site: Complexes
-    ahead: Complexes
-    behind: Complexes
-    mass: NDArray[np.float64]
-
-
 def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, physics: Physics = FULL) -> float:
     """Return |r| of a layer for a mode along y, the root of the reflected over the incident energy flux.
 
@@ -88,10 +78,10 @@ def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, phy
     ValueError
         If the mode does not run along y.
     """
-    return _reflection(_line(lattice, sphere, physics), mode, end.rates(), physics)
+    return _reflection(line_of(lattice, sphere, physics), mode, end.rates(), physics)
 
 
-def _reflection(line: _Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> float:
+def _reflection(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> float:
     if mode.vector.axis != "y":
         raise ValueError(f"mode along {mode.vector.direction:g} degrees: quiet ends are for waves along y")
     frequency = mode.frequency * (1 + 1j * _LEAVING)
@@ -101,55 +91,21 @@ def _reflection(line: _Line, mode: Mode, rates: NDArray[np.float64], physics: Ph
         beyond = -np.linalg.solve(line.on_site - (frequency + 1j * rate) * inertia + line.ahead @ beyond, line.behind)
     still = line.on_site - frequency * inertia
     # Waves s λⁿ of the perfect lattice that leave to the rows behind: they grow with n
-    factor, shape = _waves(line, still)
+    factor, shape = waves(line, still)
     leave = np.argsort(-np.abs(factor))[: len(still)]
     shape, step = shape[:, leave], factor[leave]
     # Row 0 is the last perfect one; X₋₁ and X₀ are those of the incident and of the leaving waves
     incident = mode.shape()[physics.coordinates]
     incident = incident / np.sqrt(np.sum(line.mass * np.abs(incident) ** 2))
     before = incident * np.exp(-1j * mode.vector.per_row)
-    if _flux(line, before, incident) > 0:  # its energy runs the other way: take the wave of −ξ, the time reversal
+    if flux(line, before, incident) > 0:  # its energy runs the other way: take the wave of −ξ, the time reversal
         incident, before = incident.conj(), before.conj()
     onward = still + line.ahead @ beyond
     away = line.behind @ (shape / step) + onward @ shape
     amplitude = np.linalg.solve(away, -(line.behind @ before + onward @ incident))
     back = shape @ amplitude
-    flux = abs(_flux(line, (shape / step) @ amplitude, back))
-    return float(np.sqrt(flux / abs(_flux(line, before, incident))))
-
-
-def _flux(line: _Line, before: Complexes, here: Complexes) -> float:
-    """Return the energy flux from a row to the one before, up to a factor: Im(X₋₁† K₊ X₀)."""
-    return float(np.imag(before.conj() @ line.ahead @ here))
-
-
-def _line(lattice: Contacts, sphere: Sphere, physics: Physics) -> _Line:
-    """Return the rows of a lattice as a chain, from its Bloch modes at three wave numbers along y."""
-    inertia = float(effective_inertia(lattice)[0]) / sphere.mass
-    mass = np.array([1.0, 1.0, inertia])[physics.coordinates]
-    turn = np.diag(np.array([1.0, 1.0, 1.0j])[physics.coordinates])  # φ = i f
-    row = float(lattice.vector[:, 1].max()) / sphere.radius
-    phases = 2 * np.pi * np.arange(3) / 3
-    frequencies, shapes = bloch_modes(lattice, sphere, np.column_stack([0 * phases, phases / row]), physics)
-    matrices = []
-    for frequency, shape in zip(frequencies, shapes[..., physics.coordinates], strict=True):
-        modal = frequency**2 / np.sum(shape**2 * mass, axis=-1)
-        matrices.append(turn @ (mass[:, None] * ((shape.T * modal) @ shape) * mass) @ turn.conj())
-    behind, on_site, ahead = (
-        sum(np.exp(-1j * step * phase) * matrix for phase, matrix in zip(phases, matrices, strict=True)) / 3
-        for step in (-1, 0, 1)
-    )
-    return _Line(on_site, ahead, behind, mass)
-
-
-def _waves(line: _Line, still: Complexes) -> tuple[Complexes, Complexes]:
-    """Return λ and s (one column each) of the solutions s λⁿ of the perfect lattice at a frequency."""
-    count = len(still)
-    step = np.linalg.solve(line.ahead, np.hstack([-line.behind, -still]))
-    companion = np.vstack([np.hstack([np.zeros((count, count)), np.eye(count)]), step])
-    factor, vector = np.linalg.eig(companion)
-    shape = vector[:count]
-    return factor, shape / np.linalg.norm(shape, axis=0)
+    returning = abs(flux(line, (shape / step) @ amplitude, back))
+    return float(np.sqrt(returning / abs(flux(line, before, incident))))
 
 
 # --- the choice of a layer -------------------------------------------------------------------------------------------
@@ -186,7 +142,7 @@ def quiet_end(
     ValueError
         If `MOST_ROWS` are not enough, as for waves near the edge of a band, which hardly move.
     """
-    line = _line(lattice, sphere, physics)
+    line = line_of(lattice, sphere, physics)
     if rows is not None:
         return _best(line, modes, rows, physics)
     most = 4
@@ -202,7 +158,7 @@ def quiet_end(
     return end
 
 
-def _best(line: _Line, modes: Sequence[Mode], rows: int, physics: Physics) -> QuietEnd:
+def _best(line: Line, modes: Sequence[Mode], rows: int, physics: Physics) -> QuietEnd:
     """Return the layer of a thickness whose largest reflection is least."""
     tried = []
     for power in POWERS:

@@ -22,6 +22,7 @@ from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 from granular_lmp.scene.shape import Auto
+from granular_lmp.scene.sources import ROTATION
 
 # μ = 5a (adhesion) to 10a (compression) keeps F_t under 0.6 of the sliding force for every mode. Much larger is wrong
 # too: LAMMPS skips turning the shear history with the contact while its normal part is below 1e-10 of the sliding
@@ -76,7 +77,8 @@ class Case:
         """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.
 
         For a driven row they are at least those of its contacts to the next row as if that were at rest; for sources,
-        whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude.
+        whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude, and the slip
+        of a sphere that is turned by it.
         """
         scene = self.scene
         normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
@@ -84,6 +86,8 @@ class Case:
         for axis in axes:
             driven = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
             normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), driven, strict=True))
+        if any(each.motion == ROTATION for each in scene.source):
+            shear = np.maximum(np.abs(shear), 1.0)
         amplitude = scene.wave.amplitude * self.strength
         return normal * amplitude, shear * amplitude
 
@@ -200,6 +204,10 @@ def _no_law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {}
 
 
+def _always(scene: Scene) -> bool:
+    return True
+
+
 def _second_order(scene: Scene) -> bool:
     return False
 
@@ -231,6 +239,8 @@ class Effect:
         Scene → True if LAMMPS's error is of first order in the time step while the effect is on.
     guard : Guard, optional
         Guard that proves that the effect did not occur.
+    shows : callable
+        Scene → True if the effect could occur in its spheres, so that a guard would show it.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
     in_all : bool
@@ -252,6 +262,7 @@ class Effect:
     refuse: Callable[[Case], str] = _nothing_refused
     first_order: Callable[[Scene], bool] = _second_order
     guard: Guard | None = None
+    shows: Callable[[Scene], bool] = _always
     always: bool = False
     in_all: bool = True
     switch: str = ""
@@ -266,9 +277,9 @@ class Effect:
         """Return whether a scene forces the effect on or off, or "auto"."""
         return self.declared(scene) if self.declared else getattr(scene.effects, self.name)
 
-    def guard_name(self, on: Mapping[str, bool]) -> str:
+    def guard_name(self, on: Mapping[str, bool], scene: Scene) -> str:
         """Return the title of the guard in a deck with these effects on, or "" if no guard is needed."""
-        watched = on.get(self.needs, True) and (self.always or not on[self.name])
+        watched = on.get(self.needs, True) and (self.always or not on[self.name]) and self.shows(scene)
         return self.guard.title if self.guard and watched else ""
 
 

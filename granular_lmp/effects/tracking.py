@@ -1,7 +1,6 @@
 """Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.scene.sources import TORQUE
 
 LINES = {
     "motion": "nve/sphere update dipole",
@@ -27,12 +26,14 @@ def loss(case: Case) -> str:
 
 
 def refuse(case: Case) -> str:
-    turned = [number for number, each in enumerate(case.scene.source, 1) if each.force == TORQUE]
+    turned = [(number, each) for number, each in enumerate(case.scene.source, 1) if each.turns]
     if case.on["tracking"] or not turned:
         return ""
+    number, source = turned[0]
+    key = "motion" if source.motion else "force"
     return (
-        f'source {turned[0]}: force = "{TORQUE}": needs effects.rotation and effects.tracking, as it turns the dipole '
-        "that tracks the angle"
+        f'source {number}: {key} = "{source.turns}": needs effects.rotation and effects.tracking, as it turns the '
+        "dipole that tracks the angle"
     )
 
 

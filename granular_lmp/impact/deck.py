@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
@@ -25,9 +24,9 @@ from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 SKIN = 0.2  # radii
-LOOKS = 20  # looks of the guards in the shortest collision
-LONGEST_STEP = 0.5  # of 1/ω of the stiffest contact: beyond it a collision has hardly ten steps
-COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # of the thermo table behind the step
+LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
+LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
+GUARD_COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # The thermo table has them behind the step
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
 
 
@@ -81,7 +80,7 @@ def deck_of(problem: ImpactProblem) -> ImpactDeck:
 def look_steps(problem: ImpactProblem) -> int:
     """Return the steps between two looks of the guards, a whole number of them in a sample."""
     time = problem.scene.time
-    most = min(max(int(problem.shortest_collision / LOOKS / time.step), 1), time.steps_per_sample)
+    most = min(max(int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), 1), time.steps_per_sample)
     return next(steps for steps in range(most, 0, -1) if time.steps_per_sample % steps == 0)
 
 
@@ -132,6 +131,15 @@ def _text(problem: ImpactProblem) -> str:
         for name, place in _walls(problem).items()
         for m, each in enumerate(materials)
     ]
+    if walls:
+        walls = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(materials))] + walls
+    frozen: list[str] = []
+    if problem.on["damping"] and problem.crystal.arrays["fixed"].any():
+        frozen = [
+            "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
+            "group        held subtract all mobile",
+            "fix          held held freeze",
+        ]
     spins = problem.on["rotation"]
     everyone = len(problem.recorded) == len(problem.crystal)
     lines = [
@@ -139,7 +147,7 @@ def _text(problem: ImpactProblem) -> str:
         f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
         f"# With other values:             lmp -in in.{scene.name} -var timestep 0.01",
         "# The run is invalid if, in the thermo table,",
-        f"#   v_overlap, the largest overlap over the diameter, is above {LARGEST_OVERLAP_RATIO}: too deep for Hertz",
+        f"#   v_overlap, the largest overlap over the smallest diameter, is above {LARGEST_OVERLAP_RATIO}: too deep",
         f"#   v_omega_dt, the step times the frequency of the stiffest contact, is above {LONGEST_STEP}: too long",
         "",
         "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
@@ -172,12 +180,13 @@ def _text(problem: ImpactProblem) -> str:
         *walls,
         "",
         "# --- strikers",
-        *(line for number, spheres in enumerate(problem.strikers, 1) for line in _striker(problem, number, spheres)),
+        *_strikers(problem),
         "",
         "# --- motion of the spheres that are not held",
         "compute      u all displace/atom",
         "fix          plane all enforce2d",
         f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
+        *frozen,
         "",
         "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
         "#     the stiffest pair of spheres",
@@ -194,13 +203,17 @@ def _text(problem: ImpactProblem) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _striker(problem: ImpactProblem, number: int, spheres: NDArray[np.int64]) -> list[str]:
-    vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in problem.scene.striker[number - 1].components)
-    name = f"striker{number}"
-    return [
-        f"group        {name} id {id_ranges(spheres)}",
-        f"velocity     {name} set {vx!r} {vy!r} 0.0 units box",
-    ]
+def _strikers(problem: ImpactProblem) -> list[str]:
+    """Return the lines that give each striker its velocity: one group after the other, as LAMMPS has 32 at most."""
+    lines = []
+    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+        vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in striker.components)
+        lines += [
+            f"group        striker id {id_ranges(spheres)}",
+            f"velocity     striker set {vx!r} {vy!r} 0.0 units box",
+            "group        striker delete",
+        ]
+    return lines
 
 
 def _walls(problem: ImpactProblem) -> dict[str, float]:
@@ -219,7 +232,6 @@ def _walls(problem: ImpactProblem) -> dict[str, float]:
 def _wall(name: str, place: float, model: str, material: int) -> str:
     faces = f"{place!r} NULL" if name.endswith("lo") else f"NULL {place!r}"
     return (
-        f"group        material{material + 1} type {2 * material + 1} {2 * material + 2}\n"
         f"fix          {name}{material + 1} material{material + 1} wall/gran granular {model} &\n"
         f"             {name[0]}plane {faces}"
     )
@@ -233,7 +245,8 @@ def _guards(problem: ImpactProblem) -> list[str]:
     """
     stiffness, walls = problem.contacts[3], _walls(problem)
     softest, stiffest = float(stiffness.min(initial=1.0)), float(stiffness.max(initial=1.0))
-    lightest, largest = float(problem.mass.min()), float(problem.crystal.arrays["radius"].max())
+    radius = problem.crystal.arrays["radius"]
+    lightest, smallest, largest = float(problem.mass.min()), float(radius.min()), float(radius.max())
     length = units_of(problem).number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     square = 3 * stiffest / lightest  # ω²/√δ of two spheres, k (1/m + 1/m) with k = (3/2) A √δ
     if walls:
@@ -256,7 +269,7 @@ def _guards(problem: ImpactProblem) -> list[str]:
     return [
         *lines,
         f"variable     deepest equal {depth}",
-        f"variable     overlap equal v_deepest*{length / 2!r}",
+        f"variable     overlap equal v_deepest*{length / (2 * smallest)!r}  # in diameters of the smallest sphere",
         f"variable     omega_dt equal v_step*sqrt({square!r}*sqrt(v_deepest))",
         "thermo_style custom step v_tau v_overlap v_omega_dt",
         "thermo_modify flush yes",

@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.scale import collision_time
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scale import collision_time
 from granular_lmp.impact.scene import HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.scene.places import spheres_at
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-FEWEST_STEPS = 10.0  # of the shortest collision; the velocities then err by 3 %
+STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class ImpactProblem:
 
     @property
     def effects(self) -> tuple[Chosen, ...]:
-        """What the deck holds and why, as for the scene of a wave."""
+        """Effects that the deck holds, with the reasons, as for the scene of a wave."""
         scene, effects = self.scene, self.scene.effects
         rubs, loses = effects.friction > 0, effects.restitution < 1
         ends = [name for name in ("first", "last", "sides") if getattr(scene.packing, name) in (HELD, WALL)]
@@ -135,28 +136,20 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.output != Output():
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
-    most = problem.shortest_collision / FEWEST_STEPS
+    most = problem.shortest_collision / STEPS_IN_COLLISION
     if scene.time.step > most:
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: leaves the shortest collision of two neighbours, "
-            f"{problem.shortest_collision:.4g} t0, fewer than {FEWEST_STEPS:g} steps; must be at most {most:.4g}, and "
-            f"at most {most / 8:.2g} for errors of 1e-4"
+            f"{problem.shortest_collision:.4g} t0, fewer than {STEPS_IN_COLLISION:g} steps; must be at most "
+            f"{most:.4g}, and at most {most / 8:.2g} for errors of 1e-4"
         )
     return problem
 
 
 def _chosen(where: Striker | Output, crystal: ase.Atoms, name: str) -> Integers:
     """Return the indices of the spheres that a table names, ascending."""
-    row, column = crystal.arrays["row"], crystal.arrays["column"]
-    if where.rows:
-        found = np.flatnonzero((where.rows[0] <= row) & (row <= where.rows[1]))
-        if not len(found):
-            raise SceneError(f"{name}: rows = {list(where.rows)}: hold vacancies only")
-        return found
-    index: dict[tuple[int, ...], int] = {
-        place: each for each, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))
-    }
-    for place in where.spheres:
-        if tuple(place) not in index:
-            raise SceneError(f"{name}: sphere {list(place)}: is a vacancy")
-    return np.unique([index[tuple(place)] for place in where.spheres])
+    role = "striker" if isinstance(where, Striker) else "recorded sphere"
+    try:
+        return spheres_at(where.rows, where.spheres, crystal, role)
+    except SceneError as error:
+        raise SceneError(f"{name}: {error}") from error

@@ -1,5 +1,6 @@
 """The record of an impact: displacements and velocities of the recorded spheres, read from its run folder."""
 
+import csv
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -8,13 +9,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns, units_of
 from granular_lmp.impact.problem import ImpactProblem, prepare
-from granular_lmp.impact.scale import Scale
 from granular_lmp.impact.scene import WALL, ImpactScene
-from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump
+from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
 
@@ -23,7 +24,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, repr=False)
 class ImpactRecord:
-    """Motion of the n recorded spheres at T times, in the units of the impact (`granular_lmp.impact.scale`).
+    """Motion of the n recorded spheres at T times, in the units of the impact (`granular_lmp.crystal.scale`).
 
     Attributes
     ----------
@@ -138,6 +139,36 @@ class ImpactRecord:
         """Return the energy of all spheres and contacts, in m v², (T,); raises as `stored_energy`."""
         stored = self.stored_energy()
         return np.asarray(self.kinetic_energy.sum(axis=1) + stored)
+
+    def write_si(self, path: str | Path) -> None:
+        """Write a CSV file in SI units, a line for each sphere and time, with every digit.
+
+        Its columns are ``t_s``, ``row``, ``column``, ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres
+        turn ``spin_rad_s``.
+
+        Raises
+        ------
+        RunFolderError
+            If the file cannot be written.
+        """
+        arrays, scale, each = self.problem.crystal.arrays, self.scale, self.problem.recorded
+        count, moments = len(each), len(self.tau)
+        columns = {
+            "t_s": np.repeat(self.tau * scale.time, count),
+            "row": np.tile(arrays["row"][each], moments),
+            "column": np.tile(arrays["column"][each], moments),
+            "ux_m": self.displacement[..., 0].ravel() * scale.length,
+            "uy_m": self.displacement[..., 1].ravel() * scale.length,
+            "vx_m_s": self.velocity[..., 0].ravel() * scale.velocity,
+            "vy_m_s": self.velocity[..., 1].ravel() * scale.velocity,
+        }
+        if self.problem.on["rotation"]:
+            columns["spin_rad_s"] = self.spin.ravel() * scale.velocity / self.scene.sphere.radius
+        path = Path(path)
+        with writable(path), path.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular_lmp import __version__
 from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
-from granular_lmp.impact.deck import COLUMNS, LONGEST_STEP, ImpactDeck, deck_of, look_steps
+from granular_lmp.impact.deck import GUARD_COLUMNS, LONGEST_STEP, ImpactDeck, deck_of, look_steps
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
@@ -23,7 +23,7 @@ from granular_lmp.runs.routes import Job, log_tail, route_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
-GUARDS = {
+LIMITS = {
     "largest_overlap": (
         "v_overlap",
         LARGEST_OVERLAP_RATIO,
@@ -133,7 +133,7 @@ def judged(problem: ImpactProblem, table: dict[str, Any]) -> dict[str, Any]:
     """Return the result of each guard; what is not finite, or not there, is not quiet."""
     effects = {effect.guard: effect.name for effect in problem.effects if effect.guard}
     found = {}
-    for title, (column, limit, meaning, cure) in GUARDS.items():
+    for title, (column, limit, meaning, cure) in LIMITS.items():
         values = np.asarray(table.get(column, [np.nan]), dtype=float)
         largest = float(np.max(values, initial=0.0))
         found[title] = {
@@ -167,7 +167,7 @@ def defect(deck: ImpactDeck, record: ImpactRecord | None, table: dict[str, Any])
     if not all(np.isfinite(x).all() for x in (record.displacement, record.velocity, record.spin)):
         return LammpsError("the record holds numbers that are not finite", deck.input_name, tail)
     missed = {*range(0, time.steps + 1, look_steps(deck.problem))} - {*map(int, table.get("Step", ()))}
-    if missed or not {*COLUMNS} <= set(table):
+    if missed or not {*GUARD_COLUMNS} <= set(table):
         what = f"step {min(missed)}" if missed else "the guards"
         return LammpsError(f"the log lacks {what}", deck.input_name, log_tail(record.folder) if record.folder else "")
     return None

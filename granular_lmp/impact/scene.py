@@ -2,27 +2,26 @@
 
 A TOML file with a table ``[[striker]]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``, ``[disorder]``,
 ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and ``[[inclusion]]``. It holds no wave
-and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.impact.scale`).
+and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 import tomllib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Any, Self
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice
+from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
+from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.scale import DEEPEST, Scale
 from granular_lmp.scene.document import Document
+from granular_lmp.scene.places import Rows, Spheres, place_troubles, places_field, rows_rule, spheres_rule
 from granular_lmp.scene.schema import (
     NOT_TOML,
-    ArrayRule,
-    Interval,
     choice,
     count,
     file_text,
@@ -35,14 +34,16 @@ from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
 FREE, HELD, WALL, PERIODIC = "free", "held", "wall", "periodic"
-WORDS = {"x": 0.0, "y": 90.0, "-x": 180.0, "-y": -90.0}
+WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
 SHIPPED_IMPACTS = SHIPPED / "impacts"
-FEWEST_ROUNDINGS = 1e4  # roundings of the farthest position in ℓ; the velocities then err by 1e-4 of a striker's
-LARGEST_RATIO = 10.0  # of radii in a chain
+# ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
+ROUNDINGS_IN_OVERLAP = 1e4
+LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
 # What a scene of a linear wave has, and why an impact has it not
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
     **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
     "packing.contact_force": "spheres of an impact just touch: must be left out beside [[striker]]",
     "packing.ends": "must be packing.first and packing.last beside [[striker]]",
     "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",
@@ -67,9 +68,6 @@ class Packing:
     sides: str = choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE)
 
 
-_MOST = Interval(0, 10_000_000)
-
-
 @dataclass(frozen=True)
 class Striker:
     """Spheres of the lattice that have a velocity at the beginning; the first row of a chain is its usual striker.
@@ -77,12 +75,8 @@ class Striker:
     Their own radius, density or material is declared by an ``[[inclusion]]`` of the same spheres.
     """
 
-    rows: Sequence[int] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", _MOST)}
-    )
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", _MOST, several=True)}
-    )
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
     velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
     direction: float | str = number(
         "degrees", "from x towards y; or a word", -180, 180, open_low=True, words=tuple(WORDS), default="y"
@@ -92,7 +86,7 @@ class Striker:
     def components(self) -> tuple[float, float]:
         """Velocity along x and y, m/s."""
         if isinstance(self.direction, str):
-            x, y = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}[self.direction]
+            x, y = WORDS[self.direction]
         else:
             x, y = cos(radians(self.direction)), sin(radians(self.direction))
         return self.velocity * x, self.velocity * y
@@ -114,7 +108,7 @@ class Time(Sampled):
 
 @dataclass(frozen=True)
 class Effects:
-    """What contacts do beside Hertz's repulsion. They open and close by themselves."""
+    """Forces of contacts beside Hertz's repulsion. Contacts open and close by themselves."""
 
     friction: float = number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0)
     rotation: bool = flag("spheres turn, where there is friction", default=True)
@@ -124,12 +118,10 @@ class Effects:
 
 @dataclass(frozen=True)
 class Output:
-    """Which spheres are recorded, at each sample: all of them if nothing is declared."""
+    """Spheres that are recorded at each sample: all of them if nothing is declared."""
 
-    rows: Sequence[int] = field(default=(), metadata={"rule": ArrayRule(int, "", "first and last recorded row", _MOST)})
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each recorded sphere", _MOST, several=True)}
-    )
+    rows: Rows = places_field(rows_rule("first and last recorded row"))
+    spheres: Spheres = places_field(spheres_rule("[row, column] of each recorded sphere"))
 
 
 @dataclass(frozen=True)
@@ -214,6 +206,11 @@ class ImpactScene(Document):
         """Lattice of the packing."""
         return LATTICES[self.packing.lattice]
 
+    @property
+    def shape(self) -> Shape:
+        """Rows and columns of the lattice; its cell ends with its rows."""
+        return Shape(self.packing.rows, self.packing.columns, "fixed", self.lattice)
+
     @cached_property
     def scale(self) -> Scale:
         """Units of the impact: those of the fastest striker on the spheres of ``[sphere]``."""
@@ -250,8 +247,6 @@ class ImpactScene(Document):
         if not self.striker:
             raise SceneError("striker: missing; an impact has at least one table [[striker]]")
         for number_, each in enumerate(self.striker, 1):
-            if bool(each.rows) == bool(each.spheres):
-                raise SceneError(f"striker {number_}: must have either rows or spheres, to say which spheres strike")
             if not each.velocity:
                 raise SceneError(f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s")
             if self.lattice == CHAIN and each.direction not in ("y", "-y", 90.0, -90.0):
@@ -259,8 +254,6 @@ class ImpactScene(Document):
                     f'striker {number_}: direction = {each.direction!r}: must be "y" or "-y" in a chain, which nothing '
                     "holds sideways"
                 )
-        if self.output.rows and self.output.spheres:
-            raise SceneError("output.rows and output.spheres: must be one of the two")
 
     def _check_spheres(self) -> None:
         sphere, effects = self.sphere, self.effects
@@ -320,17 +313,11 @@ class ImpactScene(Document):
 
     def _check_places(self) -> None:
         """Check that strikers and recorded spheres have places in the lattice."""
-        rows, columns = self.packing.rows, self.packing.columns
         tables: dict[str, Striker | Output] = {f"striker {at}": each for at, each in enumerate(self.striker, 1)}
-        for name, each in (tables | {"output": self.output}).items():
-            if each.rows and not 0 <= each.rows[0] <= each.rows[1] < rows:
-                raise SceneError(f"{name}: rows = {list(each.rows)}: must be [first, last], from 0 to {rows - 1}")
-            for row, column in each.spheres:
-                if row >= rows or column >= columns:
-                    raise SceneError(
-                        f"{name}: sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{rows - 1}, "
-                        f"{columns - 1}]"
-                    )
+        tables |= {"output": self.output} if self.output != Output() else {}
+        for name, each in tables.items():
+            for trouble in place_troubles(each.rows, each.spheres, self.shape):
+                raise SceneError(f"{name}: {trouble}")
 
     def _check_scale(self) -> None:
         deepest = DEEPEST * self.scale.length / (2 * self.sphere.radius)
@@ -340,11 +327,11 @@ class ImpactScene(Document):
                 f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
         rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
-        if self.scale.length < FEWEST_ROUNDINGS * rounding:
+        if self.scale.length < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
                 f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {self.scale.length:.3g} m is less than "
-                f"{FEWEST_ROUNDINGS:g} roundings of a position in {self.packing.rows} rows x {self.packing.columns} "
-                "columns; must be faster, or the lattice smaller"
+                f"{ROUNDINGS_IN_OVERLAP:g} roundings of a position in {self.packing.rows} rows x "
+                f"{self.packing.columns} columns; must be faster, or the lattice smaller"
             )
 
 

@@ -112,7 +112,7 @@ class Deck:
         return differing_lines(written_text(self.problem), self.input_text)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the view of a notebook."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
@@ -244,6 +244,8 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
         "append": "",
         "continued": "",
+        "extremes": "\n".join(guards.after_preload(problem.guards, problem.left_out)),
+        "lines": str(guards.due_together(scene)),
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
         "names": " or ".join(blocks.NO_VARIABLES),
         "said": blocks.variables_line(scene, selection.lines(problem.on)),
@@ -268,11 +270,12 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "sample": time.sample,
         "particles": scene.output.particles,
         "duration": time.duration,
-        "Delta0": units.number(sphere.static_overlap, length=1),
+        "Delta0": units.number(scene.scale.length, length=1),
         "R": units.number(sphere.radius, length=1),
-        "t0": units.number(sphere.time_scale, time=1),
+        "t0": units.number(scene.scale.time, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
     }
+    plain |= blocks.SINGLE_COLUMN if scene.shape.single_column else blocks.MANY_COLUMNS
     optional = blocks.PARTICLES if all_seen else dict.fromkeys(blocks.PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
     numbers |= _quiet_values(problem, units)

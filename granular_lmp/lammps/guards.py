@@ -30,6 +30,7 @@ from granular_lmp.scene.shape import quiet_rows
 
 GUARDS = guards()
 LINE = 10.0  # tau between two lines of the thermo table
+NEXT_LOOK = "variable     next_look equal time+dt*(${look}-step%${look})"
 
 # Contacts at rest, counted before the first run. LAMMPS counts them, so that the number is that of the data file
 AT_REST = (
@@ -91,6 +92,19 @@ def look_interval(scene: Scene) -> int:
     return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps % steps == 0)
 
 
+def first_step(scene: Scene) -> int:
+    """Return the step at which the wave begins: 0, or in a single column one at which all that is periodic is due.
+
+    LAMMPS cannot set the step back to 0 after the preload of a single column, because guards are already there.
+    """
+    return scene.time.steps_per_sample * due_together(scene) if scene.shape.single_column else 0
+
+
+def due_together(scene: Scene) -> int:
+    """Return the interval of lines, looks and the cone together, steps."""
+    return line_interval(scene) * (_group_interval(scene) if watches_part(scene) else 1)
+
+
 def line_interval(scene: Scene) -> int:
     """Return the steps between two lines of the thermo table, a whole number of looks."""
     return look_interval(scene) * _looks_per_line(scene)
@@ -122,19 +136,32 @@ def _inside(scene: Scene) -> list[str]:
     """
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
-    far = (quiet_rows(scene.time.duration * swiftness(scene)) - 1) // 2
+    far = _farthest_row(scene)
     row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * scene.lattice.row_spacing, length=1)
     near = ["v_reach^2>x*x+y*y"]
     for monitor in scene.monitor:
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
-        near.append(f"v_reach>abs(y-({(low + high) / 2!r}))-{(high - low) / 2!r}")
+        apart = f"abs(y-({(low + high) / 2!r}))"
+        if scene.shape.ends == "periodic":  # the shorter way may be across the faces
+            half = scene.shape.rows * row / 2
+            apart = f"({half!r}-abs({half!r}-{apart}))"
+        near.append(f"v_reach>{apart}-{(high - low) / 2!r}")
     where = "the centre or a monitor" if scene.monitor else "the centre"
     return [
         f"# spheres from where a signal still reaches {where} before the end: outside, a guard would judge walls",
         f"variable     reach equal {row!r}*(1.5+{far - 2.5}*(1-v_tau/(v_duration+(v_duration==0))))",
         f"variable     near atom {'||'.join(near)}",
-        f"group        inside dynamic all var near every {max(1, int(scene.time.duration / far / scene.time.step))}",
+        f"group        inside dynamic all var near every {_group_interval(scene)}",
     ]
+
+
+def _farthest_row(scene: Scene) -> int:
+    return (quiet_rows(scene.time.duration * swiftness(scene)) - 1) // 2
+
+
+def _group_interval(scene: Scene) -> int:
+    """Return the steps in which the cone loses a row."""
+    return max(1, int(scene.time.duration / _farthest_row(scene) / scene.time.step))
 
 
 # --- the deck --------------------------------------------------------------------------------------------------------
@@ -159,12 +186,10 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
         text += [line for line in (*of_contacts, *guard.lines) if line not in text]
     for guard in watched:
         name = guard.name
-        text += [
-            f"variable     {name} equal max(v_{name}_looks)",
-            f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)",
-            f"variable     {name}_at equal min(v_{name}_when)",
-        ]
-    text.append("variable     overlap equal min(v_overlap_looks)")
+        text.append(
+            f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)"
+        )
+    text += _unmoved(names) if scene.shape.single_column else extremes(names)
     kept, text = kept_at_looks(text, "v_tau")
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
@@ -187,6 +212,31 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
         "thermo_modify flush yes  # the log of a killed run holds them too",
         f"thermo       $(v_look*{_looks_per_line(scene)})",
     ]
+
+
+def extremes(names: list[str]) -> list[str]:
+    """Return the lines of the thermo columns of some guards: extremes over the looks since the line before."""
+    text = []
+    for name in (GUARDS[name].name for name in names):
+        text += [f"variable     {name} equal max(v_{name}_looks)", f"variable     {name}_at equal min(v_{name}_when)"]
+    return [*text, "variable     overlap equal min(v_overlap_looks)"]
+
+
+def _unmoved(names: list[str]) -> list[str]:
+    """Return the lines of the same columns for the preload, in which there was no look."""
+    text = []
+    for name in (GUARDS[name].name for name in names):
+        text += [f"variable     {name} equal 0", f"variable     {name}_at equal {NEVER:g}"]
+    return [*text, "variable     overlap equal 1"]
+
+
+def after_preload(names: list[str], judged: list[str]) -> list[str]:
+    """Return the lines of a single column behind its preload, with which guards and their dump begin.
+
+    Variables are defined anew under their names: without a set-up LAMMPS would not find others.
+    """
+    written_out = any(GUARDS[name].per_contact and name in judged for name in names)
+    return [*extremes(names), *([NEXT_LOOK, "dump_modify  contacts first yes"] if written_out else [])]
 
 
 def columns(names: list[str], scene: Scene) -> list[str]:
@@ -216,6 +266,7 @@ def _written_out(scene: Scene) -> list[str]:
     if not scene.perfect:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
+    first = "" if scene.shape.single_column else " first yes"
     force = SLIDING_FORCE.replace("<of>", "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
     return [
         "# each contact, distance and shear force, at the looks where the bound v_slip does not decide; the interval",
@@ -223,9 +274,9 @@ def _written_out(scene: Scene) -> list[str]:
         *ends,
         overlap_line("now", equal=scene.perfect),
         f"variable     slip_holds equal {SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}",
-        "variable     next_look equal time+dt*(${look}-step%${look})",
+        "variable     next_look equal v_later" if scene.shape.single_column else NEXT_LOOK,
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"<append>',
+        f'dump_modify  contacts every/time v_next_look{first} skip v_slip_holds format line "{numbers}"<append>',
     ]
 
 
@@ -237,6 +288,8 @@ def header(names: list[str], scene: Scene) -> str:
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
+    if scene.shape.single_column:
+        limits.append("#   the log does not say 'Neighbor list builds = 0': the shear of two images was mixed up")
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *limits]) if limits else ""
 
@@ -293,4 +346,4 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), 0.0)
         sliding = friction * units.number(adhesive + repulsion * overlap**1.5, mass=1, length=1, time=-2)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
-        yield step, float(np.max(ratio, initial=0.0))
+        yield step - first_step(scene), float(np.max(ratio, initial=0.0))

@@ -26,6 +26,7 @@ LOG = "log.lammps"
 STATUS = "run.json"
 SWEEP = "sweep.json"
 COST = "cost.json"
+SCATTER = "scatter.csv"
 CHECKPOINTS = ("checkpoint.a", "checkpoint.b")  # written in turn, so that one is complete at any moment
 # Columns of decks whose spheres turn and are tracked, turn untracked, and do not turn
 DUMP_COLUMNS = (
@@ -35,6 +36,7 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
+_LIST_BUILDS = re.compile(r"^Neighbor list builds = (\d+)", re.MULTILINE)
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
 
@@ -255,7 +257,7 @@ def mend_log(path: str | Path) -> None:
 
 @dataclass(frozen=True)
 class RunLog:
-    """What a LAMMPS log says of its last run.
+    """Contents of a LAMMPS log about its last run.
 
     Attributes
     ----------
@@ -266,11 +268,14 @@ class RunLog:
     sections : dict of str to float
         The same by LAMMPS's own sections, ``loop.pair`` to ``loop.other``, on average of the ranks; empty if no time
         loop has ended.
+    list_builds : int or None
+        How often the last run renewed its neighbour list; None if no time loop has ended.
     """
 
     table: dict[str, NDArray[np.float64]]
     loop: float
     sections: dict[str, float]
+    list_builds: int | None = None
 
 
 def read_log(path: str | Path) -> RunLog:
@@ -312,7 +317,13 @@ def read_log(path: str | Path) -> RunLog:
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     loop = seconds.get(names, float("nan"))
-    return RunLog(dict(zip(names, table.T, strict=True)), loop, _sections(text, loop) if isfinite(loop) else {})
+    builds = _LIST_BUILDS.findall(text)
+    return RunLog(
+        dict(zip(names, table.T, strict=True)),
+        loop,
+        _sections(text, loop) if isfinite(loop) else {},
+        int(builds[-1]) if builds else None,
+    )
 
 
 def _sections(log: str, loop: float) -> dict[str, float]:

@@ -4,6 +4,9 @@ Spheres are moved by ``fix move variable``. Contact forces see the velocities th
 LAMMPS has of all others when it computes forces; a moved sphere therefore gets its last way over the step. With its
 present velocity the error would be of first order in the step (docs/waves.md).
 
+A prescribed rotation is that of ``fix set``, which sets spins and dipoles at the end of a step: the spin is the way of
+the dipole over the next step, which is what contacts see in it.
+
 A torque is that of ``fix efield`` on the dipole that tracks the angle θ of a sphere: a field f along y turns a dipole
 of length 1 along x by f cos θ. Scenes refuse torques that would turn spheres by more than some 2e-3, where 1 − cos θ is
 2e-6.
@@ -19,7 +22,7 @@ from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.samples import pieces
-from granular_lmp.scene.sources import TORQUE, PlacedSource, Source
+from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
 
 _RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
 # Over the variable s: the time since the beginning as a share of the ramp or of the burst, or y of a Ricker wavelet
@@ -39,8 +42,8 @@ _RICKER_BEGINS = "12.0"  # −y at t = 0, where the signal is 71 e^{-36} = 2e-14
 @dataclass(frozen=True)
 class _Signal:
     """A signal in LAMMPS's variable language: its kind, the end of its names, its factor, the duration of its ramp or
-    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago; of samples
-    also the number of intervals between them, and their delay in intervals.
+    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago (or ahead);
+    of samples also the number of intervals between them, and their delay in intervals.
     """
 
     kind: str
@@ -49,7 +52,7 @@ class _Signal:
     length: str
     phase: str
     now: str
-    before: str
+    beside: str
     intervals: int = 0
     late: float = 0.0
 
@@ -67,7 +70,7 @@ class _Signal:
 
     def _of_samples(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
-        steps, i = "step" if time == self.now else "(step-1)", s.replace("s", "i", 1) + self.tag
+        steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
         way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
         text = _SIGNALS["samples"].replace("<i>", i).replace("<s>", s + self.tag).replace("<t>", self.tag)
@@ -77,16 +80,17 @@ class _Signal:
             _line(name + self.tag, f"{self.unit}*{text}"),
         ]
 
-    def moved(self, step: str) -> list[str]:
-        """Return the lines for the displacement `swing` of moved spheres, and for `speed`, half a step ago.
+    def moved(self, step: str, *, ahead: bool = False) -> list[str]:
+        """Return the lines for the displacement `swing` of moved spheres, and for `speed`, half a step ago or `ahead`.
 
         `step` is the step in the units of the times.
         """
+        name, sign, speed = ("next", "+", "v_next<t>-v_swing<t>") if ahead else ("was", "-", "v_swing<t>-v_was<t>")
         return [
             *self.at(self.now, "swing", "s"),
-            *([] if self.intervals else [_line(self.before, f"v_{self.now}-{step}")]),
-            *self.at(self.before, "was", "s_was"),
-            _line(f"speed{self.tag}", f"(v_swing{self.tag}-v_was{self.tag})/v_step"),
+            *([] if self.intervals else [_line(self.beside, f"v_{self.now}{sign}{step}")]),
+            *self.at(self.beside, name, f"s_{name}"),
+            _line(f"speed{self.tag}", f"({speed.replace('<t>', self.tag)})/v_step"),
         ]
 
 
@@ -124,7 +128,8 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
     stiffness = units.number(sphere.normal_stiffness, mass=1, time=-2)
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
-    signal = _Signal(source.kind, tag, unit, repr(length), repr(source.phase), f"t{tag}", f"t_was{tag}")
+    beside = f"t_next{tag}" if source.motion == ROTATION else f"t_was{tag}"
+    signal = _Signal(source.kind, tag, unit, repr(length), repr(source.phase), f"t{tag}", beside)
     head = [f"group        {name} id {id_ranges(placed.spheres)}"]
     if source.sampled:
         intervals = len(source.sampled) - 1
@@ -134,6 +139,21 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
     else:
         head += [] if source.kind == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
         head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
+    if source.motion == ROTATION:
+        return [
+            f"# --- {name}: {source.words}, with the spin that the next step needs: fix set comes at the end of a step",
+            *head,
+            f"group        mobile subtract mobile {name}",
+            *signal.moved(_STEP, ahead=True),
+            _line("still", "0.0"),
+            "variable     nil    atom 0.0",
+            f"variable     spin{tag}  atom v_speed{tag}/v_R",
+            f"variable     mux{tag}   atom cos(v_swing{tag}/v_R)",
+            f"variable     muy{tag}   atom sin(v_swing{tag}/v_R)",
+            f"fix          {name} {name} move variable v_still v_still NULL v_still v_still NULL units box",
+            f"fix          {name}_turn all set 1 0 group {name} omega v_nil v_nil v_spin{tag} "
+            f"dipole v_mux{tag} v_muy{tag} v_nil",
+        ]
     if source.motion:
         along, across = (f"v_swing{tag}", f"v_speed{tag}"), ("v_still", "v_still")
         (ux, vx), (uy, vy) = (along, across) if source.motion == "x" else (across, along)

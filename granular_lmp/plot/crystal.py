@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import ViewError
+from granular_lmp.plot.fronts import Fronts
 from granular_lmp.plot.movie import MARK, refuse_movie, write_movie
 from granular_lmp.plot.signals import Picture, draw_signals, signals_to_draw, title
 from granular_lmp.runs.record import Record
@@ -76,6 +77,7 @@ def run_figure(
     colour: str | None = None,
     magnify: float | None = None,
     rows: int | None = None,
+    fronts: bool = False,
 ) -> Picture:
     """Return a picture of the crystal at one moment, and of p, q, φ of its centre sphere over the run.
 
@@ -95,14 +97,17 @@ def run_figure(
         radius.
     rows : int, optional
         Number of rows around the centre row; by default 25, or all if there are fewer.
+    fronts : bool
+        True for lines where the bursts of sources are by their group velocities, as in `granular_lmp.plot.fronts`.
 
     Raises
     ------
     ViewError
-        If τ is beyond the snapshots, the run does not hold the quantity, or the factor is not above 0.
+        If τ is beyond the snapshots, the run does not hold the quantity, the factor is not above 0, or waves of the run
+        have no fronts.
     """
     moment = snapshots[_nearest(snapshots, tau)]
-    scenery = _Scenery(record, snapshots, [moment], colour, magnify, rows)
+    scenery = _Scenery(record, snapshots, [moment], colour, magnify, rows, fronts)
     scenery.show(moment)
     return scenery.figure
 
@@ -115,6 +120,7 @@ def run_movie(
     colour: str | None = None,
     magnify: float | None = None,
     rows: int | None = None,
+    fronts: bool = False,
 ) -> None:
     """Write a movie, GIF or MP4, with a frame for each snapshot of a run; parameters as in `run_figure`.
 
@@ -129,7 +135,7 @@ def run_movie(
     refuse_movie(path)
     _nearest(snapshots, None)
     moments = map(snapshots.__getitem__, range(len(snapshots)))
-    scenery = _Scenery(record, snapshots, moments, colour, magnify, rows)
+    scenery = _Scenery(record, snapshots, moments, colour, magnify, rows, fronts)
 
     def show(number: int) -> None:
         scenery.show(snapshots[number])
@@ -159,6 +165,7 @@ class _Scenery:
         colour: str | None,
         magnify: float | None,
         rows: int | None,
+        fronts: bool,
     ):
         names = signals_to_draw(record.signals)
         self.record, self.names = record, names
@@ -173,10 +180,13 @@ class _Scenery:
         self.marks = [panel.plot([], [], "o", color=MARK, markersize=4, zorder=3, clip_on=False)[0] for panel in panels]
         self.axes = self.figure.add_subplot(grid[:, 0])
         self.crystal = _Crystal(self.axes, snapshots, _colouring(snapshots, colour), moments, magnify, rows)
+        self.fronts = Fronts(self.axes, snapshots) if fronts else None
         self.figure.suptitle(title(record.scene), fontsize="medium")
 
     def show(self, moment: Spheres) -> None:
         self.crystal.show(moment)
+        if self.fronts:
+            self.fronts.show(moment.tau)
         self.axes.set_title(rf"$\tau$ = {moment.tau:.4g}", fontsize="medium")
         for mark, name in zip(self.marks, self.names, strict=True):
             mark.set_data([moment.tau], [np.interp(moment.tau, self.record.tau, self.record.signals[name])])

@@ -1,4 +1,4 @@
-"""The picture of an impact: the velocities of a chain over time, or a sheet at one moment, also as a movie."""
+"""Pictures of an impact: the velocities of a chain over time, or a sheet at one moment, also as a movie."""
 
 from pathlib import Path
 

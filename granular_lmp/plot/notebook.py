@@ -1,4 +1,4 @@
-"""What a notebook shows of a scene, a record, a sweep and a deck: a line, a small table and a small picture."""
+"""Cards of a scene, a record, a sweep and a deck in a notebook: a line, a small table and a small picture."""
 
 from base64 import b64encode
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
 
 _DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
-_ROWS = 6  # of a sweep that are shown
+_ROWS = 6  # a card shows at most six of a sweep
 
 
 @singledispatch

@@ -30,7 +30,7 @@ from granular_lmp.studies.sweep import Sweep
 THICKNESSES = (5, 10, 20, 40)
 WAVENUMBERS = tuple(np.linspace(0.2, 2.9, 28).tolist())
 _NEAR = 6  # rows beside the source and the layer, in which waves decay that are not the one
-_LATE = 0.75  # of a run, which the front must have used to run to the layer and back
+_LATE = 0.75  # share of a run, in which the front must have run to the layer and back
 
 
 def expected(scene: Scene) -> float:

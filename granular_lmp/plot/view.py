@@ -1,4 +1,4 @@
-"""The picture of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
+"""Pictures of a folder: of a run its crystal (`granular_lmp.plot.crystal`) or trajectory, of a sweep a curve."""
 
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ def view(
     colour: str | None = None,
     magnify: float | None = None,
     rows: int | None = None,
+    fronts: bool = False,
     column: str | None = None,
     at_rest: bool = False,
 ) -> list[str]:
@@ -52,7 +53,7 @@ def view(
         Run folder or sweep folder; with `at_rest` anything that `Scene.load` reads.
     path : path
         File whose suffix sets the format.
-    tau, colour, magnify, rows
+    tau, colour, magnify, rows, fronts
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
@@ -74,6 +75,7 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
+    of_a_run["fronts"] = fronts or None
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         if movie:
@@ -108,9 +110,10 @@ def view(
         save(record.plot(), path)
         return [*lacks, f"{missing}; drawn are p, q and phi of the centre sphere"]
     if movie:
-        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows)
+        run_movie(record, snapshots, path, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
     else:
-        save(run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows), path)
+        figure = run_figure(record, snapshots, tau=tau, colour=colour, magnify=magnify, rows=rows, fronts=fronts)
+        save(figure, path)
     return lacks
 
 
@@ -118,6 +121,13 @@ def _refuse(folder: Path, what: str, options: dict[str, Any]) -> None:
     unfit = [name for name, value in options.items() if value is not None]
     if unfit:
         raise ViewError(f"--{unfit[0]}: is not for {what} in such a picture ({folder})")
+
+
+def _why_not(sweep: Sweep, column: str) -> str | None:
+    """Return why nothing was read off the monitor that a column is of, as its first finished run says; None without."""
+    for row in sweep.having("finished")[:1]:
+        return sweep.record(row).info.get("monitors", {}).get(column.partition(".")[0], {}).get("why")
+    return None
 
 
 def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
@@ -132,6 +142,8 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
     allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
+    if column not in allowed and (why := _why_not(sweep, column)):
+        raise ViewError(f"column = {column!r}: {why}")
     if column not in allowed:
         raise ViewError(f"column = {column!r}: must be one of {', '.join(allowed)}")
     finished = len(sweep.having("finished"))

@@ -177,7 +177,7 @@ def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
         expected = np.array([scene.vector.along(ux, uy), scene.vector.across(ux, uy)])
     found = np.array([record.p[0], record.q[0]])
     unit = scene.wave.amplitude * scene.sphere.static_overlap
-    rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # of a position next to the origin, in D0
+    rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # that of a position next to the origin, in D0
     if np.abs(found - expected).max() > _PLACED + rounding:
         raise RunFolderError(
             f"{source / dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "

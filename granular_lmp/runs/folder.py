@@ -19,6 +19,7 @@ from granular_lmp.lammps.outputs import (
     MONITOR,
     MONITOR_CONTACTS,
     PER_SAMPLE,
+    SCATTER,
     SCENE,
     SNAPSHOTS,
     STATUS,
@@ -34,7 +35,7 @@ _FILES = (
     *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")
-_STUDIES = {SWEEP: "a sweep", COST: "a cost study"}
+_STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 
 
@@ -87,7 +88,7 @@ def clear(folder: Path) -> None:
     Raises
     ------
     RunFolderError
-        If the folder holds a sweep or a cost study, or a file cannot be deleted.
+        If the folder holds a sweep or another study, or a file cannot be deleted.
     """
     for name, study in _STUDIES.items():
         if (folder / name).exists():

@@ -24,7 +24,7 @@ from granular_lmp.errors import (
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.checkpoints import steps_between
 from granular_lmp.lammps.deck import Deck, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, line_interval
+from granular_lmp.lammps.guards import GUARDS, columns, first_step, line_interval
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
@@ -43,7 +43,7 @@ from granular_lmp.lammps.outputs import (
     write_files,
 )
 from granular_lmp.problem import prepare
-from granular_lmp.runs.agreement import Signals, refuse_other_scene
+from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
@@ -163,6 +163,11 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         refuse_other_scene(folder, info)
         with phase("build"):
             deck = deck_of(prepare(Scene.load(folder / SCENE)))
+        if deck.scene.shape.single_column:
+            raise RunFolderError(
+                f"{folder}: packing.columns = 1: a run of one column cannot be continued, since LAMMPS would renew its "
+                "neighbour list; run it again with force=True"
+            )
         checkpoints = _checkpoints(folder)
         if not checkpoints or not (folder / DUMP).is_file():
             raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
@@ -229,17 +234,24 @@ def core_count() -> int:
 
 
 def _step_reporter(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
-    steps = scene.time.steps
-    return (lambda step: None) if progress is None else (lambda step: progress(min(step, steps), steps))
+    steps, first = scene.time.steps, first_step(scene)
+    if progress is None:
+        return lambda step: None
+    return lambda step: progress(min(max(step - first, 0), steps), steps)
 
 
 def _columns(deck: Deck) -> tuple[str, ...]:
-    return tuple(columns(deck.problem.guards, deck.scene))
+    """Return the thermo columns, none of a single column, which is not continued after a stop."""
+    return () if deck.scene.shape.single_column else tuple(columns(deck.problem.guards, deck.scene))
 
 
 def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
     """Return the words that override what a deck says for one rank."""
-    return () if ranks == 1 else ("-var", "checkpoint", str(steps_between(deck.scene, ranks)))
+    return (
+        ()
+        if ranks == 1 or deck.scene.shape.single_column
+        else ("-var", "checkpoint", str(steps_between(deck.scene, ranks)))
+    )
 
 
 def execute(
@@ -265,7 +277,7 @@ def execute(
             record = _collect(folder, deck.scene, stopped=failure is not None or job.log != LOG)
             log = read_log(folder / LOG) if (folder / LOG).exists() else RunLog({}, nan, {})
             found = outcome(folder, record, log.table, info)
-            failure = failure or _defect(record, log.table, job, list(found["guards"]))
+            failure = failure or _defect(record, log, job, list(found["guards"]))
         before = info.get("wall_seconds", {})
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
@@ -316,8 +328,8 @@ def mend(folder: Path, scene: Scene) -> None:
         (mend_binary if path.suffix == ".bin" else mend_dump)(path)
 
 
-def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> LammpsError | None:
-    """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
+def _defect(record: Record, log: RunLog, job: Job, guards: list[str]) -> LammpsError | None:
+    """Return an error if the record or the log is incomplete or wrong although LAMMPS reported success, else None."""
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
     if not all(np.isfinite(x).all() for x in tracked):
@@ -328,10 +340,18 @@ def _defect(record: Record, table: Signals, job: Job, guards: list[str]) -> Lamm
         if not is_whole(job.folder / name, expected, record.scene.time.steps):
             return LammpsError(f"{name} lacks records", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
-    steps = record.scene.time.steps
-    missed = sorted({*range(0, steps, line_interval(record.scene)), steps} - {*table.get("Step", ())})
+    first = first_step(record.scene)
+    last, table = first + record.scene.time.steps, log.table
+    missed = sorted({*range(first, last, line_interval(record.scene)), last} - {*table.get("Step", ())})
     absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
     if missed or absent:
         lack = f"step {missed[0]}" if missed else f"the guard {absent[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
+    if record.scene.shape.single_column and log.list_builds != 0:
+        return LammpsError(
+            f"packing.columns = 1: the neighbour list was renewed {log.list_builds} times, must be 0 times, or LAMMPS "
+            "mixes up the shear of two images of one sphere; take 3 columns",
+            job.input_name,
+            log_tail(job.folder),
+        )
     return None

@@ -1,4 +1,4 @@
-"""What a monitor recorded: motion of its spheres, forces of their contacts, and energy flux through its rows.
+"""Records of monitors: motion of its spheres, forces of their contacts, and energy flux through its rows.
 
 Everything is dimensionless like `granular_lmp.runs.snapshots`: displacements in D0, times in t0, forces in k1 D0,
 torques in k1 D0 R, and powers in k1 D0²/t0.
@@ -47,6 +47,8 @@ Integers = NDArray[np.int64]
 class ContactForces:
     """Contacts of the spheres of a monitor over time: all that touched at any time.
 
+    Forces are nan at a time of which a killed run has recorded the motion and not the contacts.
+
     Attributes
     ----------
     i, j : (C,) int arrays
@@ -72,9 +74,9 @@ class ContactForces:
     @property
     def force(self) -> Floats:
         """Force on j, (T, C, 2), in k1 D0; that on i is its opposite."""
-        direction = self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True)
+        direction = np.nan_to_num(self.vector / np.linalg.norm(self.vector, axis=-1, keepdims=True))
         across = np.stack([-direction[..., 1], direction[..., 0]], axis=-1)
-        return np.nan_to_num(self.normal[..., None] * direction + self.shear[..., None] * across)
+        return self.normal[..., None] * direction + self.shear[..., None] * across
 
 
 @dataclass(frozen=True, repr=False)
@@ -200,17 +202,19 @@ class MonitorRecord:
             )
         path = self.folder / MONITOR_CONTACTS.format(self.monitor.name)
         when = {step: number for number, step in enumerate(self._motion[0].tolist())}
+        unknown = np.ones(len(when), dtype=bool)
         times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(CONTACT_COLUMNS)))]
         for step, names, table in read_snapshots(path):
             if tuple(names) != CONTACT_COLUMNS:
                 raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(CONTACT_COLUMNS)}")
-            if step in when and len(table):  # a run that was killed may have written one of the two files
+            if step in when:  # a run that was killed may have written one of the two files
+                unknown[when[step]] = False
                 times.append(np.full(len(table), when[step]))
                 tables.append(table)
-        return self._by_pair(np.concatenate(times), np.concatenate(tables), len(when))
+        return self._by_pair(np.concatenate(times), np.concatenate(tables), unknown)
 
-    def _by_pair(self, time: Integers, table: Floats, count: int) -> ContactForces:
-        """Return the contacts of the monitor's spheres from the lines of the dump."""
+    def _by_pair(self, time: Integers, table: Floats, unknown: NDArray[np.bool_]) -> ContactForces:
+        """Return the contacts of the monitor's spheres from the lines of the dump; nan at times that are unknown."""
         atoms, units = self.crystal, units_for(self.scene.sphere.radius)
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
@@ -220,10 +224,11 @@ class MonitorRecord:
         keys, pair = np.unique(i * len(atoms) + j, return_inverse=True)
         of_i, of_j = keys // len(atoms), keys % len(atoms)
         sign = np.where(first == i, -1.0, 1.0)  # the vector leads to the first, and the force is on the first
-        vector = np.full((count, len(keys), 2), np.nan)
+        vector = np.full((len(unknown), len(keys), 2), np.nan)
         vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
         force = units.number(sphere.normal_stiffness * self.scene.displacement_amplitude, mass=1, length=1, time=-2)
-        normal, shear = np.zeros((2, count, len(keys)))
+        normal, shear = np.zeros((2, len(unknown), len(keys)))
+        normal[unknown] = shear[unknown] = np.nan
         normal[time, pair] = table[:, 2] / force
         x, y = (sign[:, None] * table[:, 5:7]).T / np.hypot(table[:, 5], table[:, 6])
         shear[time, pair] = sign * (table[:, 4] * x - table[:, 3] * y) / force

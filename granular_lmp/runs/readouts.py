@@ -1,4 +1,4 @@
-"""What an experimenter reads off the monitors of a driven crystal: harmonics of the drive and the static field.
+"""Read-outs of the monitors of a driven crystal: harmonics of the drive and the static field.
 
 In the steady part of a run, at the frequency Ω of the drive, each component of each sphere is fitted by
 
@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.errors import ReadoutError
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
@@ -30,12 +32,7 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
 Floats = NDArray[np.float64]
 
 HARMONICS = 3
-FEWEST_PERIODS = 4  # of the steady part, two in each half
-_FACTORS = 2 + 2 * HARMONICS
-
-
-class NoReadoutError(Exception):
-    """A run from which nothing can be read off, and why."""
+FEWEST_PERIODS = 4  # the steady part has at least four, two in each half
 
 
 def drive_of(scene: Scene) -> tuple[float, float]:
@@ -43,23 +40,21 @@ def drive_of(scene: Scene) -> tuple[float, float]:
 
     Raises
     ------
-    NoReadoutError
+    ReadoutError
         If no driven row and no source is there, a source is no tone, or they have different frequencies.
     """
     usual = mode_of(scene).frequency
     if scene.wave.form == "driven":
         return usual, scene.envelope.ramp
     if not scene.source:
-        raise NoReadoutError(f'wave.form = "{scene.wave.form}": nothing drives the crystal at one frequency')
+        raise ReadoutError(f'wave.form = "{scene.wave.form}": nothing drives the crystal at one frequency')
     for number, each in enumerate(scene.source, 1):
-        if each.signal != "tone":
-            raise NoReadoutError(f'source {number}: signal = "{each.signal}": must be "tone", which becomes steady')
+        if each.kind != "tone":
+            raise ReadoutError(f'source {number}: signal = "{each.kind}": must be "tone", which becomes steady')
     found = [each.pulsation(scene.sphere, usual) for each in scene.source]
     for number, frequency in enumerate(found, 1):
         if not isclose(frequency, found[0], rel_tol=1e-12):
-            raise NoReadoutError(
-                f"source {number}: frequency = {frequency:.6g}: differs from {found[0]:.6g} of source 1"
-            )
+            raise ReadoutError(f"source {number}: frequency = {frequency:.6g}: differs from {found[0]:.6g} of source 1")
     return found[0], max(each.delay + each.ramp for each in scene.source)
 
 
@@ -68,7 +63,7 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
 
     Raises
     ------
-    NoReadoutError
+    ReadoutError
         As `drive_of`, or if the steady part is too short, or samples are too far apart for the third harmonic.
     """
     frequency, risen = drive_of(scene)
@@ -79,19 +74,19 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
     arrived = risen + far / FASTEST_ROWS_PER_TAU
     recorded = scene.time.samples * scene.time.sample
-    end = recorded if scene.time.allow_echo else min(recorded, scene.echo_at(monitor))
+    end = recorded if scene.time.allow_echo else min(recorded, echo_at(scene, monitor))
     begin = (arrived + end) / 2
     periods = (end - begin) * frequency / (2 * pi)
     if periods < FEWEST_PERIODS:
         longer = arrived + 2 * FEWEST_PERIODS * 2 * pi / frequency
         cure = "time.allow_echo = true or quiet ends" if end < recorded else "a longer time.duration"
-        raise NoReadoutError(
+        raise ReadoutError(
             f"time.duration = {scene.time.duration!r}: leaves {max(periods, 0.0):.2g} steady periods up to tau = "
             f"{end:.4g}; must be {FEWEST_PERIODS}, up to {longer:.4g}: {cure}"
         )
     longest = pi / (HARMONICS * frequency)
     if scene.time.sample >= longest:
-        raise NoReadoutError(
+        raise ReadoutError(
             f"time.sample = {scene.time.sample!r}: must be below {longest:.4g}, half a period of harmonic {HARMONICS}"
         )
     return frequency, begin, end
@@ -109,7 +104,7 @@ def readout(record: MonitorRecord) -> dict[str, Any]:
     """
     try:
         frequency, begin, end = steady_part(record.scene, record.monitor)
-    except NoReadoutError as error:
+    except ReadoutError as error:
         return {"why": str(error)}
     tau = record.tau
     steady = (tau >= begin) & (tau <= end * (1 + 1e-12))

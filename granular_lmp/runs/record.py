@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
+from granular_lmp.lammps.guards import first_step
 from granular_lmp.lammps.outputs import DUMP, SCENE, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
@@ -144,7 +145,7 @@ class Record:
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         return cls(
-            tau=table["step"] * scene.time.step,
+            tau=(table["step"] - first_step(scene)) * scene.time.step,
             p=scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
             q=scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
             phi=table.get("theta", untracked) * scene.sphere.radius / displacement,
@@ -245,7 +246,7 @@ class Record:
         self.to_xarray().to_netcdf(path)
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the HTML that a notebook shows."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
@@ -301,10 +302,23 @@ def _status(folder: Path) -> dict[str, Any]:
         for name, entry in table.items():
             if needed and not (isinstance(entry, dict) and needed <= set(entry)):
                 raise RunFolderError(f"{path}: {key}.{name} must hold {', '.join(sorted(needed))}")
+    monitors = info.get("monitors", {})
+    if not (isinstance(monitors, dict) and all(map(_is_readout, monitors.values()))):
+        raise RunFolderError(f"{path}: monitors must hold why, or u, v and phi with pairs of numbers, for each monitor")
     budget = info.get("error_budget", [])
     if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
         raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
     return info
+
+
+def _is_readout(said: Any) -> bool:
+    """Return whether this is what ``run.json`` says of a monitor (`granular_lmp.runs.readouts`)."""
+    parts = [said[name] for name in ("u", "v", "phi") if name in said] if isinstance(said, dict) else [None]
+    pairs = [pair for part in parts for pair in (part.values() if isinstance(part, dict) else [None])]
+    return all(
+        isinstance(pair, list) and len(pair) == 2 and all(isinstance(number, int | float) for number in pair)
+        for pair in pairs
+    )
 
 
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
+from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.scene import Scene
 
 
@@ -94,6 +95,11 @@ def swiftness(scene: Scene) -> float:
     sphere, contacts = scene.sphere, contacts_of(scene)
     stiffest = contacts.normal_stiffness.max(initial=sphere.normal_stiffness) / sphere.normal_stiffness
     return float(np.sqrt(stiffest * sphere.mass / contacts.mass.min(initial=sphere.mass)))
+
+
+def echo_at(scene: Scene, monitor: Monitor) -> float:
+    """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
+    return scene.echo_at(monitor.span) / swiftness(scene)
 
 
 def places(scene: Scene) -> ase.Atoms:

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document
-from granular_lmp.scene.samples import SignalRule
-from granular_lmp.scene.scene import REPEATED, SECTIONS, Scene, note
+from granular_lmp.scene.scene import Scene, note
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -61,7 +61,7 @@ def json_schema() -> dict[str, Any]:
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
-    sections: dict[str, dict[str, Any]] = {section: {} for section in (*SECTIONS, *REPEATED)}
+    sections: dict[str, dict[str, Any]] = {section: {} for section in (*Scene.sections, *Scene.repeated)}
     needed: dict[str, list[str]] = {section: [] for section in sections}
     for key in keys():
         sections[key.section][key.name] = _value(key)
@@ -75,13 +75,13 @@ def json_schema() -> dict[str, Any]:
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         table |= {"required": needed[section]} if needed[section] else {}
-        properties[section] = {"type": "array", "items": table} if section in REPEATED else table
+        properties[section] = {"type": "array", "items": table} if section in Scene.repeated else table
     return {
         "$schema": DIALECT,
         "title": "A scene of granular-lmp",
         "type": "object",
         "properties": properties,
-        "required": [section for section in SECTIONS if needed[section]],
+        "required": [section for section in Scene.sections if needed[section]],
         "additionalProperties": False,
     }
 
@@ -94,8 +94,8 @@ def _value(key: Key) -> dict[str, Any]:
 
 def _values(rule: Rule) -> dict[str, Any]:
     """Return the JSON Schema of the values that a rule allows."""
-    if isinstance(rule, SignalRule):
-        pairs = _values(ArrayRule(float, "", "", several=True))
+    if isinstance(rule, samples.SignalRule):
+        pairs = _values(ArrayRule(float, "", "", several=True)) | {"minItems": samples.FEWEST, "maxItems": samples.MOST}
         return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
     if isinstance(rule, ArrayRule):
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))

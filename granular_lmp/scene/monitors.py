@@ -11,7 +11,6 @@ Recording changes no motion. What a run leaves is read by `granular_lmp.runs.mon
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 import ase
 import numpy as np
@@ -20,16 +19,22 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import in_words, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, NameRule, choice
+from granular_lmp.scene.places import (
+    Rows,
+    Spheres,
+    in_words,
+    place_troubles,
+    places_field,
+    rows_rule,
+    spheres_at,
+    spheres_rule,
+)
+from granular_lmp.scene.schema import AUTO, NameRule, choice
 from granular_lmp.scene.sections import Packing
-from granular_lmp.scene.shape import arrival_time
-from granular_lmp.scene.sources import Source
 
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
-_MOST = 10_000_000  # rows or columns
 _CONTACT_LINE = 110  # bytes
 
 
@@ -48,12 +53,8 @@ class Monitor:
     """
 
     name: str = field(default="", metadata={"rule": NameRule(str, "", "of its files, and of columns of a sweep")})
-    rows: Sequence[int] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
-    )
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
-    )
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
     what: str = choice("contacts: motion and contact forces; flux: these of rows, for energy", WHAT, default="motion")
 
     @property
@@ -92,7 +93,7 @@ class PlacedMonitor:
 
     @property
     def words(self) -> str:
-        """What is recorded in words."""
+        """Kind and places of the record in words."""
         count = len(self.spheres)
         return f"{self.monitor.what} of {count} sphere{'s' if count > 1 else ''}, {self.monitor.places}"
 
@@ -108,6 +109,11 @@ def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) 
         return
     if packing.rows == AUTO:
         raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[monitor]], which counts rows")
+    if shape.single_column:
+        raise SceneError(
+            f"packing.columns = {shape.columns}: must be at least {shape.lattice.fewest_columns} with [[monitor]], as "
+            "the deck of one column has no place for it"
+        )
     names: dict[str, int] = {}
     for number, each in enumerate(monitors, 1):
         if not each.name:
@@ -166,7 +172,7 @@ def placed_monitors(
                     f'monitor {each.name}: what = "{each.what}": must be "motion" where contacts reach beyond the next '
                     "row, as they do in this crystal at rest"
                 )
-            around = _around(chosen, crystal, shape)
+            around = _around(each, crystal, shape)
         found.append(PlacedMonitor(each, chosen, around))
     return tuple(found)
 
@@ -184,21 +190,20 @@ def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:
     return (difference + shape.rows // 2) % shape.rows - shape.rows // 2
 
 
-def _around(chosen: NDArray[np.int64], crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
-    """Return the spheres of the rows around some spheres that are within 1½ lattice constants along x of one."""
+def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.int64]:
+    """Return the spheres of a monitor and all that may touch one: in the rows around it, within 3 radii along x."""
     row, x = crystal.arrays["row"], crystal.positions[:, 0]
-    width = float(crystal.cell.lengths()[0])
-    reach = 3.0 * float(crystal.arrays["radius"].max())
+    if monitor.rows:
+        first, last = monitor.rows
+        near = np.abs(row_step(row - first, shape)) <= 1
+        near |= np.abs(row_step(row - last, shape)) <= 1
+        return np.flatnonzero(near | ((first <= row) & (row <= last)))
+    width, reach = float(crystal.cell.lengths()[0]), 3.0 * float(crystal.arrays["radius"].max())
     near = np.zeros(len(row), dtype=bool)
-    for each in np.unique(row[chosen]).tolist():
-        own = np.unique(x[chosen][row[chosen] == each])
-        beside = np.flatnonzero(np.abs(row_step(row - each, shape)) <= 1)
-        if len(own) * 3 > shape.columns:
-            near[beside] = True
-            continue
-        apart = np.abs(x[beside][:, None] - own)
+    for each in spheres_at((), monitor.spheres, crystal, "monitor"):
+        apart = np.abs(x - x[each])
         apart = np.minimum(apart, width - apart) if shape.lattice.endless_rows else apart
-        near[beside[(apart < reach).any(axis=1)]] = True
+        near |= (np.abs(row_step(row - row[each], shape)) <= 1) & (apart < reach)
     return np.flatnonzero(near)
 
 
@@ -210,28 +215,3 @@ def check_groups(monitors: Sequence[PlacedMonitor], sources: int) -> None:
             f"monitor: {len(monitors)} monitors beside {sources} sources take {groups} groups of LAMMPS, those with "
             f"contacts two each; must be at most {MOST_GROUPS}"
         )
-
-
-def monitor_echo(monitor: Monitor, sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
-    """Return the time τ at which an echo of the walls may reach a monitor, by the rule of `arrival_time`.
-
-    Waves of sources and of a driven row run to an end and from there to the monitor; a wave that fills the crystal is
-    disturbed by the walls from τ = 0 on. Ends that sources move send back waves of the others only, quiet ends none.
-    """
-    if shape.ends == "periodic":
-        return inf
-    first, last = monitor.span
-    end = shape.rows - 1
-    beyond = {0: first, end: end - last}  # rows from an end to the monitor
-    if driven:
-        return inf if quiet else arrival_time(end + beyond[end])
-    if not sources:
-        return inf if quiet else arrival_time(min(beyond.values()))
-    ways = [
-        abs(row - wall) + beyond[wall]
-        for each in sources
-        for wall in beyond
-        for row in each.rows_of()
-        if not each.is_in_row(wall) and (not quiet or any(other.is_in_row(wall) for other in sources))
-    ]
-    return arrival_time(min(ways)) if ways else inf

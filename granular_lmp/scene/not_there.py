@@ -1,4 +1,4 @@
-"""What people ask for and a scene cannot say: the rows of ``docs/reference/not-there.md``, and the keys they would try.
+"""Wishes that a scene cannot express: the rows of ``docs/reference/not-there.md``, and the keys they would try.
 
 A key of a scene that is one of these words is refused with the reason, and with where to go instead.
 """
@@ -98,8 +98,8 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
-    "a file with [[striker]] is an impact on spheres that just touch, for granular-lmp run, build, check, effects and "
-    "view, and holds no [wave]": "striker strikers impact projectile",
+    "a file with [[striker]] is an impact on spheres that just touch, for granular-lmp run, build, check, effects, "
+    "view and export, and holds no [wave]": "striker strikers impact projectile",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",

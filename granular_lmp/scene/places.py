@@ -1,6 +1,8 @@
-"""Places in a packing: whole rows, or single spheres by row and column, as sources and monitors name them."""
+"""Places in a packing: whole rows, or single spheres by row and column, as sources, monitors and strikers name them."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import field
+from typing import Any
 
 import ase
 import numpy as np
@@ -8,10 +10,26 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import shown
+from granular_lmp.scene.schema import ArrayRule, Interval, shown
 
 Rows = Sequence[int]
 Spheres = Sequence[tuple[int, int]]
+_ANY = Interval(0, 10_000_000)  # rows or columns
+
+
+def rows_rule(meaning: str = "first and last row, counted from 0") -> ArrayRule:
+    """Return the rule of a key that holds two rows."""
+    return ArrayRule(int, "", meaning, _ANY)
+
+
+def spheres_rule(meaning: str = "[row, column] of each") -> ArrayRule:
+    """Return the rule of a key that holds spheres by row and column."""
+    return ArrayRule(int, "", meaning, _ANY, several=True)
+
+
+def places_field(rule: ArrayRule) -> Any:
+    """Return a dataclass field for places, by default none."""
+    return field(default=(), metadata={"rule": rule})
 
 
 def in_words(rows: Rows, spheres: Spheres) -> str:

@@ -19,15 +19,16 @@ from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import Rule, one_line, shown
 
 Samples = Sequence[tuple[float, float]]  # (τ, value) of each
-COLUMNS = "tau,value"
+HEADER = "tau,value"
 FEWEST = 5
-MOST = 10_000  # of all sources: a deck of 1 MB, and a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
+# All sources together: a deck of 1 MB, and a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
+MOST = 10_000
 LARGEST = 1e6
-UNEVEN = 1e-6  # of a step: files with seven digits of τ pass
+UNEVEN = 1e-6  # Steps of τ differ by this share at most: files with seven digits pass
 # A spline through every second sample predicts the others to this share of the largest value. Where the signal is
 # smooth, that through all of them errs by 1/16 of it; nine samples a period of a sine pass.
 SMOOTH = 1e-2
-REST = 1e-3  # of the largest value: what a signal may end with and count as over
+REST = 1e-3  # A signal that ends below this share of its largest value counts as over
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class SignalRule(Rule):
     @property
     def allowed(self) -> str:
         """Allowed values in words."""
-        return f'{super().allowed}, or a file "NAME.csv" with the columns {COLUMNS}, or a list of [tau, value]'
+        return f'{super().allowed}, or a file "NAME.csv" with the columns {HEADER}, or a list of [tau, value]'
 
     def value(self, value: Any, key: str) -> Any:
         """Return a word as it is, and a file or a list as a tuple of pairs.
@@ -80,8 +81,8 @@ def _read(name: str, key: str) -> list[list[float]]:
             lines = [line.strip() for _, line in zip(range(MOST + 3), stream, strict=False)]
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have, or bytes that are not UTF-8
         raise SceneError(f"{key} = {shown(name)}: cannot be read as UTF-8 text: {one_line(error)}") from error
-    if not lines or lines[0].replace(" ", "") != COLUMNS:
-        raise SceneError(f"{key} = {shown(name)}: line 1 must be {COLUMNS}, here {shown(lines[0] if lines else '')}")
+    if not lines or lines[0].replace(" ", "") != HEADER:
+        raise SceneError(f"{key} = {shown(name)}: line 1 must be {HEADER}, here {shown(lines[0] if lines else '')}")
     pairs = []
     for number, line in enumerate(lines[1:], start=2):
         try:
@@ -90,7 +91,7 @@ def _read(name: str, key: str) -> list[list[float]]:
             if not line and not any(lines[number:]):
                 break  # empty lines at the end
             raise SceneError(
-                f"{key} = {shown(name)}: line {number} must be two numbers, {COLUMNS}, here {shown(line)}"
+                f"{key} = {shown(name)}: line {number} must be two numbers, {HEADER}, here {shown(line)}"
             ) from None
         pairs.append([tau, value])
     return pairs

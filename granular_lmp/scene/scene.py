@@ -7,26 +7,26 @@ t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap 
 here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from math import hypot, inf, pi
 from pathlib import Path
 from typing import Any, Self
 
 import granular_lmp
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import validation
+from granular_lmp.scene import remarks, validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
-from granular_lmp.scene.monitors import Monitor, check_monitors, monitor_echo
+from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
-from granular_lmp.scene.schema import AUTO, declared_fields, first_file, shown
 from granular_lmp.scene.schema import assignment as assignment
+from granular_lmp.scene.schema import declared_fields, first_file, shown
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -39,43 +39,12 @@ from granular_lmp.scene.sections import (
     Time,
     Wave,
 )
-from granular_lmp.scene.shape import EXACT, FASTEST_ROWS_PER_TAU, Room, decide, echo_time
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.scene.sources import Source, check_quiet, check_sources, source_echo
+from granular_lmp.scene.sources import Source, check_quiet, check_sources, echo_at
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
-SECTIONS: dict[str, type] = {
-    "sphere": Sphere,
-    "packing": Packing,
-    "disorder": Disorder,
-    "wave": Wave,
-    "envelope": Envelope,
-    "time": Time,
-    "effects": Effects,
-    "output": Output,
-    "absorb": Absorb,
-}
-REPEATED: dict[str, type] = {"inclusion": Inclusion, "source": Source, "monitor": Monitor}
-SECTION_RULES = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
-# A key and those that it replaces: a scene never holds both, and `with_values` of the key removes them.
-EXCLUSIVE = {
-    "time.tolerance": ("time.timestep",),
-    "time.timestep": ("time.tolerance",),
-    "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
-    "wave.wavenumber": ("wave.frequency",),
-    "wave.frequency": ("wave.wavenumber",),
-}
-FAR = 0.1  # relative change of the wave vector by snapping, beyond which the scene warns that it is another wave
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
-
-
-def note(key: str) -> str:
-    """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
-    if key == "wave.wavevector":
-        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
-    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    rules = declared_fields((SECTIONS | REPEATED)[table], SECTION_RULES.get(table))
-    return next(rule.note for item, rule in rules if item.name == name)
 
 
 @dataclass(frozen=True, repr=False)
@@ -97,12 +66,28 @@ class Scene(Document):
     A scene is frozen: `with_values` returns a changed copy.
     """
 
-    sections = SECTIONS
-    repeated = REPEATED
+    sections = {
+        "sphere": Sphere,
+        "packing": Packing,
+        "disorder": Disorder,
+        "wave": Wave,
+        "envelope": Envelope,
+        "time": Time,
+        "effects": Effects,
+        "output": Output,
+        "absorb": Absorb,
+    }
+    repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor}
     optional = ("disorder", "absorb")
-    rules = SECTION_RULES
+    rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
-    exclusive = EXCLUSIVE
+    exclusive = {
+        "time.tolerance": ("time.timestep",),
+        "time.timestep": ("time.tolerance",),
+        "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
+        "wave.wavenumber": ("wave.frequency",),
+        "wave.frequency": ("wave.wavenumber",),
+    }
     named = "the files of the run"
 
     material: Sphere
@@ -212,10 +197,15 @@ class Scene(Document):
         """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
         return at_rest(self.material, self.packing, self.effects)
 
+    @cached_property
+    def scale(self) -> Scale:
+        """Units of the scene: m, Δ0 and t0 of the spheres at rest."""
+        return Scale.of(self.sphere)
+
     @property
     def displacement_amplitude(self) -> float:
         """D0 = a Δ0, m: the amplitude of the wave's displacement."""
-        return self.wave.amplitude * self.sphere.static_overlap
+        return self.wave.amplitude * self.scale.length
 
     @property
     def lattice(self) -> Lattice:
@@ -287,7 +277,7 @@ class Scene(Document):
 
     @property
     def imperfections(self) -> str:
-        """What is not perfect in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
+        """Imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
         disorder = self.disorder
         spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
         words = [f"{name} {value!r}" for name, value in spread.items() if value]
@@ -346,67 +336,23 @@ class Scene(Document):
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit; an empty list if it is used as declared."""
-        said, shape = [], self.shape
+        said = []
         if self.wave.frequency is not None:
-            said.append(self._frequency_remark())
-        if AUTO in (self.packing.rows, self.packing.columns, self.packing.ends):
-            said.append(f"the packing is {shape.words}, {shape.ends} ends")
-        declared = self.declared_vector
-        moved = self.vector.per_column - declared.per_column, self.vector.per_row - declared.per_row
-        if max(map(abs, moved)) > EXACT:
-            said.append(self._snap_remark())
-        if self.time.tolerance is None and self.time.step < self.time.timestep * (1 - 1e-9):
-            said.append(
-                f"time.timestep {self.time.timestep!r} is rounded down to {self.time.step!r}, "
-                f"{self.time.steps_per_sample} to a sample"
-            )
-        for each in self.monitor:
-            if (echo := self.echo_at(each)) < self.time.duration:
-                said.append(f"monitor {each.name}: the echo of the walls may reach it at tau = {echo:.4g}")
-        return said
-
-    def _frequency_remark(self) -> str:
-        others = ", ".join(f"{xi:.6g}" for xi in _wavenumbers(self.wave, self.sphere, self.effects, self.lattice)[1:])
-        return f"wave.frequency {self.wave.frequency!r} Hz is that of wave.wavenumber {self.wave.wavenumber!r}" + (
-            f"; the smallest is taken, {others} has it too" if others else ""
-        )
-
-    def _snap_remark(self) -> str:
-        vector, rows, columns = self.vector, self.shape.rows, self.shape.columns
-        in_rows = round(vector.per_row * rows / (2 * pi))
-        in_columns = round(vector.per_column * columns / (2 * pi))
-        if self.declared_vector.axis == "y":
-            return (
-                f"wave.wavenumber {self.wave.wavenumber!r} is snapped to {self.wavenumber!r} = "
-                f"2 pi {abs(in_rows)}/{rows}, which fits the periodic cell{self._how_far}"
-            )
-        return (
-            f"wave.wavenumber {self.wave.wavenumber!r} at {self.wave.degrees!r} degrees is snapped to "
-            f"{self.wavenumber!r} at {self.direction!r}, which fits the periodic cell: its phase advances by "
-            f"2 pi {in_columns}/{columns} per column and 2 pi {in_rows}/{rows} per row{self._how_far}"
-        )
-
-    @property
-    def _how_far(self) -> str:
-        """Return a warning if the wave that is used differs much from the declared one, else an empty string."""
-        (x, y), (declared_x, declared_y) = self.vector.components, self.declared_vector.components
-        share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)
-        return f"; that is {share:.0%} away: take more rows or columns" if share > FAR else ""
+            found = _wavenumbers(self.wave, self.sphere, self.effects, self.lattice)
+            said += remarks.on_frequency(self.wave, found)
+        said += remarks.on_packing(self.packing, self.shape)
+        said += remarks.on_vector(self.wave, self.shape, self.vector)
+        return said + remarks.on_step(self.time)
 
     @property
     def echo_time(self) -> float:
         """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
-        quiet = self.absorb.rows != 0
-        if self.shape.ends == "periodic" or (quiet and not self.source):
-            return inf
-        if self.source:
-            return source_echo(self.source, self.shape, quiet=quiet)
-        return echo_time(self.shape.rows, driven=self.wave.form == "driven")
+        return self.echo_at((self.shape.centre_row, self.shape.centre_row))
 
-    def echo_at(self, monitor: Monitor) -> float:
-        """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
+    def echo_at(self, rows: Sequence[int]) -> float:
+        """Return the time τ at which the echo of the walls reaches rows, (first, last), in a perfect lattice."""
         driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
-        return monitor_echo(monitor, self.source, self.shape, driven=driven, quiet=quiet)
+        return echo_at(rows, self.source, self.shape, driven=driven, quiet=quiet)
 
     def __post_init__(self) -> None:
         wave, shape = self.wave, self.shape
@@ -422,6 +368,15 @@ class Scene(Document):
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)
         validation.check_time(self.time, self.output, shape, self.echo_time)
+
+
+def note(key: str) -> str:
+    """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
+    if key == "wave.wavevector":
+        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
+    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
+    rules = declared_fields({**Scene.sections, **Scene.repeated}[table], Scene.rules.get(table))
+    return next(rule.note for item, rule in rules if item.name == name)
 
 
 def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:

@@ -13,6 +13,7 @@ from granular_lmp.crystal.lattices import HEXAGONAL, LATTICES, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.places import rows_rule, spheres_rule
 from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, switch
 from granular_lmp.scene.shape import Auto
 
@@ -29,7 +30,9 @@ class Packing:
 
     lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
     rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
-    columns: int | Auto = count("along x: at least 3, in a chain 1", 1, 1_000_000, words=(AUTO,), default=AUTO)
+    columns: int | Auto = count(
+        "along x: at least 3, or 1 (plane waves along y)", 1, 1_000_000, words=(AUTO,), default=AUTO
+    )
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
@@ -244,11 +247,10 @@ DISORDER_RULES = {
     "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
     "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),
 }
-_MOST = 10_000_000  # rows or columns
 INCLUSION_RULES = {
-    "rows": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST)),
-    "spheres": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True),
-    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, _MOST), length=3),
+    "rows": rows_rule(),
+    "spheres": spheres_rule(),
+    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, 10_000_000), length=3),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     **SPHERE_RULES,
     "vacancy": Rule(bool, "", "the places are empty"),

@@ -10,8 +10,8 @@ A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10
 or is a multiple of samples, in a file or in the scene (`granular_lmp.scene.samples`).
 
 The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
-are moved neither turn nor move across the motion. Motions cannot be added on one sphere, and a force on a sphere that
-is moved or held does nothing: both are refused.
+are moved neither turn nor move across the motion, and those whose rotation is prescribed, Rθ in D0, only turn. Motions
+cannot be added on one sphere, and a force on a sphere that is moved or held does nothing: both are refused.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,13 +27,22 @@ from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.places import in_words, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, choice, number, shown
+from granular_lmp.scene.places import (
+    Rows,
+    Spheres,
+    in_words,
+    place_troubles,
+    places_field,
+    rows_rule,
+    spheres_at,
+    spheres_rule,
+)
+from granular_lmp.scene.schema import AUTO, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
 
 AXES = ("x", "y")
-TORQUE = "torque"
+TORQUE, ROTATION = "torque", "rotation"
 SIGNALS = ("tone", "burst", "ricker", "step")
 # The keys that only some signals have
 _OWN = {
@@ -43,10 +52,11 @@ _OWN = {
     "cycles": ("burst",),
     "ramp": ("tone", "step"),
 }
-_MOST = 10_000_000  # rows or columns
-FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+FEWEST_CYCLES = (
+    3.0  # A burst before quiet ends has at least these: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+)
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
-FEWEST_STEPS = 20.0  # of a period: velocity Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
+FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
 
 @dataclass(frozen=True)
@@ -58,8 +68,8 @@ class Source:
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0; or
     spheres : sequence of (row, column)
-    motion : "x" or "y", optional
-        Axis along which the displacement is prescribed, in D0; or
+    motion : "x", "y" or "rotation", optional
+        Axis along which the displacement is prescribed, in D0, or φ = Rθ, in D0; or
     force : "x", "y" or "torque", optional
         Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
     signal : "tone", "burst", "ricker", "step", or sequence of (τ, value)
@@ -71,13 +81,9 @@ class Source:
         In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
     """
 
-    rows: Sequence[int] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "first and last row, counted from 0", Interval(0, _MOST))}
-    )
-    spheres: Sequence[tuple[int, int]] = field(
-        default=(), metadata={"rule": ArrayRule(int, "", "[row, column] of each", Interval(0, _MOST), several=True)}
-    )
-    motion: str | None = choice("displacement from rest, in D0", AXES, default=None)
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
+    motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
     signal: str | samples.Samples = field(
         default="tone", metadata={"rule": samples.SignalRule(str, "", "over time", words=SIGNALS)}
@@ -108,8 +114,13 @@ class Source:
     @property
     def words(self) -> str:
         """Kind and signal in words: "burst of force along y"."""
-        kind = f"motion along {self.motion}" if self.motion else f"force along {self.force}"
-        return f"{self.kind} of {TORQUE if self.force == TORQUE else kind}"
+        what = "motion along" if self.motion else "force along"
+        return f"{self.kind} of {self.turns or f'{what} {self.motion or self.force}'}"
+
+    @property
+    def turns(self) -> str:
+        """The word "torque" or "rotation" if the source turns spheres, else ""."""
+        return next((word for word in (self.motion, self.force) if word in (TORQUE, ROTATION)), None) or ""
 
     @property
     def places(self) -> str:
@@ -272,23 +283,45 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
             )
 
 
-def source_echo(sources: Sequence[Source], shape: Shape, *, quiet: bool) -> float:
-    """Return the time τ at which waves of the sources reach the centre from an end, by the shortest way.
+def echo_at(rows: Sequence[int], sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
+    """Return the time τ at which an echo of the walls may reach rows, by the shortest way and `arrival_time`.
 
-    The way is that from a sphere of a source to an end and on to the centre. An end that a source moves is where its
-    waves begin, and sends back none of them. If the crystal has `quiet` ends, only an end that a source moves sends
-    back waves, those of the other sources, and the time is infinite without any.
+    A wave that fills the crystal is disturbed by the walls from τ = 0 on. Waves of sources and of a driven row run to
+    an end and from there to the rows. Those that a source makes by moving an end begin there, and are not sent back by
+    it. `quiet` ends send back no waves, but an end that a source moves is not quiet, and sends back those of other
+    spheres.
+
+    Parameters
+    ----------
+    rows : (first, last)
+    sources : sequence of Source
+    shape : Shape
+    driven : bool
+        True if the first row is driven.
+    quiet : bool
+        True if the crystal has quiet ends.
+
+    Returns
+    -------
+    float
+        Infinite if no echo comes.
     """
-    last = shape.rows - 1
-    ends = [end for end in (0, last) if not quiet or any(each.is_in_row(end) for each in sources)]
+    if shape.ends == "periodic":
+        return inf
+    end = shape.rows - 1
+    beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
+    if driven or not sources:
+        return inf if quiet else arrival_time(end + beyond[end] if driven else min(beyond.values()))
     ways = [
-        abs(row - end) + abs(end - shape.centre_row)
+        abs(row - wall) + beyond[wall]
+        for wall in beyond
+        if not quiet or any(each.is_in_row(wall) for each in sources)
         for each in sources
-        for end in ends
+        if not (each.rows and each.is_in_row(wall))  # these rows reach from the end to where their waves begin
         for row in each.rows_of()
-        if not each.is_in_row(end)
+        if row != wall
     ]
-    return inf if quiet and not ways else arrival_time(min(ways, default=2 * last))
+    return arrival_time(min(ways)) if ways else inf
 
 
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:

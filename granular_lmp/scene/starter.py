@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.scene.scene import EXCLUSIVE, Scene, note
+from granular_lmp.scene.scene import Scene, note
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
@@ -21,7 +21,7 @@ def starter(scene: Scene, file: str) -> str:
     for line in scene.to_toml().splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
-        others = [other for other, excluded in EXCLUSIVE.items() if excluded[0] == key]
+        others = [other for other, excluded in Scene.exclusive.items() if excluded[0] == key]
         lines += [line, *(_commented(other) for other in others)]
     return _HEAD.format(file=file) + "\n".join(lines) + "\n"
 
@@ -41,11 +41,21 @@ def write_starter(path: str | Path, source: str) -> None:
     RunFolderError
         When the file is there already or cannot be written.
     """
-    path = Path(path)
-    scene = Scene.load(source).with_values({"name": path.stem, "description": ""})
+    scene = Scene.load(source).with_values({"name": Path(path).stem, "description": ""})
+    write_new(Path(path), starter(scene, str(path)))
+
+
+def write_new(path: Path, text: str) -> None:
+    """Write a file that is not there yet.
+
+    Raises
+    ------
+    RunFolderError
+        When the file is there already or cannot be written.
+    """
     try:
         with path.open("x", encoding="utf-8") as stream:
-            stream.write(starter(scene, str(path)))
+            stream.write(text)
     except FileExistsError as error:
         raise RunFolderError(f"{path}: is there already; choose another name") from error
     except OSError as error:

@@ -1,1 +1,1 @@
-"""Studies: sweeps, kicked sheets, collisions, and the cost of accuracy."""
+"""Studies: sweeps, scattering, kicked sheets, collisions, and the cost of accuracy."""

@@ -1,4 +1,4 @@
-"""What a run would take, found out without doing it: its size, seconds on this machine, and memory.
+"""Forecast of a run, made without doing it: its size, seconds on this machine, and memory.
 
 The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
 cell of the same spheres and effects, for a few steps of it would take as long as many runs.
@@ -28,7 +28,7 @@ SERIAL = 0.1
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a run of a scene would take.
+    """Size, time and memory of a run of a scene.
 
     Attributes
     ----------
@@ -44,8 +44,8 @@ class Forecast:
         What the seconds were made of, or why there are none.
     memory : float
         Bytes.
-    checkpoint : float
-        Minutes between two checkpoints.
+    checkpoint : float or None
+        Minutes between two checkpoints; None for a single column, which is not continued.
     """
 
     spheres: int
@@ -57,7 +57,7 @@ class Forecast:
     seconds: float | None
     basis: str
     memory: float
-    checkpoint: float
+    checkpoint: float | None
 
     def on(self, ranks: int) -> tuple[float, float] | None:
         """Return the least and the most seconds on some MPI ranks; None where those on one are unknown.
@@ -96,7 +96,7 @@ def forecast(problem: Problem) -> Forecast:
         seconds=None if rate is None or start is None else start + spheres * steps / rate,
         basis=basis,
         memory=_PROCESS + _SPHERE * spheres,
-        checkpoint=minutes_between(scene),
+        checkpoint=None if scene.shape.single_column else minutes_between(scene),
     )
 
 

@@ -142,7 +142,7 @@ class Sweep:
         return self.to_pandas().set_index([*self.over]).to_xarray()
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """Return the HTML that a notebook shows."""
         return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
@@ -245,6 +245,7 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
         clear(folder)
     if there != request:
         with writable(folder):
+            (folder / TABLE).unlink(missing_ok=True)  # a killed sweep would leave that of the other one
             replace_text(folder / SWEEP, json.dumps(request, indent=2) + "\n")
 
 
@@ -347,7 +348,7 @@ def _result(folder: Path, future: "Future[Point]") -> Point:
         return future.result()
     except RunInterrupted:
         return row_of(folder)
-    except Exception as error:  # of the executor or of the machine: this run failed, the others go on
+    except Exception as error:  # the executor or the machine failed: this run did, the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
     info = info_of(folder)

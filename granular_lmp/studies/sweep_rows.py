@@ -101,7 +101,7 @@ def summary_of(info: dict[str, Any], record: Record | None) -> Point:
 
 
 def _measured(record: Record | None) -> Point:
-    """What is read off a record; None each where there is no record, or no second harmonic in it."""
+    """Return the numbers read off a record; None each where there is no record, or no second harmonic in it."""
     names = COLUMNS[COLUMNS.index("frequency_Hz") : COLUMNS.index("smallest_overlap")]
     if record is None:
         return dict.fromkeys(names)

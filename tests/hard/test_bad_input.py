@@ -15,8 +15,11 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from granular_lmp import Scene, build
+from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.errors import CrystalError, GranularError, SceneError
+from granular_lmp.impact.deck import deck_of
+from granular_lmp.impact.problem import prepare as prepare_impact
+from granular_lmp.impact.run import description as describe_impact
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
 from granular_lmp.scene.schema import assignment
@@ -26,6 +29,12 @@ from granular_lmp.studies.sweep_points import axes, points
 from tests.conftest import PAPER
 
 SCENES = [Scene.load(path) for path in sorted(SHIPPED.glob("*/scene.toml"))]
+IMPACTS = [
+    ImpactScene.load("solitary_chain"),
+    ImpactScene.load("point_impact").with_values(
+        {"packing.rows": 9, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "effects.friction": 0.3}
+    ),
+]
 COLLISIONS = [Collision.load(path) for path in sorted((SHIPPED / "collisions").glob("*.toml"))]
 KEYS = sorted({f"{table}.{key}" for table, keys in PAPER.to_dict().items() if table != "name" for key in keys})
 KEYS += ["name", "time.tolerance", "wave.wavevector"]
@@ -116,6 +125,18 @@ def test_a_bad_collision_is_one_line_that_names_a_key(tables: dict[str, Any]) ->
         assert is_finite(text)
     except SceneError as error:
         is_one_line(error, named(tables) | COLLISION_KEYS)
+
+
+@given(mutated(IMPACTS))
+def test_a_bad_impact_is_one_line_that_names_a_key(tables: dict[str, Any]) -> None:
+    try:
+        scene = ImpactScene.from_dict(tables)
+        if scene.packing.rows * scene.packing.columns <= MOST_BUILT:
+            problem = prepare_impact(scene)
+            json.dumps(describe_impact(problem, "module", 1), allow_nan=False)
+            assert is_finite(deck_of(problem).input_text)
+    except (SceneError, CrystalError) as error:
+        is_one_line(error, named(tables) | {"striker", "inclusion"})
 
 
 ALPHABET = st.text(st.sampled_from("[]{}=\"'\n\\#.,-+0123456789eE_aT:\x00\t é"), max_size=6)

@@ -213,6 +213,36 @@ def test_a_sheet_moves_as_the_network_does(
     assert (np.max(np.abs(spin)) > 0.02) == (friction > 0)
 
 
+def test_a_sheet_of_two_materials_with_vacancies_moves_as_the_network_does(run: Runs) -> None:
+    inclusions = [
+        {"spheres": [[3, 4], [5, 2]], "density": 1000.0},
+        {"rows": [4, 7], "youngs_modulus": 70e9, "poisson_ratio": 0.33, "density": 2700.0},
+        {"spheres": [[2, 4]], "vacancy": True},
+    ]
+    changes = {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "disorder.density": 0.1}
+    changes |= {"time.duration": 6.0, "time.sample": 6.0}
+    coarse, fine = (run(SHEET, changes | {"time.timestep": step}, inclusions) for step in (0.04, 0.02))
+    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.crystal
+    network = Network(
+        crystal.positions[:, :2] * ball.radius,
+        np.full(len(crystal), ball.radius),
+        crystal.arrays["density"],
+        (Material(200e9, 0.3), Material(70e9, 0.33)),
+        kind=crystal.arrays["material"],
+        friction=0.0,
+    )
+    assert len(crystal) == 71
+    v = np.zeros((len(crystal), 2))
+    v[4, 1] = scale.velocity
+    expected = integrate(
+        network, start(network, 0.0, v), [6 * scale.time], rtol=1e-9, longest_step=scale.time / 5
+    ).velocity[-1]
+    velocity = (4 * fine.velocity[-1] - coarse.velocity[-1]) / 3
+    # What is left of the step, as in a sheet of equal spheres
+    assert velocity == pytest.approx(expected / scale.velocity, abs=8e-6)
+    assert np.max(np.abs(velocity - 1.001 * expected / scale.velocity)) > 1e-4
+
+
 def test_a_sheet_keeps_energy_momentum_and_mirror_symmetry(run: Runs) -> None:
     changes = {"packing.rows": 15, "packing.columns": 15, "striker.1.spheres": [[0, 7]], "time.duration": 15.0}
     record = run(SHEET, changes | {"time.timestep": 0.02, "packing.sides": "periodic"})

@@ -1,7 +1,8 @@
-"""The units of an impact, which has no overlap at rest to be measured by.
+"""The units of length and time in which a scene is measured: those of its spheres at rest, else those of an impact.
 
-With the mass m of a sphere, the coefficient A of the Hertz force A δ^{3/2} between two of them, and the velocity v of
-the fastest striker
+Spheres that adhesion or compression holds together have an overlap at rest, Δ0, and the time t0 of their linear waves
+(`granular_lmp.crystal.sphere`). Spheres that just touch have neither. Their scale is made by the velocity v of the
+fastest striker, with the mass m of a sphere and the coefficient A of the Hertz force A δ^{3/2} between two of them:
 
     ℓ = (m v²/A)^{2/5},   t0 = ℓ/v = (m²/(A² v))^{1/5},
 
@@ -12,6 +13,7 @@ for 2.439 t0.
 
 from dataclasses import dataclass
 from math import gamma, pi, sqrt
+from typing import Self
 
 from granular_lmp.crystal.sphere import Sphere
 
@@ -22,27 +24,32 @@ DEEPEST = 0.625**0.4  # largest overlap of two equal spheres, in ℓ: (5μ/4m)^{
 
 @dataclass(frozen=True)
 class Scale:
-    """Mass m (kg), overlap ℓ (m) and time t0 (s) of an impact."""
+    """Mass m (kg), overlap Δ0 or ℓ (m) and time t0 (s)."""
 
     mass: float
     length: float
     time: float
 
     @classmethod
-    def of(cls, sphere: Sphere, velocity: float) -> "Scale":
-        """Return the units of spheres that are struck at a velocity, m/s."""
+    def of(cls, sphere: Sphere, velocity: float = 0.0) -> Self:
+        """Return the scale of spheres at rest, or of spheres that just touch and are struck at a velocity, m/s.
+
+        Raises
+        ------
+        ValueError
+            If there is neither an overlap at rest nor a velocity.
+        """
+        if sphere.static_overlap > 0:
+            return cls(sphere.mass, sphere.static_overlap, sphere.time_scale)
+        if not velocity > 0:
+            raise ValueError(f"velocity = {velocity!r}: must be above 0 where spheres have no overlap at rest")
         length = (sphere.mass * velocity**2 / sphere.normal_coefficient) ** 0.4
         return cls(sphere.mass, length, length / velocity)
 
     @property
     def velocity(self) -> float:
-        """Velocity v = ℓ/t0 of the fastest striker, m/s."""
+        """Velocity of one overlap in t0, m/s; that of the fastest striker in an impact."""
         return self.length / self.time
-
-    @property
-    def energy(self) -> float:
-        """Energy m v², J."""
-        return self.mass * self.velocity**2
 
 
 def collision_time(mass: float, stiffness: float = 1.0, velocity: float = 1.0) -> float:
@@ -51,6 +58,6 @@ def collision_time(mass: float, stiffness: float = 1.0, velocity: float = 1.0) -
     Parameters
     ----------
     mass, stiffness, velocity : float
-        Reduced mass μ = m₁m₂/(m₁ + m₂), A and v, in the units of a `Scale` or in any consistent ones.
+        Reduced mass μ = m₁m₂/(m₁ + m₂), A and v, in the units of an impact or in any consistent ones.
     """
     return float(_COLLISION * (mass**2 / (stiffness**2 * velocity)) ** 0.2)

@@ -1,0 +1,60 @@
+"""Fronts of bursts over the picture of a crystal, from group velocities (`granular_lmp.crystal.group_velocity`)."""
+
+from math import pi
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from granular_lmp.crystal.group_velocity import fronts
+from granular_lmp.crystal.lattices import HEXAGONAL
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.signals import BRANCH_STYLES
+from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+
+MOST_SPHERES = 4  # a source may have; each has fronts of its own
+
+
+class Fronts:
+    """Lines around the spheres of sources, where the middle of each burst is after the time since it left.
+
+    Raises
+    ------
+    ViewError
+        If the crystal is not a perfect hexagonal sheet, or a source is not a burst on at most `MOST_SPHERES` spheres.
+    """
+
+    def __init__(self, axes: Axes, snapshots: Snapshots):
+        scene = snapshots.scene
+        sources = scene.source
+        if scene.lattice is not HEXAGONAL or not scene.perfect:
+            raise ViewError(f"--fronts: {scene.name} must be a perfect hexagonal sheet, whose waves have fronts")
+        if not sources or any(each.kind != "burst" or not 0 < len(each.spheres) <= MOST_SPHERES for each in sources):
+            raise ViewError(
+                f'--fronts: sources of {scene.name} must have signal = "burst", which has a middle, and spheres = 1 to '
+                f"{MOST_SPHERES} of them"
+            )
+        usual, lattice, physics = mode_of(scene).frequency, unit_contacts(scene), physics_of(scene)
+        row, column = snapshots.crystal.arrays["row"], snapshots.crystal.arrays["column"]
+        self.lines = []
+        labelled: set[str] = set()
+        for source in sources:
+            frequency = source.pulsation(scene.sphere, usual)
+            middle = source.delay + pi * source.cycles / frequency
+            for name, velocity in fronts(lattice, scene.sphere, frequency, physics).items():
+                closed = np.vstack([velocity, velocity[:1]])
+                for place in source.spheres:
+                    start = snapshots.rest[(row == place[0]) & (column == place[1])][0]
+                    style = {"color": "black", "linestyle": BRANCH_STYLES[name]["linestyle"], "linewidth": 0.9}
+                    label = None if name in labelled else f"{name}, $\\Omega$ = {frequency:.3g}"
+                    labelled.add(name)
+                    (line,) = axes.plot([], [], label=label, zorder=4, **style)  # type: ignore[arg-type]
+                    self.lines.append((line, start, closed, middle))
+        if labelled:
+            axes.legend(loc="upper left", fontsize="x-small", framealpha=0.8)
+
+    def show(self, tau: float) -> None:
+        """Move the lines to a time; before the middle of its burst has left there is none."""
+        for line, start, velocity, middle in self.lines:
+            line.set_data(*(start + velocity * max(tau - middle, 0.0)).T)
+            line.set_visible(tau > middle)

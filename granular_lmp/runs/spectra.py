@@ -1,0 +1,79 @@
+"""Amplitude spectra of signals that are recorded at even times, with the resolution and the noise floor of each.
+
+With the Hann window w of the whole record and the weighted mean m of the signal,
+
+    A(Ω) = 2 |Σ w (x − m) e^{−iΩτ}| / Σ w
+
+so that a tone of amplitude A that lasts for the whole record has the height A at its frequency. Two tones are apart if
+their frequencies differ by more than the resolution 4π/T, half of the window's main lobe.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+FEWEST = 8  # records
+_FINER = 4  # frequencies for each of an unpadded transform: between two of them a tone loses 1 % at most
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Amplitude spectra of N signals.
+
+    Attributes
+    ----------
+    frequency : (F,) array
+        Ω from 0 to half the sampling rate, rad/t0.
+    amplitude : (F, N) array
+        In the unit of the signals; (F,) of one signal.
+    resolution : float
+        Distance of two tones that are told apart, rad/t0.
+    floor : (N,) array or float
+        Median of the amplitudes over all frequencies: the noise floor, as a few tones do not raise it. A peak of a few
+        times that is noise.
+    """
+
+    frequency: Floats
+    amplitude: Floats
+    resolution: float
+    floor: Floats
+
+
+def spectrum(tau: Floats, signals: Floats) -> Spectrum:
+    """Return the amplitude spectra of signals.
+
+    Parameters
+    ----------
+    tau : (T,) array
+        Even times, t0.
+    signals : (T,) or (T, N) array
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 8 records, the times are not even, or a signal is not finite.
+
+    Notes
+    -----
+    *Good values*: a record of many periods from which transients have been cut off, ``signals[tau > 100]``, and samples
+    of less than half a period of the highest frequency in it, as what lies above is folded down.
+    """
+    count = len(tau)
+    if count < FEWEST or len(signals) != count:
+        raise ValueError(f"tau: {count} records, signals: {len(signals)}; must be as many, and at least {FEWEST}")
+    steps = np.diff(tau)
+    if not np.allclose(steps, steps.mean(), rtol=1e-6, atol=0.0):
+        raise ValueError(f"tau: steps from {steps.min():.6g} to {steps.max():.6g}; must be even")
+    if not np.isfinite(signals).all():
+        raise ValueError("signals: not finite; must be numbers, as where spheres are tracked")
+    length = count * float(steps.mean())
+    window = 1 - np.cos(2 * pi * (np.arange(count) + 0.5) / count)
+    weighted = window if signals.ndim == 1 else window[:, None]
+    centred = signals - np.average(signals, axis=0, weights=window)
+    amplitude: Floats = 2 * np.abs(np.fft.rfft(weighted * centred, _FINER * count, axis=0)) / window.sum()
+    frequency = 2 * pi / (_FINER * length) * np.arange(len(amplitude), dtype=np.float64)
+    return Spectrum(frequency, amplitude, 4 * pi / length, np.asarray(np.median(amplitude, axis=0)))
