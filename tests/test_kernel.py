@@ -172,11 +172,6 @@ def test_other_contacts_are_refused_before_a_file_is_written(
     assert not (tmp_path / "run").exists()
 
 
-def test_a_single_column_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match="packing.columns = 1"):
-        run(short("tr_nonresonant", **{"packing.columns": 1}), tmp_path / "run", kernel=True)
-
-
 @pytest.mark.parametrize(
     ("words", "named"),
     [

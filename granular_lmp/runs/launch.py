@@ -122,8 +122,6 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
 
 
 def _kernel_of(deck: Deck) -> Path:
-    if deck.scene.shape.single_column:
-        raise LaunchError("kernel=True: excludes packing.columns = 1, where two spheres touch twice; take at least 3")
     library.refuse_other_contacts(deck.input_text)
     return library.built()
 

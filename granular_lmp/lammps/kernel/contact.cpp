@@ -73,13 +73,11 @@ class PairKernel : public Pair {
       const int i = list->ilist[ii];
       const tagint first = atom->tag[i];
       slips.row[first] = (int) slips.partner.size();
+      slips.length[first] = list->numneigh[i];
       for (int jj = 0; jj < list->numneigh[i]; jj++) {
         const tagint second = atom->tag[list->firstneigh[i][jj] & NEIGHMASK];
         const int same = before.find(first, second), turned = same < 0 ? before.find(second, first) : -1;
-        if (slips.find(first, second) >= 0 || slips.find(second, first) >= 0)    // as in a cell of one or two columns
-          error->all(FLERR, "kernel: spheres {} and {} touch twice, across the cell and within it", first, second);
         slips.partner.push_back(second);
-        slips.length[first]++;
         for (int c = 0; c < 2; c++)
           slips.slip.push_back(same >= 0 ? before.slip[2 * same + c] : turned >= 0 ? -before.slip[2 * turned + c] : 0.0);
       }
