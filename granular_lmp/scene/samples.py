@@ -9,14 +9,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import Rule, one_line, shown
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Samples = Sequence[tuple[float, float]]  # (τ, value) of each
 HEADER = "tau,value"
@@ -125,7 +127,7 @@ def checked(pairs: Samples, key: str) -> Samples:
     largest = abs(value).max()
     if value[0] != 0 or largest == 0:
         raise refused(f"first value {value[0]:g}, largest {largest:g}: must begin at 0, and not stay there")
-    fit = CubicSpline(tau[::2], value[::2], bc_type="clamped" if len(tau) % 2 else ((1, 0.0), "not-a-knot"))
+    fit = _through(tau[::2], value[::2], "clamped" if len(tau) % 2 else ((1, 0.0), "not-a-knot"))
     inside = tau <= tau[::2][-1]
     missed = abs(fit(tau) - value)[inside]
     if missed.max() > SMOOTH * largest:
@@ -136,10 +138,16 @@ def checked(pairs: Samples, key: str) -> Samples:
     return pairs
 
 
-def spline(pairs: Samples) -> CubicSpline:
+def spline(pairs: Samples) -> "CubicSpline":
     """Return the cubic spline through samples, level at both ends."""
     tau, value = np.array(pairs).T
-    return CubicSpline(tau[-1] / (len(tau) - 1) * np.arange(len(tau)), value, bc_type="clamped")
+    return _through(tau[-1] / (len(tau) - 1) * np.arange(len(tau)), value, "clamped")
+
+
+def _through(tau: NDArray[np.float64], value: NDArray[np.float64], ends: Any) -> "CubicSpline":
+    from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
+
+    return CubicSpline(tau, value, bc_type=ends)
 
 
 def pulsation(pairs: Samples) -> float:
