@@ -19,7 +19,7 @@ from granular_lmp.impact.scene import PERIODIC, WALL
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.datafile import DataFile, id_ranges
 from granular_lmp.lammps.deck import types
-from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, STATUS, writable, write_files
+from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, write_deck
 from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
@@ -65,11 +65,7 @@ class ImpactDeck:
         RunFolderError
             If the folder exists (without `force`) or cannot be written.
         """
-        folder = Path(folder)
-        with writable(folder):
-            folder.mkdir(parents=True, exist_ok=force)
-            (folder / STATUS).unlink(missing_ok=True)
-        write_files(folder, self.files())
+        write_deck(folder, self.files(), force=force)
 
 
 def deck_of(problem: ImpactProblem) -> ImpactDeck:

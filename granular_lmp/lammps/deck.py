@@ -25,7 +25,7 @@ from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
-from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, STATUS, writable, write_files
+from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, write_deck
 from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side
@@ -135,11 +135,7 @@ class Deck:
         RunFolderError
             If the folder exists (without `force`) or cannot be written.
         """
-        folder = Path(folder)
-        with writable(folder):
-            folder.mkdir(parents=True, exist_ok=force)
-            (folder / STATUS).unlink(missing_ok=True)  # the status of an earlier run of another deck
-        write_files(folder, self.files())
+        write_deck(folder, self.files(), force=force)
 
 
 def deck_of(problem: Problem, *, all_spheres: bool = False) -> Deck:

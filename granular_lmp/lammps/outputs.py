@@ -60,6 +60,21 @@ def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
                 stream.writelines(pieces)
 
 
+def write_deck(folder: str | Path, files: Mapping[str, Iterable[str]], *, force: bool) -> None:
+    """Write the files of a deck into a folder, which is created, without the status of an earlier run of another deck.
+
+    Raises
+    ------
+    RunFolderError
+        If the folder exists (without `force`) or cannot be written.
+    """
+    folder = Path(folder)
+    with writable(folder):
+        folder.mkdir(parents=True, exist_ok=force)
+        (folder / STATUS).unlink(missing_ok=True)
+    write_files(folder, files)
+
+
 def replace_text(path: Path, text: str) -> None:
     """Replace a file atomically, so that a reader or a crash finds the old or the new text, never a part."""
     draft = _draft(path)
