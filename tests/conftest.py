@@ -14,6 +14,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a 
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from granular_lmp import Record, Scene, run  # noqa: E402
+from granular_lmp.errors import RunInterrupted  # noqa: E402
+from granular_lmp.runs import routes  # noqa: E402
 
 pytest_plugins = ["tests.durations"]
 
@@ -37,6 +39,26 @@ def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]
         return done[key]
 
     return make
+
+
+@pytest.fixture
+def stop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene, Path], None]:
+    """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder)``.
+
+    Progress is looked at each millisecond, as a fast machine runs the whole of a short scene in the usual tenth of a
+    second. After its last step a run is finished, and is not stopped.
+    """
+
+    def interrupt(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    def stopped(scene: Scene, folder: Path) -> None:
+        monkeypatch.setattr(routes, "_POLL", 1e-3)
+        with pytest.raises(RunInterrupted):
+            run(scene, folder, progress=interrupt)
+
+    return stopped
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,10 @@ from analysis import compare
 from analysis.theory.choice import traits_of
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
-from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted, SceneError
+from granular_lmp.errors import LammpsError, RunFolderError, SceneError
 from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
-from granular_lmp.runs import routes
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
@@ -247,18 +247,14 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("monitor.*"))}
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
     scene = SHEET.with_values({"time.duration": 40.0, "output.checkpoint": 78 * 100 / SPEED / 60})
-
-    def interrupt(step: int, steps: int) -> None:
-        if step > steps / 3:
-            raise KeyboardInterrupt
 
     for launcher in ("module", "lmp"):
         run(scene, tmp_path / launcher, launcher=launcher)
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=interrupt)
+    stop(scene, tmp_path / "stopped")
     for path in (tmp_path / "stopped").glob("monitor.*"):  # as if it had been killed while it wrote
         with path.open("ab") as stream:
             stream.write(path.read_bytes()[:100])

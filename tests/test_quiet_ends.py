@@ -1,5 +1,6 @@
 """Quiet ends: the theory of the layer, what a scene may ask of it, and the reflection in LAMMPS."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,9 @@ from granular_lmp.crystal.lattices import unit_lattice
 from granular_lmp.crystal.modes import FULL, Mode, Physics, bloch_mode
 from granular_lmp.crystal.quiet_ends import QuietEnd, quiet_end, reflection
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import RunInterrupted, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
-from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
 from tests.test_sphere import SILICA
@@ -167,18 +167,14 @@ def test_the_reflection_in_lammps_is_that_of_the_layer(tmp_path: Path) -> None:
     assert expected > 0.015
 
 
-def test_a_stopped_run_continues_to_the_rounding_of_its_drags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)
+def test_a_stopped_run_continues_to_the_rounding_of_its_drags(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
     often = {"output.checkpoint": 123 * 100 / SPEED / 60, "output.particles": 0.0}
     scene = DRIVEN.with_values({"packing.rows": 31, "absorb.rows": 10, "time.duration": 75.0} | often)
 
-    def stop(step: int, steps: int) -> None:
-        if step > steps / 3:
-            raise KeyboardInterrupt
-
     whole = run(scene, tmp_path / "whole")
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resumed = resume(tmp_path / "stopped")
     # LAMMPS sets a run up with the velocities of the whole step, where drags take those of half a step before
     np.testing.assert_allclose(resumed.q, whole.q, rtol=0, atol=1e-9)

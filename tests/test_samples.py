@@ -1,6 +1,7 @@
 """Signals from samples: what is read and refused, and what they do in LAMMPS beside the signal that was sampled."""
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,11 @@ import pytest
 
 from analysis.theory import green
 from granular_lmp import Scene, build, run
-from granular_lmp.errors import RunInterrupted, SceneError
+from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.problem import prepare
-from granular_lmp.runs import routes
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.launch import resume
 from granular_lmp.scene import samples
@@ -71,9 +71,8 @@ def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) ->
 
 
 def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
 ) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
     pairs = [[0.1 * n, green.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
     scene = SMALL.with_values(
         {"source": sources(motion="x", signal=pairs, delay=1.0) + sources(force="y", signal=pairs)}
@@ -81,14 +80,9 @@ def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps
     scene = scene.with_values({"source.2.spheres": [[1, 1]], "time.duration": 24.0, "output.particles": 0.0})
     scene = scene.with_values({"output.checkpoint": 36 * 100 / SPEED / 60})
 
-    def interrupt(step: int, steps: int) -> None:
-        if step > steps / 3:
-            raise KeyboardInterrupt
-
     for launcher in ("module", "lmp"):
         run(scene, tmp_path / launcher, launcher=launcher)
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=interrupt)
+    stop(scene, tmp_path / "stopped")
     assert resume(tmp_path / "stopped").info["status"] == "finished"
     whole, *others = ((tmp_path / name / "dump.centre").read_bytes() for name in ("module", "lmp", "stopped"))
     assert others == [whole, whole]

@@ -17,10 +17,9 @@ from analysis.theory.green import Crystal, Load
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.effects.effect import Case
-from granular_lmp.errors import EffectError, RunInterrupted, SceneError
+from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.problem import prepare
-from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
@@ -195,8 +194,9 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         assert not turned[:, sphere].any()
 
 
-def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)  # a fast machine runs the whole of it in the usual 0.1 s
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
     scene = SHEET.with_values(
         {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
         | {"output.checkpoint": 48 * 100 / SPEED / 60}
@@ -210,14 +210,9 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(tmp_path: Path, monk
         }
     )
 
-    def interrupt(step: int, steps: int) -> None:
-        if step > steps / 3:
-            raise KeyboardInterrupt
-
     for launcher in ("module", "lmp"):
         run(scene, tmp_path / launcher, launcher=launcher)
-    with pytest.raises(RunInterrupted):
-        run(scene, tmp_path / "stopped", progress=interrupt)
+    stop(scene, tmp_path / "stopped")
     assert resume(tmp_path / "stopped").info["status"] == "finished"
     whole, *others = ((tmp_path / name / "dump.centre").read_bytes() for name in ("module", "lmp", "stopped"))
     assert others == [whole, whole]

@@ -1,5 +1,6 @@
 """Waves of any direction, and finite ones, through LAMMPS: symmetries, routes, resumption."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,6 @@ from analysis.theory import catalogue
 from analysis.theory.choice import traits_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy.richardson import richardson
-from granular_lmp.errors import RunInterrupted
-from granular_lmp.runs import routes
 from granular_lmp.runs.launch import resume
 from tests.conftest import PAPER
 
@@ -72,18 +71,12 @@ def test_two_ranks_agree_with_one(scene: Scene, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("scene", [OBLIQUE, DRIVEN, BEAM], ids=lambda scene: scene.name)
 def test_a_stopped_run_resumes_as_if_it_had_not_been_stopped(
-    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, tmp_path: Path, stop: Callable[[Scene, Path], None]
 ) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)
     scene = scene.with_values({"time.timestep": scene.time.duration / 600})  # long enough to be stopped on the way
     whole = run(scene, tmp_path / "whole")
 
-    def stop(step: int, steps: int) -> None:
-        if step > steps // 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises((RunInterrupted, KeyboardInterrupt)):
-        run(scene, tmp_path / "stopped", progress=stop)
+    stop(scene, tmp_path / "stopped")
     resumed = resume(tmp_path / "stopped")
     assert len(resumed.tau) == len(whole.tau)
     if scene is BEAM:  # a wide sheet between held rows: contacts may be summed in another order
