@@ -46,7 +46,7 @@ _FAR = 1e-3  # k1 Δ0: a larger force is far from balance
 _SHARE_LEFT = 1e-3
 _ITERATIONS = 30
 _RESOLVED = 1e-3  # Δ0: over a smaller way the energy of a contact does not show its stiffness
-_ATTEMPTS = 2  # of the secants, before λ grows
+_ATTEMPTS = 2  # secants, before λ grows
 
 
 def balance(

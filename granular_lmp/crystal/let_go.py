@@ -19,7 +19,7 @@ DRAG = 1.0  # √(k1 m)
 # s = 2); one that is damped three times as much takes three times as long, to contacts that differ by 0.03 a sphere.
 _BOX_INERTIA, _BOX_DRAG = 100.0, 0.3
 _LONGEST = 2000.0  # √(m/k1): spheres that still creep then are handed to the Newton steps
-_STEP = 1.4  # of the time step, times the highest frequency that the contacts of one sphere could have; stable below 2
+_STEP = 1.4  # time step, times the highest frequency that the contacts of one sphere could have; stable below 2
 _CHECKED = 20  # steps between two looks at the forces, the stiffest contacts and the list of pairs
 
 

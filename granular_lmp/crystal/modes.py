@@ -40,7 +40,7 @@ from granular_lmp.errors import CrystalError, SceneError
 
 MODES = ("L", "TR", "RT")
 _UX, _UY, _F = range(3)
-# Of the six freedoms of a sphere, displacement (x, y, z) and rotation about (x, y, z), those of a motion in the plane
+# A motion in the plane has three of a sphere's six freedoms, displacement (x, y, z) and rotation about (x, y, z)
 _PLANE = [0, 1, 5]
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.

@@ -15,7 +15,7 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-ROW_SPACING = sqrt(3) / 2  # of the hexagonal lattice, in lattice constants
+ROW_SPACING = sqrt(3) / 2  # hexagonal lattice, in lattice constants
 DIRECTIONS = {"x": 0.0, "y": 90.0}
 # Directions, in degrees, of the three pairs of edges of the first Brillouin zone, each at ξ = π
 _EDGES = (90.0, 30.0, -30.0)

@@ -21,7 +21,7 @@ from granular_lmp.scene.schema import AUTO
 # base case, 4.6e6 without guards
 SPEED = 3e6
 WRITING = 1.5e-6  # seconds a sphere of a checkpoint takes, whatever the ranks: 480 bytes (measured 1.2e-6)
-SHARE = 0.01  # of the run, at most, by default
+SHARE = 0.01  # share of the run that they take at most, by default
 LEAST = 0.5  # minutes, by default
 
 

@@ -284,7 +284,7 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
     if end is None:
         return {}
     row = scene.sphere.lattice_constant * scene.lattice.row_spacing
-    inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # of the last row without damping
+    inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # to the last row without damping
     return {
         "quiet_rows": str(end.rows),
         "quiet_reflection": f"{end.reflection:.1e}",

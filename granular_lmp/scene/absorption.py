@@ -18,7 +18,7 @@ from granular_lmp.scene.linear import mode_of, physics_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-DEVIATIONS = 2.5  # of the spectrum of a packet: 1e-3 of its energy lies beyond, and is reflected more
+DEVIATIONS = 2.5  # standard deviations of a packet's spectrum: 1e-3 of its energy lies beyond, and is reflected more
 _LEAST = 0.05  # rad per row: longer waves than that are a hundred rows long
 
 

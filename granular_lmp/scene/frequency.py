@@ -18,7 +18,7 @@ from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import shown
 
-_POINTS = 60  # of a branch: its extrema lie much farther apart than a sixtieth of the zone
+_POINTS = 60  # points on a branch: its extrema lie much farther apart than a sixtieth of the zone
 _LOWEST = 1e-9  # rad per row, the smallest wave number of a scene
 _HALVINGS = 60  # more than a double has digits
 _SAME = 1e-9  # relative: a bisected zero is closer by far, and a jump between branches is far larger

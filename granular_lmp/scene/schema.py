@@ -377,4 +377,4 @@ def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]",
     return [(item, rule) for item, rule in known if rule is not None]
 
 
-_fields = cache(fields)  # of each kind of record, which are few; a scene asks for them a hundred times
+_fields = cache(fields)  # kept by kind of record, which are few; a scene asks for them a hundred times
