@@ -211,6 +211,7 @@ PAGES_OF_PYTHON = [
     "docs/gallery.md",
     "docs/network.md",
     "docs/imperfect.md",
+    "docs/impacts.md",
     "docs/strongly-nonlinear.md",
     "docs/mixing.md",
 ]
