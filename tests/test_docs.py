@@ -245,7 +245,8 @@ SHARED = (ROOT / "analysis" / "figures" / "plotting.py").read_text("utf-8")
 
 def commands(page: str) -> list[list[str]]:
     """Return the commands of a page that are ours, in words: after a dollar, up to a redirection or a second one."""
-    lines = re.findall(rf"^ *\$ ((?:{'|'.join(JUDGES)}) [^>|(&\n]+)", page, re.MULTILINE)
+    page = re.sub(r"\\\n\s*", "", page)  # a backslash continues a command in the next line
+    lines = re.findall(rf"^ *\$ ((?:{'|'.join(JUDGES)}) (?:'[^']*'|[^>|(&'\n])+)", page, re.MULTILINE)
     return [shlex.split(line, comments=True) for line in lines]
 
 
