@@ -34,12 +34,14 @@ def once(scene: Scene, folder: Path) -> None:
     run(scene, folder, force=True)
 
 
-def stop(scene: Scene, folder: Path) -> None:
-    """Interrupt a run, which leaves a checkpoint; the run that continues it, interrupted too, its own input."""
-
-    def interrupt(step: int, steps: int) -> None:
+def interrupt(step: int, steps: int) -> None:
+    """Stop a run after its first step: before it, as a busy machine may report, there is nothing to be continued."""
+    if step > 0:
         raise KeyboardInterrupt
 
+
+def stop(scene: Scene, folder: Path) -> None:
+    """Interrupt a run, which leaves a checkpoint; the run that continues it, interrupted too, its own input."""
     long = scene.with_values({"time.duration": 1e5})
     with pytest.raises(RunInterrupted):
         run(long, folder, force=True, progress=interrupt)
@@ -133,9 +135,6 @@ def test_a_run_that_was_killed_is_told_from_one_that_is_at_work(small: Scene, tm
 
 
 def test_an_interrupted_run_names_the_command_that_continues_it(small: Scene, tmp_path: Path) -> None:
-    def interrupt(step: int, steps: int) -> None:
-        raise KeyboardInterrupt
-
     folder = tmp_path / "my run"
     for changes in ({"time.duration": 1e5}, {"time.duration": 1e5, "time.tolerance": 1e-2}):
         with pytest.raises(RunInterrupted) as stopped:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.figures import onset as figure
+from analysis.figures.plotting import save
 from analysis.measure.onset import crossing, onset
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory.network_ledger import energy
@@ -89,7 +90,7 @@ def test_the_figure_shows_map_harmonic_and_friction(runs: list[Record], tmp_path
     assert figure.table(found).count("running") == 1
     drawn = figure.draw(runs, found)
     assert len(drawn.axes) == 4
-    figure.save(drawn, tmp_path / "onset.png")
+    save(drawn, tmp_path / "onset.png")
 
 
 @pytest.mark.parametrize("friction", [0.1, 1e3])

@@ -27,13 +27,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.figures.scatter import rows_at_rest
 from analysis.measure.rows import waves
 from analysis.measure.runs import all_but, sweep
 from analysis.measure.sheets import fields_of
 from analysis.theory.transfer import Rows, running, scattering
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
@@ -230,13 +230,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/behind.png")
     options.add_argument("sweep", metavar="SWEEP", help="sweep over the first row of an inclusion")
     chosen = options.parse_args(arguments)
-    try:
-        found = parts(sweep(chosen.sweep))
-    except (ValueError, GranularError) as error:
-        options.error(str(error))
-    print(table(found))
-    save(draw(found), chosen.output)
-    return 0
+    return show(lambda: parts(sweep(chosen.sweep)), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

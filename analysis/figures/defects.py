@@ -25,7 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.runs import load
 from analysis.measure.sheets import fields_of
 from analysis.measure.snapshot import first_snapshot
@@ -34,7 +34,7 @@ from analysis.theory.born import CELL, group_speed, impurity_width
 from analysis.theory.choice import contact_of, traits_of
 from analysis.theory.network_motion import integrate
 from analysis.theory.quasilinear import Sheet
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
@@ -220,14 +220,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/defects.png", run="run folder of the perfect crystal")
     options.add_argument("defects", nargs="+", metavar="DEFECT", help="run folders of the same with one defect")
     chosen = options.parse_args(arguments)
-    perfect = load(chosen.run)
-    try:
-        found = [compare(perfect, load(folder)) for folder in chosen.defects]
-    except (ValueError, GranularError) as error:
-        options.error(str(error))
-    print(table(found))
-    save(draw(found), chosen.output)
-    return 0
+
+    def found() -> list[Scattering]:
+        perfect = load(chosen.run)
+        return [compare(perfect, load(folder)) for folder in chosen.defects]
+
+    return show(found, table, draw, chosen.output)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as closed
-from analysis.figures.plotting import COLOURS, parser, save, start
+from analysis.figures.plotting import COLOURS, parser, show, start
 from analysis.measure.disordered import (
     Key,
     Value,
@@ -37,7 +37,7 @@ from analysis.measure.disordered import (
 )
 from analysis.measure.runs import sweep
 from analysis.theory.born import long_wave, scattered
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
@@ -372,16 +372,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     options = parser(__doc__, "figures/disorder.png", sweeps="folders of sweeps over disorder.seed")
     chosen = options.parse_args(arguments)
-    records = [record for folder in chosen.sweeps for record in sweep(folder)]
-    try:
-        found = read(records)
-        text = table(found)
-        figure = draw(found)
-    except (ValueError, GranularError) as error:
-        options.error(str(error))
-    print(text)
-    save(figure, chosen.output)
-    return 0
+    return show(lambda: read([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

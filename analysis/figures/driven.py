@@ -158,7 +158,7 @@ def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = parser(__doc__, "figures/driven.png", run="run folder of a driven row, with snapshots")
     chosen = options.parse_args(argv)
-    return show(chosen.run, lambda: compare(*load_form(chosen.run, "driven")), table, draw, chosen.output)
+    return show(lambda: compare(*load_form(chosen.run, "driven")), table, draw, chosen.output, run=chosen.run)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,15 @@ the speed V over height^{1/5} at the near and at the far end, from ten diameters
 the far end or of the nearer side comes.
 """
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.front import Front, front
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
@@ -82,17 +80,15 @@ def table(runs: dict[str, dict[int, Front]]) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
-    command: argparse.ArgumentParser = parser(__doc__, "figures/fronts.png")
+    command = parser(__doc__, "figures/fronts.png")
     command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of an impact on a sheet")
     options = command.parse_args(argv)
-    try:
-        found = {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in options.runs}
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+    return show(
+        lambda: {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in options.runs},
+        table,
+        draw,
+        options.output,
+    )
 
 
 if __name__ == "__main__":

@@ -13,12 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.oblique import SILENT, Point, points, predicted_along, strength
 from analysis.measure.runs import sweep
 from analysis.theory.choice import wave_of
 from analysis.theory.wave import Wave
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -101,13 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/oblique.png", sweeps="folders of sweeps over wave.mode, wave.direction")
     chosen = options.parse_args(arguments)
     records = [record for folder in chosen.sweeps for record in sweep(folder)]
-    try:
-        made = points(records)
-    except (ValueError, GranularError) as error:
-        options.error(str(error))
-    print(table(made))
-    save(draw(made, records), chosen.output)
-    return 0
+    return show(lambda: points(records), table, lambda made: draw(made, records), chosen.output)
 
 
 if __name__ == "__main__":

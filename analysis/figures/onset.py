@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import SILICA, parser, save, start
+from analysis.figures.plotting import SILICA, parser, show, start
 from analysis.measure.onset import Event, Onset, onset
 from analysis.measure.runs import all_but, sweep
 from granular_lmp.runs.record import Record
@@ -157,14 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     runs = [record for folder in chosen.sweeps for record in sweep(folder)]
     if not waves(runs):
         options.error(f"{chosen.sweeps[0]}: no finished runs with effects.sliding = false")
-    try:
-        found = points(runs)
-        figure = draw(runs, found)
-    except ValueError as error:
-        options.error(str(error))
-    print(table(found))
-    save(figure, chosen.output)
-    return 0
+    return show(lambda: points(runs), table, lambda found: draw(runs, found), chosen.output)
 
 
 if __name__ == "__main__":

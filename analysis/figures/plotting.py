@@ -101,16 +101,22 @@ def spheres(
     return contact, output
 
 
-def show(run: str, compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str) -> int:
-    """Print the table of a comparison with one run and draw it into a file; bad input is one line and SystemExit."""
+def show(
+    compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str, *, run: str = ""
+) -> int:
+    """Print the table of a comparison and draw it into a file; bad input is one line and SystemExit.
+
+    run : the folder of the run, if there is one, which the messages of theories do not name.
+    """
     try:
         found = compare()
+        text, figure = table(found), draw(found)
     except GranularError as error:  # its message names the folder
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
-        raise SystemExit(f"{run}: {error}") from error
-    print(table(found))
-    save(draw(found), path)
+        raise SystemExit(f"{run}: {error}" if run else str(error)) from error
+    print(text)
+    save(figure, path)
     return 0
 
 

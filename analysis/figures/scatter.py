@@ -17,13 +17,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import COLOURS, parser, save, start
+from analysis.figures.plotting import COLOURS, parser, show, start
 from analysis.measure.runs import load
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory import catalogue
 from analysis.theory.choice import traits_of
 from analysis.theory.transfer import Rows, rows_of, scattering
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
@@ -239,13 +239,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser(__doc__, "figures/scattering.png")
     options.add_argument("folders", nargs="+", metavar="FOLDER", help="folders of granular-lmp scatter")
     chosen = options.parse_args(arguments)
-    try:
-        found = [compare(folder) for folder in chosen.folders]
-    except (ValueError, GranularError) as error:
-        options.error(str(error))
-    print(table(found))
-    save(draw(found), chosen.output)
-    return 0
+    return show(lambda: [compare(folder) for folder in chosen.folders], table, draw, chosen.output)
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def nearest(c: Comparison) -> Figure:
         return draw(c, int(np.argmin(np.abs(c.tau - min(chosen.tau, c.tau[-1])))))
 
-    return show(chosen.run, lambda: compare(load(chosen.run)), table, nearest, chosen.output)
+    return show(lambda: compare(load(chosen.run)), table, nearest, chosen.output, run=chosen.run)
 
 
 if __name__ == "__main__":

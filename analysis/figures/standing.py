@@ -159,7 +159,7 @@ def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = parser(__doc__, "figures/standing.png", run="run folder of a standing wave along y, with snapshots")
     chosen = options.parse_args(argv)
-    return show(chosen.run, lambda: compare(*load_form(chosen.run, "standing")), table, draw, chosen.output)
+    return show(lambda: compare(*load_form(chosen.run, "standing")), table, draw, chosen.output, run=chosen.run)
 
 
 if __name__ == "__main__":

@@ -215,7 +215,7 @@ def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = parser(__doc__, "figures/two_tones.png", run="run folder of two shaken rows, with snapshots")
     chosen = options.parse_args(argv)
-    return show(chosen.run, lambda: compare(load(chosen.run)), table, draw, chosen.output)
+    return show(lambda: compare(load(chosen.run)), table, draw, chosen.output, run=chosen.run)
 
 
 if __name__ == "__main__":
