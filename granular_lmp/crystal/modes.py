@@ -248,6 +248,7 @@ def _solve(
 # --- the named waves of a lattice of one sphere a cell ----------------------------------------------------------------
 
 
+@lru_cache(maxsize=256)  # each mode of a lattice asks
 def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
     """Return the names of the waves along y that the contacts of a lattice of one sphere a cell restore.
 

@@ -18,7 +18,7 @@ root of the energy flux that comes back, in all modes, over the incident one: ex
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,16 +78,17 @@ def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, phy
     ValueError
         If the mode does not run along y.
     """
-    return _reflection(line_of(lattice, sphere, physics), mode, end.rates(), physics)
+    return float(_reflections(line_of(lattice, sphere, physics), mode, end.rates()[None], physics)[0])
 
 
-def _reflection(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> float:
+def _reflections(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> NDArray[np.float64]:
+    """Return |r| of layers of the same rows, (E,), from their damping rates (E, L)."""
     if mode.vector.axis != "y":
         raise ValueError(f"mode along {mode.vector.direction:g} degrees: quiet ends are for waves along y")
     frequency = mode.frequency * (1 + 1j * _LEAVING)
     inertia = frequency * np.diag(line.mass)
-    beyond: Complexes = np.zeros_like(line.on_site)  # T of the row before the held one
-    for rate in rates[::-1]:
+    beyond: Complexes = np.zeros_like(line.on_site)  # T of the row before the held one, of each layer
+    for rate in rates.T[::-1, :, None, None]:
         beyond = -np.linalg.solve(line.on_site - (frequency + 1j * rate) * inertia + line.ahead @ beyond, line.behind)
     still = line.on_site - frequency * inertia
     # Waves s λⁿ of the perfect lattice that leave to the rows behind: they grow with n
@@ -102,10 +103,10 @@ def _reflection(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Phy
         incident, before = incident.conj(), before.conj()
     onward = still + line.ahead @ beyond
     away = line.behind @ (shape / step) + onward @ shape
-    amplitude = np.linalg.solve(away, -(line.behind @ before + onward @ incident))
-    back = shape @ amplitude
-    returning = abs(flux(line, (shape / step) @ amplitude, back))
-    return float(np.sqrt(returning / abs(flux(line, before, incident))))
+    amplitude = np.linalg.solve(away, -(line.behind @ before + onward @ incident)[..., None])[..., 0]
+    returning = np.abs(flux(line, amplitude @ (shape / step).T, amplitude @ shape.T))
+    found: NDArray[np.float64] = np.sqrt(returning / np.abs(flux(line, before, incident)))
+    return found
 
 
 # --- the choice of a layer -------------------------------------------------------------------------------------------
@@ -160,13 +161,11 @@ def quiet_end(
 
 def _best(line: Line, modes: Sequence[Mode], rows: int, physics: Physics) -> QuietEnd:
     """Return the layer of a thickness whose largest reflection is least."""
-    tried = []
-    for power in POWERS:
-        for strength in _strengths():
-            end = QuietEnd(rows, strength, power, 0.0)
-            worst = max(_reflection(line, mode, end.rates(), physics) for mode in modes)
-            tried.append(QuietEnd(rows, strength, power, worst))
-    return min(tried, key=lambda end: end.reflection)
+    tried = [QuietEnd(rows, strength, power, 0.0) for power in POWERS for strength in _strengths()]
+    rates = np.array([end.rates() for end in tried])
+    worst = np.max([_reflections(line, mode, rates, physics) for mode in modes], axis=0)
+    least = int(np.argmin(worst))
+    return replace(tried[least], reflection=float(worst[least]))
 
 
 def _strengths() -> Iterator[float]:

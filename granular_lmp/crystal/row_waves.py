@@ -95,9 +95,9 @@ def waves(line: Line, still: Complexes) -> tuple[Complexes, Complexes]:
     return factor, shape / np.linalg.norm(shape, axis=0)
 
 
-def flux(line: Line, before: Complexes, here: Complexes) -> float:
-    """Return the energy flux from a row to the one before, up to a factor: Im(X₋₁† K₊ X₀)."""
-    return float(np.imag(before.conj() @ line.ahead @ here))
+def flux(line: Line, before: Complexes, here: Complexes) -> NDArray[np.float64]:
+    """Return the energy flux from a row to the one before, up to a factor: Im(X₋₁† K₊ X₀), (...) of rows (..., D)."""
+    return np.sum(before.conj() * (here @ line.ahead.T), axis=-1).imag
 
 
 def row_waves(line: Line, frequency: float, physics: Physics = FULL) -> RowWaves:
