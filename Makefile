@@ -10,6 +10,7 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
+# make published (published cases of impacts, two minutes: docs/published-impacts.md),
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
@@ -38,7 +39,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 test processors: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact onset witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published onset witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -229,6 +230,15 @@ impact: .venv/ready
 	$(BIN)/python -m analysis.figures.solitary -o figures/solitary.png
 	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
 
+# Published cases of impacts: docs/published-impacts.md. Densities of light spheres beside heavy ones of 10000 kg/m3: the
+# resonances, the antiresonances and some between
+DIMERS = 450 615.03 760 901.28 1225 1547.5 2000 2399 3000 3428.46 4500 5300 5782 6500 7500 9000
+
+published: .venv/ready
+	for density in $(DIMERS); do $(BIN)/granular-lmp run dimer_chain -o runs/published/dimer_$$density --force \
+	    --set inclusion.1.density=$$density --set time.sample=0.15 --set time.duration=110 --set output.rows=[30,76] || exit 1; done
+	$(BIN)/python -m analysis.figures.dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
+
 # Where contacts of the paper's wave open and slide: docs/strongly-nonlinear.md. Wave numbers are 2πn/32
 ENDS = $(BIN)/granular-lmp sweep tr_periodic --workers $(CORES) --set time.duration=60 --set packing.rows=32 \
     --set effects.contact_opening=true --set effects.friction=0.3
@@ -291,7 +301,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/published runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

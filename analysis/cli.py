@@ -16,6 +16,7 @@ SCRIPTS = {
     "convergence": "how errors of the theories fall with amplitude",
     "defects": "a wave that a vacancy or a heavy sphere scatters, beside the network and theory",
     "design": "two waves of given frequencies that resonate: which pair, directions and compression",
+    "dimers": "the front of an impact on a chain of heavy and light spheres: where it decays, and where it does not",
     "disorder": "what unequal spheres do to contacts, attenuation, sound and the second harmonic, from sweeps",
     "dispersion": "all branches, from one kicked sheet",
     "driven": "a driven row beside its theory",

@@ -93,6 +93,22 @@ def test_inclusions_change_what_they_name_and_later_ones_win() -> None:
     assert contacts.mass[changed] == pytest.approx(SILICA.mass * 7800 / SILICA.density, rel=1e-14)
 
 
+@pytest.mark.parametrize(("degrees", "on_it"), [(0.0, 6), (60.0, 9), (25.0, 1)])
+def test_a_half_plane_ends_at_a_line_through_a_sphere(degrees: float, on_it: int) -> None:
+    left, right = (
+        imperfect(WALLED, SILICA, inclusions=[Inclusion(half_plane=(4, 2, angle), density=7800.0)])[0]
+        for angle in (degrees, degrees - 180)
+    )
+    heavy, other = (each.arrays["density"] == 7800.0 for each in (left, right))
+    # Both halves hold the line, which is a row of the lattice at 0 and at 60 degrees, and together they hold all
+    assert (heavy | other).all()
+    assert (heavy & other).sum() == on_it
+    highest = left.positions[:, 1] == left.positions[:, 1].max()
+    lowest_right = np.argmax(left.positions[:, 0] - left.positions[:, 1])
+    assert heavy[highest].any()
+    assert not heavy[lowest_right]
+
+
 def test_materials_that_no_sphere_has_are_left_out() -> None:
     stiff, soft = (Inclusion(rows=[2, 3], youngs_modulus=modulus) for modulus in (210e9, 3e9))
     crystal, materials = imperfect(WALLED, SILICA, inclusions=[stiff, soft])
@@ -153,8 +169,13 @@ def test_values_out_of_range_are_refused_by_name(values: dict, message: str) -> 
         (Inclusion(spheres=[(1, 6)], density=1.0), r"inclusion 1: sphere \[1, 6\]"),
         (Inclusion(rows=[1, 1]), r"inclusion 1: give either vacancy or what differs"),
         (Inclusion(rows=[1, 1], density=1.0, vacancy=True), r"inclusion 1: give either vacancy or what differs"),
-        (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc and share"),
-        (Inclusion(rows=[1, 1], share=0.1, density=1.0), r"inclusion 1: give one of rows, spheres, disc and share"),
+        (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc, half_plane and share"),
+        (
+            Inclusion(rows=[1, 1], share=0.1, density=1.0),
+            r"inclusion 1: give one of rows, spheres, disc, half_plane and share",
+        ),
+        (Inclusion(half_plane=(4, 9, 0), density=1.0), r"inclusion 1: sphere \[4, 9\]: must be \[row, column\]"),
+        (Inclusion(half_plane=(4.5, 1, 0), density=1.0), r"inclusion 1: sphere \[4.5, 1\]: must be \[row, column\]"),
         (Inclusion(share=1.5, density=1.0), r"inclusion 1: share = 1.5"),
         (Inclusion(rows=[1, 1], density=-1.0), r"inclusion 1: density = -1.0"),
         (Inclusion(rows=[1, 1], poisson_ratio=0.6), r"inclusion 1: poisson_ratio = 0.6"),

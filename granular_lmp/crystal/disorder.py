@@ -72,6 +72,9 @@ class Inclusion:
     spheres : sequence of (row, column)
     disc : (row, column, radius)
         All spheres whose places are within the radius, lattice constants, of that of a sphere.
+    half_plane : (row, column, degrees)
+        All spheres on the left of the line, or on it, that runs through the place of a sphere in this direction from x
+        towards y: 0 takes the rows from this one on. The line ends at the sides of a periodic cell.
     share : float
         Share of the free spheres, in [0, 1], drawn by the seed of the disorder.
     radius, density, youngs_modulus, poisson_ratio, work_of_adhesion : float, optional
@@ -83,6 +86,7 @@ class Inclusion:
     rows: Sequence[int] = ()
     spheres: Sequence[tuple[int, int]] = ()
     disc: Sequence[float] = ()
+    half_plane: Sequence[float] = ()
     share: float = 0.0
     radius: float | None = None
     density: float | None = None
@@ -184,8 +188,11 @@ def _check(inclusion: Inclusion, number: int) -> None:
     name = f"inclusion {number + 1}"
     if not 0 <= inclusion.share <= 1:
         raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
-    if sum((len(inclusion.rows) > 0, len(inclusion.spheres) > 0, len(inclusion.disc) > 0, inclusion.share > 0)) != 1:
-        raise CrystalError(f"{name}: give one of rows, spheres, disc and share, to say which spheres differ")
+    places = (inclusion.rows, inclusion.spheres, inclusion.disc, inclusion.half_plane)
+    if sum((*(len(each) > 0 for each in places), inclusion.share > 0)) != 1:
+        raise CrystalError(
+            f"{name}: give one of rows, spheres, disc, half_plane and share, to say which spheres differ"
+        )
     changes = inclusion.of_material | {
         key: getattr(inclusion, key) for key in ("radius", "density") if getattr(inclusion, key) is not None
     }
@@ -213,14 +220,18 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
             )
         return np.flatnonzero((first <= row) & (row <= last))
     index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
-    named = inclusion.spheres or [(int(inclusion.disc[0]), int(inclusion.disc[1]))]
+    named: Sequence[Sequence[float]] = inclusion.spheres or [(inclusion.disc or inclusion.half_plane)[:2]]
     for at_row, at_column in named:
         if (at_row, at_column) not in index:
             raise CrystalError(
-                f"inclusion {number + 1}: sphere [{at_row}, {at_column}]: must be [row, column], from [0, 0] to "
+                f"inclusion {number + 1}: sphere [{at_row:g}, {at_column:g}]: must be [row, column], from [0, 0] to "
                 f"[{row.max()}, {column.max()}]"
             )
     spheres = np.array([index[at_row, at_column] for at_row, at_column in named])
+    if inclusion.half_plane:
+        angle = np.radians(inclusion.half_plane[2])
+        x, y = (lattice.positions - lattice.positions[spheres[0]])[:, :2].T
+        return np.flatnonzero(y * np.cos(angle) - x * np.sin(angle) >= -_SAME_PLACE)
     if not inclusion.disc:
         return spheres
     apart = lattice.get_distances(spheres[0], np.arange(len(lattice)), mic=True)

@@ -251,6 +251,9 @@ INCLUSION_RULES = {
     "rows": rows_rule(),
     "spheres": spheres_rule(),
     "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, 10_000_000), length=3),
+    "half_plane": ArrayRule(
+        float, "", "[row, column, degrees]: left of a line, or on it", Interval(-180, 10_000_000), length=3
+    ),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     **SPHERE_RULES,
     "vacancy": Rule(bool, "", "the places are empty"),
