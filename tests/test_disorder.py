@@ -93,6 +93,13 @@ def test_inclusions_change_what_they_name_and_later_ones_win() -> None:
     assert contacts.mass[changed] == pytest.approx(SILICA.mass * 7800 / SILICA.density, rel=1e-14)
 
 
+def test_every_second_row_makes_layers_in_turn() -> None:
+    layers = Inclusion(rows=[1, 7], every=2, density=7800.0)
+    crystal, _ = imperfect(WALLED, SILICA, inclusions=[layers])
+    heavy = np.isin(crystal.arrays["row"], [1, 3, 5, 7])
+    assert (crystal.arrays["density"] == np.where(heavy, 7800.0, SILICA.density)).all()
+
+
 def test_materials_that_no_sphere_has_are_left_out() -> None:
     stiff, soft = (Inclusion(rows=[2, 3], youngs_modulus=modulus) for modulus in (210e9, 3e9))
     crystal, materials = imperfect(WALLED, SILICA, inclusions=[stiff, soft])
@@ -155,6 +162,8 @@ def test_values_out_of_range_are_refused_by_name(values: dict, message: str) -> 
         (Inclusion(rows=[1, 1], density=1.0, vacancy=True), r"inclusion 1: give either vacancy or what differs"),
         (Inclusion(density=1.0), r"inclusion 1: give one of rows, spheres, disc and share"),
         (Inclusion(rows=[1, 1], share=0.1, density=1.0), r"inclusion 1: give one of rows, spheres, disc and share"),
+        (Inclusion(rows=[1, 7], every=0, density=1.0), r"inclusion 1: every = 0: must be 1 or more"),
+        (Inclusion(share=0.5, every=2, density=1.0), r"inclusion 1: every = 2: must be 1 or more, and 1 without rows"),
         (Inclusion(share=1.5, density=1.0), r"inclusion 1: share = 1.5"),
         (Inclusion(rows=[1, 1], density=-1.0), r"inclusion 1: density = -1.0"),
         (Inclusion(rows=[1, 1], poisson_ratio=0.6), r"inclusion 1: poisson_ratio = 0.6"),

@@ -69,6 +69,8 @@ class Inclusion:
     ----------
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0.
+    every : int
+        Of these rows the first and each so many after it: 2 makes layers of two kinds in turn.
     spheres : sequence of (row, column)
     disc : (row, column, radius)
         All spheres whose places are within the radius, lattice constants, of that of a sphere.
@@ -81,6 +83,7 @@ class Inclusion:
     """
 
     rows: Sequence[int] = ()
+    every: int = 1
     spheres: Sequence[tuple[int, int]] = ()
     disc: Sequence[float] = ()
     share: float = 0.0
@@ -186,6 +189,8 @@ def _check(inclusion: Inclusion, number: int) -> None:
         raise CrystalError(f"{name}: share = {inclusion.share!r}: must be from 0 to 1")
     if sum((len(inclusion.rows) > 0, len(inclusion.spheres) > 0, len(inclusion.disc) > 0, inclusion.share > 0)) != 1:
         raise CrystalError(f"{name}: give one of rows, spheres, disc and share, to say which spheres differ")
+    if inclusion.every < 1 or inclusion.every > 1 and not inclusion.rows:
+        raise CrystalError(f"{name}: every = {inclusion.every!r}: must be 1 or more, and 1 without rows")
     changes = inclusion.of_material | {
         key: getattr(inclusion, key) for key in ("radius", "density") if getattr(inclusion, key) is not None
     }
@@ -211,7 +216,7 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
             raise CrystalError(
                 f"inclusion {number + 1}: rows = [{first}, {last}]: must be [first, last], from 0 to {row.max()}"
             )
-        return np.flatnonzero((first <= row) & (row <= last))
+        return np.flatnonzero((first <= row) & (row <= last) & ((row - first) % inclusion.every == 0))
     index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
     named = inclusion.spheres or [(int(inclusion.disc[0]), int(inclusion.disc[1]))]
     for at_row, at_column in named:
