@@ -105,6 +105,7 @@ def check(scene: "ImpactScene", options: Options) -> int:
         "t0_s": scale.time,
         "length_m": scale.length,
         "velocity_m_s": scale.velocity,
+        "at_rest": problem.at_rest,
         "steps_per_collision": problem.shortest_collision / time.step,
         "effects": problem.on,
         "guards": [each.guard for each in problem.effects if each.guard],
@@ -116,6 +117,10 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"spheres   {said['spheres']}")
     say(f"steps     {said['steps']}; {said['records']} records of {said['recorded']} spheres")
     say(f"scale     t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, l/R = {scale.length / scene.sphere.radius:.3g}")
+    if at_rest := problem.at_rest:
+        force, residual = at_rest["contact_force_over_impact"], at_rest["residual_force_over_impact"]
+        say(f"at rest   {force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it")
+        say(f"sound     {problem.sound:.4g} m/s")
     say(f"duration  {time.duration * scale.time:.4g} s")
     say(f"step      {problem.shortest_collision / time.step:.3g} to the shortest collision")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")

@@ -72,6 +72,10 @@ def _title(record: ImpactRecord) -> str:
     return f"{record.scene.name}: {scale.velocity:g} m/s, $t_0$ = {scale.time:.3g} s"
 
 
+def _label(record: ImpactRecord) -> str:
+    return f"speed ({'that of the striker' if record.scene.striker else format(record.scale.velocity, '.3g') + ' m/s'})"
+
+
 def _chain(record: ImpactRecord) -> Picture:
     figure = Picture(figsize=(7.0, 4.0), layout="constrained")
     axes: Axes = figure.subplots()
@@ -81,7 +85,7 @@ def _chain(record: ImpactRecord) -> Picture:
     )
     axes.set(xlabel=r"$\tau$ ($t_0$)", ylabel="row")
     axes.set_title(_title(record), fontsize="medium")
-    figure.colorbar(mesh, label="speed (that of the striker)")
+    figure.colorbar(mesh, label=_label(record))
     return figure
 
 
@@ -103,7 +107,7 @@ class _Sheet:
         low, high = places.min(axis=0) - 1.2, places.max(axis=0) + 1.2
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
         self.axes = axes
-        self.figure.colorbar(self.discs, ax=axes, label="speed (that of the striker)", fraction=0.04, pad=0.02)
+        self.figure.colorbar(self.discs, ax=axes, label=_label(record), fraction=0.04, pad=0.02)
 
     def show(self, number: int) -> None:
         self.discs.set_array(self.speeds[number])
