@@ -8,6 +8,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
@@ -91,7 +92,7 @@ class ImpactProblem:
         """
         i, j, _, stiffness = self.contacts
         light = self.mass[i] * self.mass[j] / (self.mass[i] + self.mass[j])
-        rate = np.sqrt(1.5 * stiffness * np.sqrt(self.rest_overlap) / light)
+        rate = np.sqrt(self.rest_stiffness / light)
         pairs = {*zip(light.tolist(), stiffness.tolist(), rate.tolist(), strict=True)}
         return min((1 / hypot(1 / collision_time(m, s), w / pi) for m, s, w in pairs), default=inf)
 
@@ -144,15 +145,39 @@ class ImpactProblem:
                 force.insert(at, self._on_wall(end) * (overlap * unit) ** 1.5)
         return float(np.max(np.abs(np.diff(force)), initial=0.0))
 
+    @cached_property
+    def rest_stiffness(self) -> Floats:
+        """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
+        return np.asarray(1.5 * self.contacts[3] * np.sqrt(self.rest_overlap))
+
+    @property
+    def cell(self) -> tuple[Floats, Floats]:
+        """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a chain that is pressed together.
+
+        Raises
+        ------
+        SceneError
+            If nothing presses the spheres together, or their order does not repeat.
+        """
+        if not self.scene.packing.contact_force:
+            raise SceneError(
+                "packing.contact_force = 0.0: must be above 0, in a chain; spheres that just touch have no modes"
+            )
+        if not (count := cell_of(self.mass, self.rest_stiffness)):
+            raise SceneError(
+                "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "
+                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too"
+            )
+        return self.mass[:count], self.rest_stiffness[:count]
+
     @property
     def sound(self) -> float:
         """Speed of long waves along a chain, m/s: its mean spacing over √(mean mass · mean compliance); 0 if none."""
         if not self.scene.packing.contact_force:
             return 0.0
-        scale, (_, _, vector, stiffness) = self.scene.scale, self.contacts
-        compliance = np.mean(1 / (1.5 * stiffness * np.sqrt(self.rest_overlap)))
-        spacing = np.mean(np.abs(vector[:, 1])) * self.scene.sphere.radius
-        return float(spacing / np.sqrt(np.mean(self.mass) * compliance) / scale.time)
+        spacing = np.mean(np.abs(self.contacts[2][:, 1])) * self.scene.sphere.radius
+        inertia = np.mean(self.mass) * np.mean(1 / self.rest_stiffness)
+        return float(spacing / np.sqrt(inertia) / self.scene.scale.time)
 
     @property
     def at_rest(self) -> dict[str, float]:

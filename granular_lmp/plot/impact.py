@@ -1,4 +1,4 @@
-"""Pictures of an impact: the velocities of a chain over time, or a sheet at one moment, also as a movie."""
+"""Pictures of an impact: velocities of a chain over time, a sheet at one moment or as a movie; bands of a chain."""
 
 from pathlib import Path
 
@@ -6,13 +6,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import ViewError
+from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.plot.movie import refuse_movie, write_movie
-from granular_lmp.plot.signals import Picture
+from granular_lmp.plot.signals import Picture, frequency_axis
 
 COLOURS = "magma_r"
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
@@ -60,6 +63,25 @@ def impact_movie(record: ImpactRecord, path: str | Path) -> None:
     refuse_movie(path)
     sheet = _Sheet(record)
     write_movie(sheet.figure, sheet.show, len(record.tau), path, COLOURS)
+
+
+def bands_figure(problem: ImpactProblem) -> Figure:
+    """Return a figure of the bands of a chain that is pressed together, its gaps shaded, with an axis in hertz.
+
+    Raises SceneError as `ImpactProblem.cell`.
+    """
+    mass, stiffness = problem.cell
+    phases = np.linspace(0.0, np.pi, 200)
+    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(phases, frequencies(mass, stiffness, phases), color="black")
+    for low, high in gaps(edges(mass, stiffness)):
+        axes.axhspan(low, high, color="0.9")
+    axes.set(xlabel=r"phase from cell to cell (rad)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
+    axes.set_ylim(bottom=0)
+    axes.set_title(f"{problem.scene.name}: cell of {len(mass)}", fontsize="medium")
+    frequency_axis(axes, 2 * np.pi * problem.scene.scale.time)
+    return figure
 
 
 def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
