@@ -109,6 +109,13 @@ def test_a_half_plane_ends_at_a_line_through_a_sphere(degrees: float, on_it: int
     assert not heavy[lowest_right]
 
 
+def test_every_second_row_makes_layers_in_turn() -> None:
+    layers = Inclusion(rows=[1, 7], every=2, density=7800.0)
+    crystal, _ = imperfect(WALLED, SILICA, inclusions=[layers])
+    heavy = np.isin(crystal.arrays["row"], [1, 3, 5, 7])
+    assert (crystal.arrays["density"] == np.where(heavy, 7800.0, SILICA.density)).all()
+
+
 def test_materials_that_no_sphere_has_are_left_out() -> None:
     stiff, soft = (Inclusion(rows=[2, 3], youngs_modulus=modulus) for modulus in (210e9, 3e9))
     crystal, materials = imperfect(WALLED, SILICA, inclusions=[stiff, soft])
@@ -174,6 +181,8 @@ def test_values_out_of_range_are_refused_by_name(values: dict, message: str) -> 
             Inclusion(rows=[1, 1], share=0.1, density=1.0),
             r"inclusion 1: give one of rows, spheres, disc, half_plane and share",
         ),
+        (Inclusion(rows=[1, 7], every=0, density=1.0), r"inclusion 1: every = 0: must be 1 or more"),
+        (Inclusion(share=0.5, every=2, density=1.0), r"inclusion 1: every = 2: must be 1 or more, and 1 without rows"),
         (Inclusion(half_plane=(4, 9, 0), density=1.0), r"inclusion 1: sphere \[4, 9\]: must be \[row, column\]"),
         (Inclusion(half_plane=(4.5, 1, 0), density=1.0), r"inclusion 1: sphere \[4.5, 1\]: must be \[row, column\]"),
         (Inclusion(share=1.5, density=1.0), r"inclusion 1: share = 1.5"),

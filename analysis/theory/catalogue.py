@@ -39,7 +39,10 @@ _ALONG_Y = _LATTICE | {RUNNING}
 _MATERIAL = ("youngs_modulus", "poisson_ratio", "work_of_adhesion")
 _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")} | {
     f"inclusion.{name}"
-    for name in ("rows", "spheres", "disc", "half_plane", "share", "vacancy", "radius", "density", *_MATERIAL)
+    for name in (
+        *("rows", "every", "spheres", "disc", "half_plane", "share", "vacancy", "radius", "density"),
+        *_MATERIAL,
+    )
 }
 
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.

@@ -105,6 +105,7 @@ def check(scene: "ImpactScene", options: Options) -> int:
         "t0_s": scale.time,
         "length_m": scale.length,
         "velocity_m_s": scale.velocity,
+        "at_rest": problem.at_rest,
         "steps_per_collision": problem.shortest_collision / time.step,
         "effects": problem.on,
         "guards": [each.guard for each in problem.effects if each.guard],
@@ -116,6 +117,10 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"spheres   {said['spheres']}")
     say(f"steps     {said['steps']}; {said['records']} records of {said['recorded']} spheres")
     say(f"scale     t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, l/R = {scale.length / scene.sphere.radius:.3g}")
+    if at_rest := problem.at_rest:
+        force, residual = at_rest["contact_force_over_impact"], at_rest["residual_force_over_impact"]
+        say(f"at rest   {force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it")
+        say(f"sound     {problem.sound:.4g} m/s")
     say(f"duration  {time.duration * scale.time:.4g} s")
     say(f"step      {problem.shortest_collision / time.step:.3g} to the shortest collision")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
@@ -172,4 +177,41 @@ def effects(scene: "ImpactScene", options: Options) -> int:
     for each in problem.effects:
         say(f"{each.name:17}{'on' if each.on else 'off':5}{each.guard or '-':17}{each.finding}")
     say("A guard fails the run when what it watches goes beyond the model: too deep an overlap, too long a step.")
+    return 0
+
+
+def modes(scene: "ImpactScene", options: Options) -> int:
+    """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
+    from math import pi
+
+    from granular_lmp.crystal.chain_bands import edges, gaps
+    from granular_lmp.impact.problem import prepare
+
+    problem = prepare(scene)
+    mass, stiffness = problem.cell
+    bands, hertz = edges(mass, stiffness), 1 / (2 * pi * scene.scale.time)
+    ranges = [("band", *each) for each in bands.tolist()] + [("gap", *each) for each in gaps(bands)]
+    if options.json:
+        said = {
+            kind: [
+                {"from": low, "to": high, "from_Hz": low * hertz, "to_Hz": high * hertz}
+                for name, low, high in ranges
+                if name == kind
+            ]
+            for kind in ("band", "gap")
+        }
+        say_json({"cell": len(mass), "t0_s": scene.scale.time, "sound_m_s": problem.sound} | said)
+    else:
+        many = f"{len(mass)} spheres" if len(mass) > 1 else "1 sphere"
+        say(f"{scene.name}: {many} to a cell; sound {problem.sound:.6g} m/s; t0 = {scene.scale.time:.6g} s")
+        say(f"{'':5}{'from (rad/t0)':>18}{'to (rad/t0)':>18}{'from (Hz)':>14}{'to (Hz)':>14}")
+        for kind, low, high in sorted(ranges, key=lambda each: each[1:]):
+            say(f"{kind:5}{low:18.12f}{high:18.12f}{low * hertz:14.6g}{high * hertz:14.6g}")
+    if options.plot:
+        from granular_lmp.plot.impact import bands_figure
+        from granular_lmp.plot.signals import save
+
+        save(bands_figure(problem), options.plot)
+        if not options.json:
+            say(options.plot)
     return 0

@@ -191,6 +191,8 @@ def _modes(options: Options) -> int:
     from granular_lmp.crystal.modes import bloch_mode, restored
     from granular_lmp.scene.linear import physics_of, unit_contacts
 
+    if impact := impacts.impact_of(options):
+        return impacts.modes(impact, options)
     scene = scene_of(options)
     lattice, physics = unit_contacts(scene), physics_of(scene)
     found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in restored(lattice, physics)]
@@ -198,6 +200,7 @@ def _modes(options: Options) -> int:
     if options.json:
         say_json(
             {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": scene.sphere.time_scale}
+            | ({} if scene.perfect else {"left_out": scene.imperfections})
             | {
                 "modes": {
                     mode.name: {"frequency": mode.frequency, "frequency_Hz": mode.frequency * hertz}
@@ -212,6 +215,8 @@ def _modes(options: Options) -> int:
             f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
             "shapes with p2 + q2 + f2 = 1"
         )
+        if not scene.perfect:
+            say(f"of the perfect lattice, as which the wave starts; left out: {scene.imperfections}")
         say(f"{'mode':5}{'Omega (rad/t0)':>18}{'frequency (Hz)':>18}{'p':>12}{'q':>12}{'f':>12}")
         for mode in found:
             shape = f"{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}"

@@ -69,6 +69,8 @@ class Inclusion:
     ----------
     rows : (first, last)
         All spheres of these rows and of those between, counted from 0.
+    every : int
+        Of these rows the first and each so many after it: 2 makes layers of two kinds in turn.
     spheres : sequence of (row, column)
     disc : (row, column, radius)
         All spheres whose places are within the radius, lattice constants, of that of a sphere.
@@ -84,6 +86,7 @@ class Inclusion:
     """
 
     rows: Sequence[int] = ()
+    every: int = 1
     spheres: Sequence[tuple[int, int]] = ()
     disc: Sequence[float] = ()
     half_plane: Sequence[float] = ()
@@ -193,6 +196,8 @@ def _check(inclusion: Inclusion, number: int) -> None:
         raise CrystalError(
             f"{name}: give one of rows, spheres, disc, half_plane and share, to say which spheres differ"
         )
+    if inclusion.every < 1 or inclusion.every > 1 and not inclusion.rows:
+        raise CrystalError(f"{name}: every = {inclusion.every!r}: must be 1 or more, and 1 without rows")
     changes = inclusion.of_material | {
         key: getattr(inclusion, key) for key in ("radius", "density") if getattr(inclusion, key) is not None
     }
@@ -218,7 +223,7 @@ def _chosen(lattice: ase.Atoms, inclusion: Inclusion, number: int, seed: int) ->
             raise CrystalError(
                 f"inclusion {number + 1}: rows = [{first}, {last}]: must be [first, last], from 0 to {row.max()}"
             )
-        return np.flatnonzero((first <= row) & (row <= last))
+        return np.flatnonzero((first <= row) & (row <= last) & ((row - first) % inclusion.every == 0))
     index = {place: sphere for sphere, place in enumerate(zip(row.tolist(), column.tolist(), strict=True))}
     named: Sequence[Sequence[float]] = inclusion.spheres or [(inclusion.disc or inclusion.half_plane)[:2]]
     for at_row, at_column in named:

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
-from granular_lmp.impact.scene import PERIODIC, WALL
+from granular_lmp.impact.scene import PERIODIC
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.datafile import DataFile, id_ranges
 from granular_lmp.lammps.deck import types
@@ -23,6 +24,7 @@ from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, write_deck
 from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
+Floats = NDArray[np.float64]
 SKIN = 0.2  # radii
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
@@ -100,7 +102,7 @@ def _data(problem: ImpactProblem) -> DataFile:
         position=crystal.positions,
         diameter=2 * radius,
         density=problem.mass / (4 / 3 * np.pi * radius**3),
-        wave=np.empty((len(crystal), 0)),
+        wave=_started(problem),
         directed=False,
     )
 
@@ -124,7 +126,7 @@ def _text(problem: ImpactProblem) -> str:
     )
     walls = [
         _wall(name, place, contact.model(contact.rigid(each), units, **law), m)
-        for name, place in _walls(problem).items()
+        for name, place in problem.planes.items()
         for m, each in enumerate(materials)
     ]
     if walls:
@@ -136,7 +138,7 @@ def _text(problem: ImpactProblem) -> str:
             "group        held subtract all mobile",
             "fix          held held freeze",
         ]
-    spins = problem.on["rotation"]
+    spins, fields = problem.on["rotation"], _fields(problem)
     everyone = len(problem.recorded) == len(problem.crystal)
     lines = [
         f"# {scene.name}: {scene.words}",
@@ -159,14 +161,15 @@ def _text(problem: ImpactProblem) -> str:
         "",
         f"# --- units: the radius R = {scene.sphere.radius!r} m, the mass m = {scale.mass!r} kg and "
         f"t0 = {scale.time!r} s",
-        f"#     The fastest striker has {scale.velocity!r} m/s, and l = {scale.length!r} m is the unit of overlaps",
+        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
         "units        lj",
         "dimension    2",
         f"boundary     {'p' if packing.sides == PERIODIC else 'm'} m p  # m: the box follows spheres that fly away",
         "atom_style   sphere",
         "atom_modify  map array",
         "comm_modify  vel yes",
-        "read_data    ${data}",
+        *([f"fix          start all property/atom {' '.join(fields)}"] if fields else []),
+        f"read_data    ${{data}}{' fix start NULL wave' if fields else ''}",
         f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(materials)))}",
         f"neighbor     {SKIN} bin",
         "timestep     $(v_step:%.17g)",
@@ -175,11 +178,13 @@ def _text(problem: ImpactProblem) -> str:
         pairs,
         *walls,
         "",
-        "# --- strikers",
-        *_strikers(problem),
-        "",
-        "# --- motion of the spheres that are not held",
+        "# --- displacements count from the places at rest",
         "compute      u all displace/atom",
+        "",
+        *_start(fields),
+        *_strikers(problem),
+        *_loads(problem),
+        "# --- motion of the spheres that are not held",
         "fix          plane all enforce2d",
         f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
         *frozen,
@@ -199,9 +204,38 @@ def _text(problem: ImpactProblem) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _fields(problem: ImpactProblem) -> tuple[str, ...]:
+    """Return the names of the state of each sphere in the section ``wave`` of the data file; () where there is none."""
+    if not problem.scene.start.state:
+        return ()
+    return ("d_ux", "d_uy", "d_vx", "d_vy", *(["d_spin"] if problem.on["rotation"] else []))
+
+
+def _started(problem: ImpactProblem) -> Floats:
+    """Return the section ``wave``: displacements, velocities and spin at the beginning, in the units of the deck."""
+    units, names = units_of(problem), _fields(problem)
+    length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
+    factors = np.array([length, length, velocity, velocity, units.number(1.0, time=-1)])
+    return np.asarray(problem.start * factors)[:, : len(names)]
+
+
+def _start(fields: tuple[str, ...]) -> list[str]:
+    """Return the lines that displace and move the spheres of a state."""
+    if not fields:
+        return []
+    return [
+        "# --- state at the beginning: displacements from rest and velocities, the section wave of the data file",
+        *(f"variable     {name[2:]} atom {name}" for name in fields),
+        "displace_atoms all move v_ux v_uy 0.0 units box",
+        "velocity     all set v_vx v_vy 0.0 units box",
+        *(["set          group all omega 0.0 0.0 v_spin"] if "d_spin" in fields else []),
+        "",
+    ]
+
+
 def _strikers(problem: ImpactProblem) -> list[str]:
     """Return the lines that give each striker its velocity: one group after the other, as LAMMPS has 32 at most."""
-    lines = []
+    lines = ["# --- strikers"] if problem.strikers else []
     for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
         vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in striker.components)
         lines += [
@@ -209,20 +243,19 @@ def _strikers(problem: ImpactProblem) -> list[str]:
             f"velocity     striker set {vx!r} {vy!r} 0.0 units box",
             "group        striker delete",
         ]
-    return lines
+    return [*lines, *([""] if lines else [])]
 
 
-def _walls(problem: ImpactProblem) -> dict[str, float]:
-    """Return the planes that touch the outermost spheres, "ylo" → place."""
-    packing, crystal = problem.scene.packing, problem.crystal
-    radius, places = crystal.arrays["radius"], crystal.positions
-    found = {}
-    for axis, name, low, high in ((1, "y", packing.first, packing.last), (0, "x", packing.sides, packing.sides)):
-        if low == WALL:
-            found[f"{name}lo"] = float((places[:, axis] - radius).min())
-        if high == WALL:
-            found[f"{name}hi"] = float((places[:, axis] + radius).max())
-    return found
+def _loads(problem: ImpactProblem) -> list[str]:
+    """Return the lines of the constant forces on free ends of a chain that is pressed together."""
+    scale, radius = problem.scene.scale, problem.scene.sphere.radius
+    lines = ["# --- constant forces on free ends, which press the chain together"] if problem.loads else []
+    for number, (sphere, force) in enumerate(problem.loads.items(), 1):
+        lines += [
+            f"group        end{number} id {sphere + 1}",
+            f"fix          load{number} end{number} addforce 0.0 {force * scale.length / radius!r} 0.0",
+        ]
+    return [*lines, *([""] if lines else [])]
 
 
 def _wall(name: str, place: float, model: str, material: int) -> str:
@@ -239,7 +272,7 @@ def _guards(problem: ImpactProblem) -> list[str]:
     The largest force of a contact F makes no overlap above (F/A)^{2/3} of the softest pair of spheres, and no contact
     is stiffer than one of the stiffest pair, or with a wall, at that overlap.
     """
-    stiffness, walls = problem.contacts[3], _walls(problem)
+    stiffness, walls = problem.contacts[3], problem.planes
     softest, stiffest = float(stiffness.min(initial=1.0)), float(stiffness.max(initial=1.0))
     radius = problem.crystal.arrays["radius"]
     lightest, smallest, largest = float(problem.mass.min()), float(radius.min()), float(radius.max())

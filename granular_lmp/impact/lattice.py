@@ -1,4 +1,4 @@
-"""Lattices of spheres that just touch: no rounding parts two neighbours or presses them together.
+"""Lattices of spheres that just touch, and chains pressed together: no rounding parts neighbours or presses them.
 
 A gap would delay a wave, and an overlap would make a sound in the lattice at rest. With the radius R as the unit of
 length, as in the deck, positions are exact in binary numbers:
@@ -9,6 +9,10 @@ length, as in the deck, positions are exact in binary numbers:
 * hexagonal lattice: the distance of the rows, √3, is rounded *down* to a multiple of `grain`. All contacts between
   rows are then alike, and overlap by less than √3/2 of the rounding of the farthest position, 1e-14 R in 100 rows.
   Spheres that move have no finer positions, so that no other choice would be better.
+
+In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
+of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
+(`ImpactProblem.residual_force`).
 """
 
 from math import ceil, floor, log2, sqrt
@@ -17,6 +21,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, Lattice, Shape, packed
 from granular_lmp.crystal.search import overlapping
@@ -40,10 +45,11 @@ def touching(
     *,
     held: tuple[bool, bool] = (False, False),
     periodic: bool = False,
+    force: float = 0.0,
     disorder: Disorder | None = None,
     inclusions: tuple[Inclusion, ...] = (),
 ) -> tuple[ase.Atoms, tuple[Sphere, ...]]:
-    """Return spheres that just touch, and their materials.
+    """Return spheres that just touch, or are pressed together, and their materials.
 
     Parameters
     ----------
@@ -55,6 +61,8 @@ def touching(
         True if the first, the last row is held.
     periodic : bool
         True if the first column touches the last.
+    force : float
+        Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
     disorder, inclusions
         As `granular_lmp.crystal.disorder.imperfect` takes them. Radii may differ in a chain only.
 
@@ -87,7 +95,9 @@ def touching(
         radius = crystal.arrays["radius"]
         unit = grain(float(2 * radius.sum()))
         crystal.arrays["radius"] = radius = np.round(radius / unit) * unit
-        y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:])])
+        lower = np.arange(len(crystal) - 1)
+        overlap = (force / force_law(crystal, materials, lower, lower + 1)[0]) ** (2 / 3) / sphere.radius
+        y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:] - np.round(overlap / unit) * unit)])
         crystal.positions[:, 1] = y - y[centre_row]
     return crystal, materials
 

@@ -2,24 +2,30 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from math import hypot, inf, pi, sqrt
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import force_law
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
+from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scene import HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.impact.scene import FREE, HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.impact.start import COLUMNS
 from granular_lmp.scene.places import spheres_at
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+# A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
+LARGEST_RESIDUAL = 1e-4
 STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
@@ -31,7 +37,7 @@ class ImpactProblem:
     ----------
     scene : ImpactScene
     crystal : ase.Atoms
-        Spheres that just touch, in radii R of ``[sphere]``.
+        Spheres at rest, in radii R of ``[sphere]``.
     materials : tuple of Sphere
         By index of the array ``material``.
     strikers : tuple of arrays
@@ -60,12 +66,131 @@ class ImpactProblem:
         return i, j, vector, stiffness
 
     @cached_property
+    def start(self) -> Floats:
+        """Displacements (m), velocities (m/s) and spin (rad/s) of ``[start]``, (N, 5); without the strikers."""
+        motion = np.zeros((len(self.crystal), 5))
+        for place, values in zip(self.scene.start.places, self.scene.start.motion, strict=True):
+            motion[spheres_at((), (place,), self.crystal, "sphere that moves")] = values
+        return motion
+
+    @cached_property
+    def rest_overlap(self) -> Floats:
+        """Overlap of each contact at rest, (C,), in ℓ; 0 where no force presses the spheres together."""
+        i, j, vector, stiffness = self.contacts
+        if not self.scene.packing.contact_force:
+            return np.zeros_like(stiffness)
+        radius = self.crystal.arrays["radius"]
+        overlap = radius[i] + radius[j] - np.linalg.norm(vector, axis=1)
+        return np.asarray(overlap * self.scene.sphere.radius / self.scene.scale.length)
+
+    @cached_property
     def shortest_collision(self) -> float:
-        """Shortest time, t0, in which two neighbours part again that meet with the velocity of the fastest striker."""
+        """Shortest time, t0, in which two neighbours part again that meet with the velocity of the fastest striker.
+
+        Of neighbours that are pressed together it is half a period of their vibration, π/ω. Between the two limits
+        1/T² is taken as the sum of both squares, which makes T too short, by 17 % at most.
+        """
         i, j, _, stiffness = self.contacts
         light = self.mass[i] * self.mass[j] / (self.mass[i] + self.mass[j])
-        of_pairs = (collision_time(m, s) for m, s in {*zip(light.tolist(), stiffness.tolist(), strict=True)})
-        return min(of_pairs, default=inf)
+        rate = np.sqrt(self.rest_stiffness / light)
+        pairs = {*zip(light.tolist(), stiffness.tolist(), rate.tolist(), strict=True)}
+        return min((1 / hypot(1 / collision_time(m, s), w / pi) for m, s, w in pairs), default=inf)
+
+    # --- a chain that is pressed together ---
+
+    @cached_property
+    def rest_force(self) -> Floats:
+        """Force of each contact at rest, (C,), in m v/t0."""
+        return np.asarray(self.contacts[3] * self.rest_overlap**1.5)
+
+    @cached_property
+    def loads(self) -> dict[int, float]:
+        """Constant forces along y on the free ends of a chain, m v/t0, by sphere: they balance their contacts."""
+        packing, last = self.scene.packing, len(self.crystal) - 1
+        if not packing.contact_force:
+            return {}
+        ends = {0: (packing.first, float(self.rest_force[0])), last: (packing.last, -float(self.rest_force[-1]))}
+        return {sphere: force for sphere, (end, force) in ends.items() if end == FREE}
+
+    def _on_wall(self, sphere: int) -> float:
+        """Coefficient of the contact of a sphere with a rigid wall, in A: (4/3) E* √R, twice the E* of two spheres."""
+        material, ball = self.materials[int(self.crystal.arrays["material"][sphere])], self.scene.sphere
+        radius = float(self.crystal.arrays["radius"][sphere])
+        return sqrt(8 * radius) * material.effective_modulus / ball.effective_modulus
+
+    @cached_property
+    def planes(self) -> dict[str, float]:
+        """Rigid walls that the outermost spheres touch, or are pressed on, "ylo" → place, radii."""
+        packing, places, radius = self.scene.packing, self.crystal.positions, self.crystal.arrays["radius"]
+        pressed = [
+            (self.scene.rest_overlap / self._on_wall(end) ** (2 / 3)) / self.scene.sphere.radius for end in (0, -1)
+        ]
+        found = {}
+        for axis, name, low, high in ((1, "y", packing.first, packing.last), (0, "x", packing.sides, packing.sides)):
+            if low == WALL:
+                found[f"{name}lo"] = float((places[:, axis] - radius).min()) + pressed[0]
+            if high == WALL:
+                found[f"{name}hi"] = float((places[:, axis] + radius).max()) - pressed[1]
+        return found
+
+    @cached_property
+    def residual_force(self) -> float:
+        """Largest force that rounding of the places leaves on a sphere of a chain at rest, m v/t0."""
+        y, radius = self.crystal.positions[:, 1], self.crystal.arrays["radius"]
+        unit = self.scene.sphere.radius / self.scene.scale.length
+        force = list(self.rest_force)
+        for name, end, at in (("ylo", 0, 0), ("yhi", -1, len(force) + 1)):
+            if name in self.planes:
+                overlap = float(radius[end]) - abs(float(y[end]) - self.planes[name])
+                force.insert(at, self._on_wall(end) * (overlap * unit) ** 1.5)
+        return float(np.max(np.abs(np.diff(force)), initial=0.0))
+
+    @cached_property
+    def rest_stiffness(self) -> Floats:
+        """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
+        return np.asarray(1.5 * self.contacts[3] * np.sqrt(self.rest_overlap))
+
+    @property
+    def cell(self) -> tuple[Floats, Floats]:
+        """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a chain that is pressed together.
+
+        Raises
+        ------
+        SceneError
+            If nothing presses the spheres together, or their order does not repeat.
+        """
+        if not self.scene.packing.contact_force:
+            raise SceneError(
+                "packing.contact_force = 0.0: must be above 0, in a chain; spheres that just touch have no modes"
+            )
+        if not (count := cell_of(self.mass, self.rest_stiffness)):
+            raise SceneError(
+                "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "
+                "chain has bands; let every n-th row differ (rows and every of an [[inclusion]]), the first one too"
+            )
+        return self.mass[:count], self.rest_stiffness[:count]
+
+    @property
+    def sound(self) -> float:
+        """Speed of long waves along a chain, m/s: its mean spacing over √(mean mass · mean compliance); 0 if none."""
+        if not self.scene.packing.contact_force:
+            return 0.0
+        spacing = np.mean(np.abs(self.contacts[2][:, 1])) * self.scene.sphere.radius
+        inertia = np.mean(self.mass) * np.mean(1 / self.rest_stiffness)
+        return float(spacing / np.sqrt(inertia) / self.scene.scale.time)
+
+    @property
+    def at_rest(self) -> dict[str, float]:
+        """Force that presses the chain together, its ratio to that of the impact, sound and residual; {} if none."""
+        if not (force := self.scene.packing.contact_force):
+            return {}
+        return {
+            "contact_force_N": force,
+            "contact_force_over_impact": float(np.mean(self.rest_force)),
+            "overlap_m": self.scene.rest_overlap,
+            "sound_m_s": self.sound,
+            "residual_force_over_impact": self.residual_force,
+        }
 
     @property
     def effects(self) -> tuple[Chosen, ...]:
@@ -76,10 +201,12 @@ class ImpactProblem:
         smooth = "nothing is sheared in a chain" if scene.lattice == CHAIN else "effects.friction is 0"
         law = f"by the {effects.shear_law} law" if rubs else smooth
         turns = smooth if not rubs else "shear forces turn spheres" if effects.rotation else "effects.rotation is off"
+        holds = scene.packing.contact_force or inf
+        opens = "N press the contacts together" if holds < inf else "no force holds the contacts together"
         slides, closed = "is the coefficient of friction", f"held or rigid: {', '.join(ends)}"
         table = (
-            ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres just touch, and part without a pull", ""),
-            ("contact_opening", "striker", True, inf, "no force holds the contacts together", ""),
+            ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres part without a pull", ""),
+            ("contact_opening", "packing.contact_force", True, holds, opens, ""),
             ("shear", "effects.friction", rubs, inf, law, ""),
             ("rotation", "effects.rotation", rubs and effects.rotation, inf, turns, ""),
             ("sliding", "effects.friction", rubs, effects.friction, slides, ""),
@@ -105,8 +232,8 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     Raises
     ------
     SceneError
-        If a striker is held, missing, or in another striker too, or the time step is too long for the shortest
-        collision.
+        If a striker is held, missing, or in another striker too, a state moves such spheres or presses them too deep,
+        or the time step is too long for the shortest collision.
     CrystalError
         If imperfections do not fit into the lattice.
     """
@@ -118,6 +245,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         packing.columns,
         held=(packing.first == HELD, packing.last == HELD),
         periodic=packing.sides == PERIODIC,
+        force=packing.contact_force,
         disorder=scene.disorder,
         inclusions=scene.inclusion,
     )
@@ -136,6 +264,14 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.output != Output():
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
+    if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, scene.rest_rate):
+        raise SceneError(
+            f"packing.contact_force = {scene.packing.contact_force!r}: rounding of the places leaves a force of "
+            f"{problem.residual_force:.2g} m v/t0 on a sphere at rest, and at most "
+            f"{LARGEST_RESIDUAL * max(1, scene.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
+        )
+    if scene.start.state:
+        _check_start(problem, struck)
     most = problem.shortest_collision / STEPS_IN_COLLISION
     if scene.time.step > most:
         raise SceneError(
@@ -144,6 +280,42 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
             f"{most:.4g}, and at most {most / 8:.2g} for errors of 1e-4"
         )
     return problem
+
+
+def _check_start(problem: ImpactProblem, struck: set[int]) -> None:
+    """Raise a SceneError if the state at the beginning moves what cannot move, or presses spheres too deep."""
+    scene, crystal = problem.scene, problem.crystal
+    motion, arrays, chain = problem.start, crystal.arrays, scene.lattice == CHAIN
+    forbidden = (
+        ([0, 1, 2, 3, 4], arrays["fixed"], "for a sphere of a held row, which does not move"),
+        (
+            [0, 1, 2, 3, 4],
+            np.isin(np.arange(len(crystal)), [*struck]),
+            "for a sphere of a [[striker]], which has its own velocity",
+        ),
+        ([0, 2], np.full(len(crystal), chain), "in a chain, which nothing holds sideways"),
+        ([4], np.full(len(crystal), not problem.on["rotation"]), "where nothing turns a sphere (effects.friction)"),
+        ([0, 1], np.full(len(crystal), problem.on["shear"]), "where contacts rub: a state lacks their shear at rest"),
+    )
+    for columns, who, why in forbidden:
+        for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
+            where = [int(arrays[name][sphere]) for name in ("row", "column")]
+            name = COLUMNS[2:][columns[column]]
+            raise SceneError(
+                f"start.state: sphere {where}: {name} = {motion[sphere, columns[column]]:g}: must be 0 {why}"
+            )
+    moved = crystal.copy()
+    moved.positions[:, :2] += motion[:, :2] / scene.sphere.radius
+    i, j, vector = overlapping(moved)
+    radius = arrays["radius"]
+    overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) / (2 * np.minimum(radius[i], radius[j]))
+    if overlap.max(initial=0.0) > LARGEST_OVERLAP_RATIO:
+        worst = int(overlap.argmax())
+        pair = [[int(arrays[name][end[worst]]) for name in ("row", "column")] for end in (i, j)]
+        raise SceneError(
+            f"start.state: spheres {pair[0]} and {pair[1]}: overlap by {overlap[worst]:.3g} of the diameter; at most "
+            f"{LARGEST_OVERLAP_RATIO} is allowed"
+        )
 
 
 def _chosen(where: Striker | Output, crystal: ase.Atoms, name: str) -> Integers:

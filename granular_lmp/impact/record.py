@@ -113,8 +113,14 @@ class ImpactRecord:
         spin = INERTIA_RATIO * (radius * self.spin) ** 2
         return np.asarray(mass * (np.sum(self.velocity**2, axis=-1) + spin) / 2)
 
-    def stored_energy(self) -> Floats:
-        """Return the energy of the contacts Σ (2/5) A δ^{5/2}, in m v², (T,): of the neighbours at the beginning.
+    def energies(self) -> Floats:
+        """Return the energy of each sphere above rest, in m v², (T, n): ½ m v² and half of each of its contacts.
+
+            V = (2/5) A (δ^{5/2} − d^{5/2}) − A d^{3/2} (δ − d)
+
+        with the overlap at rest d. The last term is the share of the loads that press a chain together, so that the sum
+        over all spheres is conserved. Contacts are those of the neighbours at rest; one with a held sphere counts in
+        full for the one that moves.
 
         Raises
         ------
@@ -129,16 +135,21 @@ class ImpactRecord:
                 "effects.friction = 0 and no walls"
             )
         i, j, vector, stiffness = problem.contacts
-        radius = problem.crystal.arrays["radius"]
+        radius, rest = problem.crystal.arrays["radius"], problem.rest_overlap
         unit = self.scale.length / scene.sphere.radius
         distance = np.linalg.norm(vector + (self.displacement[:, j] - self.displacement[:, i]) * unit, axis=-1)
-        overlap = np.maximum(radius[i] + radius[j] - distance, 0.0) / unit
-        return np.asarray(np.sum(0.4 * stiffness * overlap**2.5, axis=-1))
+        overlap = (radius[i] + radius[j] - distance) / unit
+        stored = 0.4 * (np.maximum(overlap, 0.0) ** 2.5 - rest**2.5) - rest**1.5 * (overlap - rest)
+        moves = ~problem.crystal.arrays["fixed"]
+        shares = stiffness * stored / np.maximum(1 * moves[i] + moves[j], 1)
+        each = self.kinetic_energy.T.copy()
+        for end in (i, j):
+            np.add.at(each, end, (shares * moves[end]).T)
+        return np.asarray(each.T)
 
     def energy(self) -> Floats:
-        """Return the energy of all spheres and contacts, in m v², (T,); raises as `stored_energy`."""
-        stored = self.stored_energy()
-        return np.asarray(self.kinetic_energy.sum(axis=1) + stored)
+        """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`."""
+        return np.asarray(self.energies().sum(axis=1))
 
     def write_si(self, path: str | Path) -> None:
         """Write a CSV file in SI units, a line for each sphere and time, with every digit.

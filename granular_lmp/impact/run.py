@@ -122,6 +122,7 @@ def description(problem: ImpactProblem, launcher: str, ranks: int) -> dict[str, 
         "t0_s": scene.scale.time,
         "mass_kg": scene.scale.mass,
         "shortest_collision": problem.shortest_collision,
+        "at_rest": problem.at_rest,
         "effects": {
             each.name: {"on": each.on, "called_for": each.called_for, "reason": each.finding, "guard": each.guard}
             for each in problem.effects

@@ -1,15 +1,16 @@
-"""The scene of an impact: a lattice of spheres that just touch, and the spheres that strike it.
+"""The scene of an impact: a lattice of spheres that just touch, or a compressed chain, and the spheres that strike it.
 
-A TOML file with a table ``[[striker]]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``, ``[disorder]``,
-``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and ``[[inclusion]]``. It holds no wave
-and no overlap at rest: velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
+A TOML file with a table ``[[striker]]`` or ``[start]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``,
+``[start]``, ``[disorder]``, ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and
+``[[inclusion]]``. It holds no wave and no adhesion: velocities are in m/s, times in t0 of the impact
+(`granular_lmp.crystal.scale`).
 """
 
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, radians, sin
+from math import cos, radians, sin, sqrt
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,6 +19,7 @@ from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
 from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.impact.start import Start, located
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.places import Rows, Spheres, place_troubles, places_field, rows_rule, spheres_rule
 from granular_lmp.scene.schema import (
@@ -44,7 +46,6 @@ _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be
 _NOT_HERE = {
     **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
     "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
-    "packing.contact_force": "spheres of an impact just touch: must be left out beside [[striker]]",
     "packing.ends": "must be packing.first and packing.last beside [[striker]]",
     "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",
     "time.allow_echo": "must be left out beside [[striker]], where every echo belongs to the answer",
@@ -57,7 +58,8 @@ class Packing:
     """Rows along y, columns along x, and what is beyond the first and the last of them.
 
     A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, with the contact law of its spheres on a rigid
-    body: A is 2√2 times that of two spheres. A row that is ``held`` does not move.
+    body: A is 2√2 times that of two spheres. A row that is ``held`` does not move. Where a chain is pressed together by
+    the ``contact_force``, walls and held spheres bear it; at a ``free`` end a constant force F0 pushes the last sphere.
     """
 
     rows: int = count("along y", 2, 10_000_000)
@@ -65,6 +67,7 @@ class Packing:
     columns: int = count("along x: 1 in a chain", 1, 1_000_000, default=1)
     first: str = choice("end at the first row", (FREE, HELD, WALL), default=FREE)
     last: str = choice("end at the last row", (FREE, HELD, WALL), default=FREE)
+    contact_force: float = number("N", "presses the contacts of a chain together at rest", 0, 1e12, default=0.0)
     sides: str = choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE)
 
 
@@ -139,13 +142,14 @@ class ImpactScene(Document):
     sections = {
         "sphere": Sphere,
         "packing": Packing,
+        "start": Start,
         "disorder": Disorder,
         "time": Time,
         "effects": Effects,
         "output": Output,
     }
     repeated = {"striker": Striker, "inclusion": Inclusion}
-    optional = ("disorder", "output")
+    optional = ("start", "disorder", "output")
     rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     named = "the files of the run"
 
@@ -154,6 +158,7 @@ class ImpactScene(Document):
     time: Time
     effects: Effects = Effects()
     output: Output = Output()
+    start: Start = Start()
     disorder: Disorder = Disorder()
     striker: tuple[Striker, ...] = ()
     inclusion: tuple[Inclusion, ...] = ()
@@ -186,6 +191,11 @@ class ImpactScene(Document):
         return super().from_dict(tables, default)
 
     @classmethod
+    def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Return the tables with the name of a file of the state relative to the current folder."""
+        return located(tables, folder)
+
+    @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with spheres without adhesion where it is not declared."""
         if isinstance(tables.get("sphere"), Mapping):
@@ -213,8 +223,23 @@ class ImpactScene(Document):
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the impact: those of the fastest striker on the spheres of ``[sphere]``."""
-        return Scale.of(self.sphere, max(each.velocity for each in self.striker))
+        """Units of the impact: those of the fastest sphere at the beginning, on the spheres of ``[sphere]``.
+
+        Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}.
+        """
+        fastest = max([each.velocity for each in self.striker] + [self.start.fastest(self.sphere.radius)])
+        let_go = sqrt(self.sphere.normal_coefficient / self.sphere.mass) * self.start.farthest**1.25
+        return Scale.of(self.sphere, fastest or let_go)
+
+    @property
+    def rest_overlap(self) -> float:
+        """Overlap at rest, m, of two spheres of ``[sphere]``, (F0/A)^{2/3}; 0 where they just touch."""
+        return float((self.packing.contact_force / self.sphere.normal_coefficient) ** (2 / 3))
+
+    @property
+    def rest_rate(self) -> float:
+        """√(K/m), 1/t0, of spheres of ``[sphere]`` at rest, K = (3/2) A √δ."""
+        return sqrt(1.5 * sqrt(self.rest_overlap / self.scale.length))
 
     @property
     def words(self) -> str:
@@ -225,7 +250,10 @@ class ImpactScene(Document):
             if self.lattice == CHAIN
             else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
         )
-        return f"{size} that just touch, struck at {fastest:.6g} m/s"
+        force = packing.contact_force
+        pressed = f"pressed together by {force:.6g} N" if force else "that just touch"
+        how = f"struck at {fastest:.6g} m/s" if self.striker else "which begins in a given state"
+        return f"{size} {pressed}, {how}"
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
@@ -244,8 +272,10 @@ class ImpactScene(Document):
             )
 
     def _check_striker_tables(self) -> None:
-        if not self.striker:
-            raise SceneError("striker: missing; an impact has at least one table [[striker]]")
+        if not self.striker and not self.start.motion.any():
+            raise SceneError(
+                "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
+            )
         for number_, each in enumerate(self.striker, 1):
             if not each.velocity:
                 raise SceneError(f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s")
@@ -300,6 +330,16 @@ class ImpactScene(Document):
                 f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in '
                 "a chain"
             )
+        if packing.contact_force and lattice != CHAIN:
+            raise SceneError(
+                f"packing.contact_force = {packing.contact_force!r}: must be 0 in a sheet, which a force along y does "
+                'not press alike in all contacts; packing.lattice = "chain" has it'
+            )
+        if packing.contact_force and self.effects.restitution < 1:
+            raise SceneError(
+                f"effects.restitution = {self.effects.restitution!r}: must be 1 beside packing.contact_force, as it is "
+                "that of a collision of spheres that part again"
+            )
         if packing.sides == PERIODIC and packing.columns < lattice.fewest_columns:
             raise SceneError(
                 f"packing.columns = {packing.columns}: must be at least {lattice.fewest_columns} between periodic "
@@ -315,21 +355,25 @@ class ImpactScene(Document):
         """Check that strikers and recorded spheres have places in the lattice."""
         tables: dict[str, Striker | Output] = {f"striker {at}": each for at, each in enumerate(self.striker, 1)}
         tables |= {"output": self.output} if self.output != Output() else {}
-        for name, each in tables.items():
-            for trouble in place_troubles(each.rows, each.spheres, self.shape):
+        places = {name: (each.rows, each.spheres) for name, each in tables.items()}
+        places |= {"start.state": ((), self.start.places)} if self.start.state else {}
+        for name, (rows, spheres) in places.items():
+            for trouble in place_troubles(rows, spheres, self.shape):
                 raise SceneError(f"{name}: {trouble}")
 
     def _check_scale(self) -> None:
-        deepest = DEEPEST * self.scale.length / (2 * self.sphere.radius)
+        length, rest = self.scale.length, self.rest_overlap
+        deepest = (rest + DEEPEST * length) / (2 * self.sphere.radius)  # the force of both is that of one at most
         if deepest > LARGEST_OVERLAP_RATIO:
             raise SceneError(
                 f"striker: velocity = {self.scale.velocity:.6g}: two spheres would overlap by {deepest:.3g} of the "
                 f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
         rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
-        if self.scale.length < ROUNDINGS_IN_OVERLAP * rounding:
+        motion = length / max(1.0, self.rest_rate)  # ℓ, or v/ω of spheres that are pressed together
+        if motion < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
-                f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {self.scale.length:.3g} m is less than "
+                f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {motion:.3g} m is less than "
                 f"{ROUNDINGS_IN_OVERLAP:g} roundings of a position in {self.packing.rows} rows x "
                 f"{self.packing.columns} columns; must be faster, or the lattice smaller"
             )
@@ -341,11 +385,11 @@ def _file(source: str | Path) -> Path | None:
 
 
 def is_impact(source: str | Path) -> bool:
-    """Return whether a file, a folder or a name is a scene of an impact: one with a table ``[[striker]]``."""
+    """Return whether a file, a folder or a name is a scene of an impact: one with ``[[striker]]`` or ``[start]``."""
     found = _file(source)
     if found is None:
         return False
     try:
-        return "striker" in tomllib.loads(file_text(found))
+        return not tomllib.loads(file_text(found)).keys().isdisjoint({"striker", "start"})
     except NOT_TOML:
         return False  # the reader of scenes says what is wrong

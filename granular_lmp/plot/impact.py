@@ -1,4 +1,4 @@
-"""Pictures of an impact: the velocities of a chain over time, or a sheet at one moment, also as a movie."""
+"""Pictures of an impact: velocities of a chain over time, a sheet at one moment or as a movie; bands of a chain."""
 
 from pathlib import Path
 
@@ -6,13 +6,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import ViewError
+from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.plot.movie import refuse_movie, write_movie
-from granular_lmp.plot.signals import Picture
+from granular_lmp.plot.signals import Picture, frequency_axis
 
 COLOURS = "magma_r"
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
@@ -62,6 +65,25 @@ def impact_movie(record: ImpactRecord, path: str | Path) -> None:
     write_movie(sheet.figure, sheet.show, len(record.tau), path, COLOURS)
 
 
+def bands_figure(problem: ImpactProblem) -> Figure:
+    """Return a figure of the bands of a chain that is pressed together, its gaps shaded, with an axis in hertz.
+
+    Raises SceneError as `ImpactProblem.cell`.
+    """
+    mass, stiffness = problem.cell
+    phases = np.linspace(0.0, np.pi, 200)
+    figure = Figure(figsize=(5.5, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(phases, frequencies(mass, stiffness, phases), color="black")
+    for low, high in gaps(edges(mass, stiffness)):
+        axes.axhspan(low, high, color="0.9")
+    axes.set(xlabel=r"phase from cell to cell (rad)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, np.pi))
+    axes.set_ylim(bottom=0)
+    axes.set_title(f"{problem.scene.name}: cell of {len(mass)}", fontsize="medium")
+    frequency_axis(axes, 2 * np.pi * problem.scene.scale.time)
+    return figure
+
+
 def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
     """Return the speeds (T, n), those below the colours as the lightest of them."""
     return np.maximum(np.linalg.norm(record.velocity, axis=-1), LIGHTEST)
@@ -70,6 +92,10 @@ def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
 def _title(record: ImpactRecord) -> str:
     scale = record.scale
     return f"{record.scene.name}: {scale.velocity:g} m/s, $t_0$ = {scale.time:.3g} s"
+
+
+def _label(record: ImpactRecord) -> str:
+    return f"speed ({'that of the striker' if record.scene.striker else format(record.scale.velocity, '.3g') + ' m/s'})"
 
 
 def _chain(record: ImpactRecord) -> Picture:
@@ -81,7 +107,7 @@ def _chain(record: ImpactRecord) -> Picture:
     )
     axes.set(xlabel=r"$\tau$ ($t_0$)", ylabel="row")
     axes.set_title(_title(record), fontsize="medium")
-    figure.colorbar(mesh, label="speed (that of the striker)")
+    figure.colorbar(mesh, label=_label(record))
     return figure
 
 
@@ -103,7 +129,7 @@ class _Sheet:
         low, high = places.min(axis=0) - 1.2, places.max(axis=0) + 1.2
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
         self.axes = axes
-        self.figure.colorbar(self.discs, ax=axes, label="speed (that of the striker)", fraction=0.04, pad=0.02)
+        self.figure.colorbar(self.discs, ax=axes, label=_label(record), fraction=0.04, pad=0.02)
 
     def show(self, number: int) -> None:
         self.discs.set_array(self.speeds[number])

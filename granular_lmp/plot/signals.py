@@ -110,16 +110,20 @@ def dispersion_figure(scene: Scene) -> Figure:
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"frequency $\Omega$ (rad per $t_0$)", xlim=(0, edge))
     axes.set_ylim(bottom=0)
-    per_hertz = 2 * np.pi * scene.sphere.time_scale
+    frequency_axis(axes, 2 * np.pi * scene.sphere.time_scale)
+    where = "" if scene.along == "y" else f", along {scene.along}"
+    axes.legend(title=scene.name + where)
+    return figure
+
+
+def frequency_axis(axes: Axes, per_hertz: float) -> None:
+    """Add an axis from Hz to GHz at the right of one in rad/t0, 2π t0 of which are a hertz."""
     size, unit = _unit_of_frequency(axes.get_ylim()[1] / per_hertz)
     right = axes.secondary_yaxis(
         "right",
         functions=(lambda x: np.divide(x, size * per_hertz), lambda x: np.multiply(x, size * per_hertz)),
     )
     right.set_ylabel(f"frequency ({unit})")
-    where = "" if scene.along == "y" else f", along {scene.along}"
-    axes.legend(title=scene.name + where)
-    return figure
 
 
 def _unit_of_frequency(largest: float) -> tuple[float, str]:

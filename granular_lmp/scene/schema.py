@@ -27,6 +27,7 @@ LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.par
 LONGEST_PART = 40  # characters of a name that is a part of file names
 NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
+MOST_IN_LINE = 20  # arrays in an array
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 _JSON = json.JSONEncoder(ensure_ascii=False)
 
@@ -251,8 +252,15 @@ def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
 def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
     """Return a line ``key = value  # note`` for each of the values, which belong to a record of type `kind`."""
     notes = {item.name: rule.note for item, rule in declared_fields(kind, rules)}
-    lines = ((f"{name} = {toml(value)}", notes[name]) for name, value in values.items())
+    lines = ((f"{name} = {_in_lines(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
+
+
+def _in_lines(value: Any) -> str:
+    """Return a value as TOML, arrays in an array one to a line where there are many."""
+    if isinstance(value, list | tuple) and len(value) > MOST_IN_LINE and isinstance(value[0], list | tuple):
+        return "[\n" + "".join(f"    {toml(each)},\n" for each in value) + "]"
+    return toml(value)
 
 
 def head_lines(name: str, description: str) -> list[str]:

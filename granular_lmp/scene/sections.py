@@ -249,6 +249,7 @@ DISORDER_RULES = {
 }
 INCLUSION_RULES = {
     "rows": rows_rule(),
+    "every": Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
     "spheres": spheres_rule(),
     "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, 10_000_000), length=3),
     "half_plane": ArrayRule(

@@ -1,0 +1,140 @@
+"""The state in which an impact begins: displacements from rest and velocities of single spheres.
+
+A scene has them in a CSV file or as numbers. A file is read when its scene is: from then on the scene and its run
+folder hold the numbers themselves. The columns of a file are those of ``granular-lmp export``, so that a file of one
+time of a run is a state; the shear of contacts that rub is not in it.
+"""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import hypot, isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import Rule, one_line, shown
+
+State = Sequence[tuple[float, ...]]  # of each sphere the numbers of COLUMNS, the first two whole
+COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
+TIME = "t_s"  # A file may have it too, as it names each sphere once
+MOST = 5000  # spheres: a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
+LARGEST = 1e9  # of any number; what it does to contacts is checked in SI
+
+
+@dataclass(frozen=True)
+class StateRule(Rule):
+    """Allowed values of a state: the name of a CSV file, or a list of seven numbers for each sphere."""
+
+    @property
+    def allowed(self) -> str:
+        """Allowed values in words."""
+        return f'a file "NAME.csv" with the columns {",".join(COLUMNS)}, or a list of [{", ".join(COLUMNS)}]'
+
+    def value(self, value: Any, key: str) -> State:
+        """Return a file or a list as tuples of numbers, one for each sphere.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or lacks a column, a number is none, or a sphere is named twice.
+        """
+        if isinstance(value, str) and value.endswith(".csv"):
+            rows: Iterable[tuple[str, Any]] = _read(value, key)
+        elif isinstance(value, list | tuple):
+            rows = ((f"{key}[{number}]", each) for number, each in enumerate(value))
+        else:
+            raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
+        state = [_checked(each, where) for where, each in rows]
+        if len(state) > MOST:
+            raise SceneError(f"{key}: {len(state)} spheres: must be at most {MOST}")
+        found = set()
+        for row, column, *_ in state:
+            if (row, column) in found:
+                raise SceneError(f"{key}: sphere [{row}, {column}]: is there twice; must be there once, at one time")
+            found.add((row, column))
+        return tuple(state)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where spheres are and how they move at the beginning; those that are not named are at rest, in their places."""
+
+    state: State = field(default=(), metadata={"rule": StateRule(str, "SI units", "of single spheres; others rest")})
+
+    @property
+    def places(self) -> list[tuple[int, int]]:
+        """Row and column of each sphere."""
+        return [(int(row), int(column)) for row, column, *_ in self.state]
+
+    @property
+    def motion(self) -> NDArray[np.float64]:
+        """Displacements ux, uy (m), velocities vx, vy (m/s) and spin (rad/s) of each sphere, (n, 5)."""
+        return np.array([each[2:] for each in self.state]).reshape(-1, 5)
+
+    def fastest(self, radius: float) -> float:
+        """Return the largest velocity, m/s, also of the surface of a sphere of this radius that turns."""
+        return max((max(hypot(vx, vy), radius * abs(spin)) for *_, vx, vy, spin in self.state), default=0.0)
+
+    @property
+    def farthest(self) -> float:
+        """Largest displacement, m."""
+        return max((hypot(ux, uy) for _, _, ux, uy, *_ in self.state), default=0.0)
+
+
+def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return tables of a scene with the file of its state relative to the current folder."""
+    start = tables.get("start")
+    if not isinstance(start, dict) or not isinstance(start.get("state"), str):
+        return tables
+    return tables | {"start": {**start, "state": str(folder / start["state"])}}
+
+
+def _checked(values: Any, where: str) -> tuple[float, ...]:
+    """Return seven numbers of a sphere, row and column whole."""
+    if not isinstance(values, list | tuple) or len(values) != len(COLUMNS):
+        raise SceneError(f"{where} = {shown(values)}: must be [{', '.join(COLUMNS)}]")
+    for name, value in zip(COLUMNS, values, strict=True):
+        number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+        if not number or abs(value) > LARGEST:
+            raise SceneError(f"{where}: {name} = {shown(value)}: must be a number from {-LARGEST:g} to {LARGEST:g}")
+        if name in ("row", "column") and (value < 0 or value != int(value)):
+            raise SceneError(f"{where}: {name} = {shown(value)}: must be a whole number, counted from 0")
+    return (int(values[0]), int(values[1]), *map(float, values[2:]))
+
+
+def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
+    """Yield where each line of a file is and its numbers, in the order of COLUMNS; columns left out are 0."""
+    file = f"{key} = {shown(name)}"
+    try:
+        with Path(name).open(encoding="utf-8-sig", newline="") as stream:
+            lines = [line for _, line in zip(range(MOST + 2), csv.reader(stream), strict=False)]
+    except (OSError, ValueError, csv.Error) as error:  # ValueError: bytes that are not UTF-8, a name that no file has
+        raise SceneError(f"{file}: cannot be read as a CSV file: {one_line(error)}") from error
+    names = [each.strip() for each in lines[0]] if lines else []
+    for needed in COLUMNS[:2]:
+        if needed not in names:
+            raise SceneError(f"{file}: column {needed}: is missing; must have row, column and any of {COLUMNS[2:]}")
+    for each in names:
+        if each not in (*COLUMNS, TIME) or names.count(each) > 1:
+            raise SceneError(f"{file}: column {shown(each)}: must be one of {', '.join(COLUMNS)}, each once")
+    if not set(names) & set(COLUMNS[2:]):
+        raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
+    for number, line in enumerate(lines[1:], start=2):
+        if not line:
+            continue
+        if len(line) != len(names):
+            raise SceneError(f"{file}: line {number}: {len(line)} values: must be {len(names)}, one for each column")
+        said = dict(zip(names, line, strict=True))
+        yield f"{file}: line {number}", [_number(said.get(each, "0")) for each in COLUMNS]
+
+
+def _number(text: str) -> Any:
+    """Return the number in a text, or the text if it holds none, which is then refused by name."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()

@@ -1,0 +1,174 @@
+"""The state in which an impact begins: its file, its units, what it may not move."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.cli import main
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.problem import prepare
+from granular_lmp.impact.scene import is_impact
+
+CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 6.0})
+SHEET = ImpactScene.load("point_impact").with_values(
+    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0}
+)
+
+
+def with_state(scene: ImpactScene, state: Any, **tables: Any) -> ImpactScene:
+    """The scene with a state in place of its strikers."""
+    left = {name: table for name, table in scene.to_dict().items() if name != "striker"}
+    return ImpactScene.from_dict(left | {"start": {"state": state}} | tables)
+
+
+def test_a_state_of_velocities_is_a_striker(tmp_path: Path) -> None:
+    struck = run_impact(CHAIN, tmp_path / "struck")
+    begun = run_impact(with_state(CHAIN, [[0, 0, 0.0, 0.0, 0.0, 1.0, 0.0]]), tmp_path / "begun")
+    assert begun.scale == struck.scale
+    assert np.array_equal(begun.velocity, struck.velocity)
+    assert np.array_equal(ImpactRecord.load(tmp_path / "begun").velocity, struck.velocity)
+
+
+def test_a_file_of_one_time_of_a_run_goes_on_from_there(tmp_path: Path) -> None:
+    whole = run_impact(SHEET, tmp_path / "whole")
+    whole.write_si(tmp_path / "whole.csv")
+    head, *lines = (tmp_path / "whole.csv").read_text().splitlines()
+    chosen = [line for line in lines if float(line.split(",")[0]) == whole.tau[3] * whole.scale.time]
+    (tmp_path / "state.csv").write_text("\n".join([head, *chosen]) + "\n\n")
+    text = with_state(SHEET, [[0, 4, 0, 0, 0, 1.0, 0]]).to_toml()
+    (tmp_path / "mine.toml").write_text(re.sub(r"state = .*", 'state = "state.csv"', text))
+    begun = ImpactScene.load(tmp_path / "mine.toml")  # its file is beside it
+    assert len(begun.start.state) == 72
+    # Its t0 is that of the sphere that is fastest now; the same steps, in seconds
+    ratio = SHEET.scale.time / begun.scale.time
+    assert ratio < 0.99
+    steps = {"time.timestep": ratio * 0.05, "time.sample": ratio * 3.0, "time.duration": ratio * 3.0}
+    rest = run_impact(begun.with_values(steps), tmp_path / "rest")
+    for now, then in ((0, 3), (1, 6)):
+        # Places of 40 R are rounded to 7e-15 R, and accelerations of order 1 add that up over 60 steps
+        moved = rest.displacement[now] * rest.scale.length / whole.scale.length
+        assert moved == pytest.approx(whole.displacement[then], abs=1e-9)
+        velocity = rest.velocity[now] * rest.scale.velocity / whole.scale.velocity
+        assert velocity == pytest.approx(whole.velocity[then], abs=1e-9)
+    assert np.max(np.abs(rest.velocity[1] - rest.velocity[0])) > 0.1
+
+
+def test_spins_are_those_of_the_state(tmp_path: Path) -> None:
+    rough = SHEET.with_values({"effects.friction": 0.2})
+    spin = 30.0
+    record = run_impact(with_state(rough, [[3, 4, 0, 0, 0.1, 0, spin], [4, 4, 0, 0, 0, 0.1, 0]]), tmp_path / "run")
+    scale, radius = record.scale, rough.sphere.radius
+    assert scale.velocity == pytest.approx(spin * radius)  # of the surface, which is the fastest here
+    turned = record.problem.crystal.arrays["row"] == 3
+    assert record.spin[0].max() * scale.velocity / radius == pytest.approx(spin, rel=1e-12)
+    assert np.count_nonzero(record.spin[0][turned]) == np.count_nonzero(record.spin[0]) == 1
+    assert np.count_nonzero(record.spin[-1]) > 5  # its neighbours are turned
+
+
+def test_spheres_that_are_let_go_from_rest_have_their_largest_displacement_as_the_unit(tmp_path: Path) -> None:
+    pressed = CHAIN.with_values({"packing.contact_force": 10.0})
+    record = run_impact(with_state(pressed, [[4, 0, 0, 1e-6, 0, 0, 0], [5, 0, 0, -2e-6, 0, 0, 0]]), tmp_path / "run")
+    assert record.scale.length == pytest.approx(2e-6, rel=1e-12)
+    assert record.displacement[0, 4:6, 1] == pytest.approx([0.5, -1.0], abs=1e-9)
+    assert not record.velocity[0].any()
+    assert record.velocity[1:].any()
+    assert "pressed together by 10 N, which begins in a given state" in record.scene.words
+
+
+def test_a_scene_with_a_state_reads_back_what_it_writes() -> None:
+    scene = with_state(CHAIN, [[4, 0, 0, 1e-7, 0, -1.0, 0], [5, 0, 0.0, 3.3e-7, 0, 0, 0]])
+    assert ImpactScene.loads(scene.to_toml()) == scene
+    assert scene.to_dict()["start"]["state"][1] == (5, 0, 0.0, 3.3e-7, 0.0, 0.0, 0.0)
+    assert "start" not in CHAIN.to_dict()
+
+
+def test_a_file_with_a_state_is_an_impact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(with_state(CHAIN, [[0, 0, 0, 0, 0, 1.0, 0]]).to_toml())
+    assert is_impact(file)
+    assert main(["check", str(file)]) == 0
+    assert "a chain of 10 spheres that just touch, which begins in a given state" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["row,uy_m", "1,1e-6"], "column column: is missing"),
+        (["row,column", "1,0"], "must have one of the columns ux_m, uy_m, vx_m_s, vy_m_s, spin_rad_s"),
+        (["row,column,uy", "1,0,1e-6"], "column 'uy': must be one of row, column, ux_m"),
+        (["row,column,uy_m,uy_m", "1,0,1,1"], "column 'uy_m': must be one of"),
+        (["row,column,uy_m", "1,0,1e-6", "2,0"], "line 3: 2 values: must be 3, one for each column"),
+        (["row,column,uy_m", "1,0,much"], "line 2: uy_m = 'much': must be a number from -1e+09 to 1e+09"),
+        (["row,column,uy_m", "1,0,nan"], "line 2: uy_m = nan: must be a number"),
+        (["row,column,uy_m", "1.5,0,1e-6"], "line 2: row = 1.5: must be a whole number, counted from 0"),
+        (["row,column,uy_m", "-1,0,1e-6"], "line 2: row = -1.0: must be a whole number"),
+        (["row,column,vy_m_s", "1,0,1", "1,0,2"], "sphere [1, 0]: is there twice; must be there once, at one time"),
+        (["row,column,vy_m_s", "99,0,1"], "start.state: sphere [99, 0]: must be [row, column]"),
+        (["row,column,vy_m_s", "1,0,0"], "striker: missing; an impact has a table [[striker]], or a [start]"),
+        ([], "column row: is missing"),
+    ],
+)
+def test_a_file_that_is_no_state_is_refused_by_name(
+    tmp_path: Path, lines: list[str], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("state.csv").write_text("\n".join(lines))
+    with pytest.raises(SceneError, match=re.escape(message)):
+        with_state(CHAIN, "state.csv")
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ("gone.csv", "start.state = 'gone.csv': cannot be read as a CSV file"),
+        ("fast", "start.state = 'fast': must be a file \"NAME.csv\" with the columns row,column,ux_m"),
+        ([[0, 0, 1.0]], "start.state[0] = [0, 0, 1.0]: must be [row, column, ux_m"),
+        ([[0, 0, 0, 0, 0, True, 0]], "start.state[0]: vy_m_s = True: must be a number"),
+        ([[0, 0, 0, 0, 0, 1.0, 0]] * 6000, "start.state: 6000 spheres: must be at most 5000"),
+    ],
+)
+def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(message)):
+        with_state(CHAIN, state)
+
+
+@pytest.mark.parametrize(
+    ("scene", "state", "message"),
+    [
+        (CHAIN, [2, 0, 1e-6, 0, 0, 0, 0], "sphere [2, 0]: ux_m = 1e-06: must be 0 in a chain, which nothing holds"),
+        (CHAIN, [2, 0, 0, 0, 0, 1.0, 5.0], "spin_rad_s = 5: must be 0 where nothing turns a sphere (effects.friction)"),
+        (CHAIN.with_values({"packing.last": "held"}), [9, 0, 0, 0, 0, 1.0, 0], "must be 0 for a sphere of a held row"),
+        (CHAIN, [2, 0, 0, 1e-3, 0, 0, 0], "spheres [2, 0] and [3, 0]: overlap by 0.1 of the diameter; at most 0.05"),
+        (
+            SHEET.with_values({"effects.friction": 0.1}),
+            [2, 3, 0, 1e-6, 0, 0, 0],
+            "uy_m = 1e-06: must be 0 where contacts rub",
+        ),
+    ],
+)
+def test_a_state_moves_only_what_can_move(scene: ImpactScene, state: list[float], message: str) -> None:
+    # A velocity beside it keeps the unit of the impact
+    mover = [[0, 0, 0, 0, 0, 1.0, 0]]
+    with pytest.raises(SceneError, match=re.escape(message)):
+        prepare(with_state(scene, [*mover, state]))
+
+
+def test_a_sphere_is_a_striker_or_in_the_state() -> None:
+    both = {"start": {"state": [[0, 0, 0, 0, 0, 0.5, 0]]}}
+    with pytest.raises(
+        SceneError, match=re.escape("must be 0 for a sphere of a [[striker]], which has its own velocity")
+    ):
+        prepare(ImpactScene.from_dict(CHAIN.to_dict() | both))
+    beside = {"start": {"state": [[3, 0, 0, 0, 0, -0.5, 0]]}}
+    assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).start[3, 3] == -0.5
+
+
+def test_a_state_in_a_vacancy_is_refused() -> None:
+    empty = {"inclusion": [{"spheres": [[3, 3]], "vacancy": True}]}
+    scene = with_state(SHEET, [[3, 3, 0, 0, 0, 1.0, 0]], **empty)
+    with pytest.raises(SceneError, match=re.escape("sphere [3, 3]: is a vacancy")):
+        prepare(scene)

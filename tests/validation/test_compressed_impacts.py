@@ -1,0 +1,200 @@
+"""Impacts on chains that are pressed together, in LAMMPS through their scenes, against theories of their own code."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from analysis.measure.norms import slope
+from analysis.theory.chain import Chain, End, compressed, energies, spheres
+from analysis.theory.chain_motion import integrate, march, peak
+from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.crystal.scale import collision_time
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.problem import prepare
+
+Floats = NDArray[np.float64]
+Runs = Callable[..., ImpactRecord]
+CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free", "packing.rows": 20})
+WEAK, STRONG = 100.0, 1e4  # N: 0.31 and 31 of the force of the impact
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Runs:
+    """Runs of a scene with values changed, each in a folder of its own."""
+
+    def make(scene: ImpactScene, changes: dict[str, Any]) -> ImpactRecord:
+        return run_impact(scene.with_values(changes), tmp_path_factory.mktemp("impact") / "run")
+
+    return make
+
+
+def model(scene: ImpactScene) -> Chain:
+    """The chain of the theory in the units of the impact: spheres of R = m = 1, A over that of two of them."""
+    ends: tuple[End, End] = (scene.packing.first, scene.packing.last)  # type: ignore[assignment]
+    balls = spheres(np.ones(scene.packing.rows), 1 / (4 / 3 * np.pi), 1.0, 0.0, ends=ends)
+    force = scene.packing.contact_force * scene.scale.time / (scene.scale.mass * scene.scale.velocity)
+    return compressed(balls.mass, balls.stiffness / balls.stiffness[1], force)
+
+
+# --- chains -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("force", [WEAK, STRONG])
+@pytest.mark.parametrize("ends", [("free", "free"), ("free", "wall"), ("wall", "held")])
+def test_a_compressed_chain_moves_as_velocity_verlet_moves_it(run: Runs, force: float, ends: tuple[str, str]) -> None:
+    changes = {"packing.contact_force": force, "packing.first": ends[0], "packing.last": ends[1]}
+    changes |= {"striker.1.rows": [5, 5], "time.timestep": 0.05, "time.sample": 0.5, "time.duration": 30.0}
+    record, v = run(CHAIN, changes), np.eye(20)[5]
+    u, v = march(model(record.scene), 0 * v, v, 0.05, 600, every=10)
+    # Positions of 4e3 ℓ carry 5e-13, summed over 600 steps of accelerations of 4 at most
+    assert record.velocity[1:, :, 1] == pytest.approx(v, abs=1e-8)
+    assert record.displacement[1:, :, 1] == pytest.approx(u, abs=1e-7)
+    assert not record.velocity[..., 0].any()
+    assert np.max(np.abs(record.velocity[1:, :, 1] - 1.001 * v)) > 4e-4
+    said = record.info["at_rest"]
+    chain = model(record.scene)
+    assert said["contact_force_over_impact"] == pytest.approx(chain.overlap[2] ** 1.5, rel=1e-9)
+    spacing = 2 * CHAIN.sphere.radius - said["overlap_m"]
+    rate = sound(1.0, 1.0, float(chain.overlap[2])) / record.scale.time
+    assert said["sound_m_s"] == pytest.approx(rate * spacing, rel=1e-9)
+
+
+@pytest.mark.parametrize("ends", [("held", "free"), ("wall", "wall")])
+def test_unequal_spheres_are_at_rest_and_have_the_forces_of_the_theory(run: Runs, ends: tuple[End, End]) -> None:
+    scene = ImpactScene.from_dict(
+        CHAIN.with_values({"packing.rows": 13, "packing.first": ends[0], "packing.last": ends[1]}).to_dict()
+        | {
+            "inclusion": [
+                {"rows": [1, 11], "every": 2, "youngs_modulus": 70e9, "poisson_ratio": 0.33, "density": 2700.0},
+                {"spheres": [[4, 0], [12, 0]], "radius": 8e-3},
+            ]
+        }
+    )
+    changes = {"packing.contact_force": 50.0, "striker.1.rows": [6, 6]}
+    changes |= {"time.timestep": 0.02, "time.sample": 0.2, "time.duration": 20.0}
+    record = run(scene, changes)
+    odd = np.arange(13) % 2 == 1
+    modulus, ratio, density = np.where(odd, 70e9, 200e9), np.where(odd, 0.33, 0.3), np.where(odd, 2700.0, 7800.0)
+    radius = np.where(np.isin(np.arange(13), [4, 12]), 8e-3, 5e-3)
+    # A later inclusion wins whole: its spheres are of the other material again
+    chain, scale = spheres(radius, density, modulus, ratio, ends=ends, force=50.0), record.scale
+    v = np.eye(13)[6]
+    us, vs = march(chain, 0 * v, scale.velocity * v, record.scene.time.step * scale.time, 1000, every=10)
+    assert record.velocity[1:, :, 1] == pytest.approx(vs / scale.velocity, abs=1e-8)
+    if "wall" not in ends:
+        each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
+        # The energy at rest is 0.06, of which differences are taken
+        assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
+    # Rounding of the places, 1e-15 of 26 radii, over the overlap of 1e-3 of one: 1e-11 of the force
+    rest = record.info["at_rest"]
+    assert rest["residual_force_over_impact"] < 1e-10 * rest["contact_force_over_impact"]
+    assert (record.velocity[:, 0] == 0).all() == (ends[0] == "held")
+
+
+def test_nothing_moves_in_a_compressed_chain_before_the_wave_is_there(run: Runs) -> None:
+    changes = {"packing.rows": 60, "packing.contact_force": WEAK, "packing.last": "wall"}
+    record = run(CHAIN, changes | {"time.sample": 20.0, "time.duration": 20.0})
+    # The front is at sphere 25; a chain that is not balanced to the last bit would tremble by 1e-12
+    assert not record.velocity[-1, 50:-1].any()
+    assert record.velocity[-1, 10, 1] != 0
+
+
+def test_the_error_of_the_step_is_of_second_order(run: Runs) -> None:
+    changes = {"packing.contact_force": WEAK, "time.sample": 24.0, "time.duration": 24.0}
+    steps = (0.1, 0.05, 0.025)
+    records = [run(CHAIN, changes | {"time.timestep": step}) for step in steps]
+    v = np.eye(20)[0]
+    _, (exact,) = integrate(model(records[0].scene), 0 * v, v, [24.0], 1e-12)
+    errors = [float(np.sqrt(np.mean((each.velocity[-1, :, 1] - exact) ** 2))) for each in records]
+    assert errors[1] < 1e-3
+    # Verlet's 2; the front opens no contact here, and few open at the end, with 5/2
+    assert 1.9 < slope(steps, errors) < 2.2
+
+
+@pytest.mark.parametrize("rest", [1e-3, 0.1, 1.0, 30.0])
+def test_the_shortest_collision_is_never_too_long(rest: float) -> None:
+    force = rest**1.5 * CHAIN.scale.mass * CHAIN.scale.velocity / CHAIN.scale.time
+    problem = prepare(CHAIN.with_values({"packing.contact_force": force}))
+    pair = compressed([1.0, 1.0], [0.0, 1.0, 0.0], rest**1.5)
+    times = np.linspace(0.1, 1.0, 500) * collision_time(0.5)
+    us, _ = integrate(pair, np.zeros(2), np.array([0.5, -0.5]), times)
+    true = times[np.argmax(us[:, 0] < us[:, 1])] if rest > 1e-2 else collision_time(0.5)
+    assert 0.82 * true < problem.shortest_collision < 1.01 * true
+
+
+def test_rounding_that_would_move_a_chain_is_refused() -> None:
+    stiff = {"inclusion": [{"rows": [8, 11], "radius": 0.05, "youngs_modulus": 1e13, "density": 1e5}]}
+    changes = {"packing.contact_force": 1e4, "time.timestep": 1e-4}
+    with pytest.raises(SceneError, match=r"packing.contact_force = 10000.0: rounding of the places leaves a force of"):
+        prepare(ImpactScene.from_dict(CHAIN.with_values(changes | {"striker.1.velocity": 1e-7}).to_dict() | stiff))
+    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).residual_force < 1e-8
+
+
+# --- from the solitary wave to sound ----------------------------------------------------------------------------------
+
+
+def front(run: Runs, force: float, rows: int, velocity: float = 1.0) -> tuple[float, float, float]:
+    """Speed of the front in that of sound, and its height in the overlap at rest at two places 40 spheres apart."""
+    found = []
+    unit = CHAIN.with_values({"packing.contact_force": force, "striker.1.velocity": velocity})
+    rest = unit.rest_overlap / unit.scale.length
+    fast = max(sound(1.0, 1.0, rest), 0.84)
+    spots = [[at, 0] for at in (rows - 61, rows - 60, rows - 21, rows - 20)]
+    shared = {"packing.rows": rows, "output.spheres": spots, "time.sample": 0.06}
+    for step in (0.06, 0.03):
+        record = run(unit, shared | {"time.timestep": step, "time.duration": 0.06 * round(17 * rows / fast)})
+        u = record.displacement[..., 1]
+        (one, first), (other, second) = (peak(record.tau, u[:, at] - u[:, at + 1]) for at in (0, 2))
+        found.append(np.array([40 / (second - first) / sound(1.0, 1.0, rest), one / rest, other / rest]))
+    speed, one, other = (4 * found[1] - found[0]) / 3
+    return float(speed), float(one), float(other)
+
+
+@pytest.mark.parametrize(("force", "rows"), [(1.0, 160), (10.0, 160), (60.0, 300)])
+def test_a_struck_chain_carries_the_exact_wave_of_its_compression(run: Runs, force: float, rows: int) -> None:
+    speed, one, other = front(run, force, rows)
+    assert one == pytest.approx(other, rel=1e-6)  # it does not change any more
+    unit = CHAIN.with_values({"packing.contact_force": force})
+    rest = unit.rest_overlap / unit.scale.length
+    wave = solitary_wave(speed * sound(1.0, 1.0, rest), rest=rest)
+    # Left of the step is its fourth order, 0.06⁴ = 1e-5 times a hundredth
+    assert wave.largest_overlap / rest == pytest.approx(one, rel=1e-5)
+    kdv, long = 1 + one / 12, float(long_wave_speed(1 + one))
+    assert abs(kdv / speed - 1) > 3e-4
+    assert abs(long / speed - 1) > 5e-4
+
+
+def test_a_weak_impact_on_a_compressed_chain_is_sound(run: Runs) -> None:
+    # Under 490 times its force an impact makes no solitary wave within 160 spheres. With ω = ck(1 − k²/24) its overlap
+    # is Airy's function of (x − ct)/(ct/8)^{1/3}, whose crest at −1.0188 is at x = 120 in the middle of the two places
+    speed, one, other = front(run, STRONG, 160, velocity=0.1)
+    assert speed == pytest.approx(1 - 1.0188 / 6 * 120 ** (-2 / 3), abs=3e-4)
+    # Its height falls as x^{-1/3} but for a share x^{-2/3} = 0.04, a fifth of which is left in the ratio
+    assert other / one == pytest.approx((140 / 100) ** (-1 / 3), abs=1e-2)
+
+
+def test_a_wave_close_to_sound_runs_unchanged(run: Runs) -> None:
+    rows, rest = 120, 4.0
+    wave = solitary_wave(1.05 * sound(1.0, 1.0, rest), rest=rest)
+    u, v = wave.start(rows, crest=40.0)
+    unit = CHAIN.scale  # of 1 m/s, A = m = 1
+    state = [[row, 0, 0, float(u[row] * unit.length), 0, float(v[row]), 0] for row in range(rows)]
+    force = rest**1.5 * unit.mass * unit.velocity / unit.time
+    changes = {"packing.rows": rows, "packing.contact_force": force}
+    scene = ImpactScene.from_dict(
+        {name: table for name, table in CHAIN.with_values(changes).to_dict().items() if name != "striker"}
+        | {"start": {"state": state}}
+    )
+    time = 40 / wave.speed * unit.time / scene.scale.time
+    pair = [
+        run(scene, {"time.timestep": time / steps, "time.sample": time, "time.duration": time}) for steps in (800, 1600)
+    ]
+    velocity = (4 * pair[1].velocity[-1, :, 1] - pair[0].velocity[-1, :, 1]) / 3 * scene.scale.velocity
+    expected = wave.start(rows, crest=80.0)[1]
+    # The fourth order of the step: 1.4e-5 with half as many
+    assert velocity == pytest.approx(expected, abs=3e-6 * float(v.max()))
+    assert np.max(np.abs(velocity - wave.start(rows, crest=80.1)[1])) > 1e-2 * float(v.max())
