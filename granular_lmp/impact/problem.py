@@ -133,7 +133,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         struck |= {*chosen.tolist()}
         strikers.append(chosen)
     recorded = np.arange(len(crystal))
-    if scene.output != Output():
+    if not scene.output.everyone:
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
     most = problem.shortest_collision / STEPS_IN_COLLISION
