@@ -42,7 +42,13 @@ def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]
 
 
 @pytest.fixture
-def stop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene, Path], None]:
+def fast_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets a run look at its progress each millisecond, so that a short one can be stopped on its way."""
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+
+
+@pytest.fixture
+def stop(fast_looks: None) -> Callable[[Scene, Path], None]:
     """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder)``.
 
     Progress is looked at each millisecond, as a fast machine runs the whole of a short scene in the usual tenth of a
@@ -54,7 +60,6 @@ def stop(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene, Path], None]:
             raise KeyboardInterrupt
 
     def stopped(scene: Scene, folder: Path) -> None:
-        monkeypatch.setattr(routes, "_POLL", 1e-3)
         with pytest.raises(RunInterrupted):
             run(scene, folder, progress=interrupt)
 

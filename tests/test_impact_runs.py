@@ -56,13 +56,14 @@ def test_an_interrupted_run_says_so_and_keeps_what_was_recorded(
         raise KeyboardInterrupt
 
     long = CHAIN.with_values({"time.duration": 1e6, "time.sample": 10.0})
-    with pytest.raises(RunInterrupted, match="interrupted; run it again with force=True"):
+    said = "interrupted; what was recorded is kept; it has no checkpoint yet, run it again with force=True"
+    with pytest.raises(RunInterrupted, match=said):
         run_impact(long, tmp_path / "run", Options(progress=stop))
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "interrupted"
     with pytest.raises(RunFolderError, match="not a finished run"):
         ImpactRecord.load(tmp_path / "run")
     assert main(["resume", str(tmp_path / "run")]) == 2
-    assert "holds an impact, which cannot be continued; run it again with --force" in capsys.readouterr().err
+    assert "stopped before its first checkpoint; run it again with --force" in capsys.readouterr().err
     assert len(ImpactRecord.load(tmp_path / "run", unfinished=True).tau) >= 1
 
 

@@ -89,7 +89,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "runs": {"errors", "crystal", "scene", "effects", "problem", "lammps"},
     "impact": {"errors", "crystal", "scene", "effects", "lammps", "runs"},
     "accuracy": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs"},
-    "studies": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "accuracy"},
+    "studies": {"errors", "crystal", "scene", "effects", "problem", "lammps", "runs", "impact", "accuracy"},
     "plot": {"errors", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
 }

@@ -1,4 +1,4 @@
-"""Commands on an impact (`granular_lmp.impact`): init, run, build, check, effects, resume and export."""
+"""Commands on an impact (`granular_lmp.impact`): init, run, resume, build, check, effects and export."""
 
 from typing import TYPE_CHECKING
 
@@ -7,6 +7,7 @@ from granular_lmp.cli.output import interruptible, say, say_json
 from granular_lmp.errors import LaunchError
 
 if TYPE_CHECKING:
+    from granular_lmp.impact.record import ImpactRecord
     from granular_lmp.impact.scene import ImpactScene
 
 
@@ -82,6 +83,22 @@ def run(scene: "ImpactScene", options: Options) -> int:
         record = run_impact(
             scene, folder, RunOptions("lmp" if options.lmp else "module", options.np, options.force, progress)
         )
+    return _say_how_it_went(folder, record)
+
+
+def resume(folder: str) -> int | None:
+    """Continue an impact; None if the folder holds another run."""
+    from granular_lmp.impact.run import resume_impact
+    from granular_lmp.impact.scene import is_impact
+
+    if not is_impact(folder):
+        return None
+    with interruptible() as progress:
+        record = resume_impact(folder, progress=progress)
+    return _say_how_it_went(folder, record)
+
+
+def _say_how_it_went(folder: str, record: "ImpactRecord") -> int:
     info = record.info
     say(
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records of "
@@ -126,16 +143,6 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
     say(f"guards    {', '.join(each.guard for each in problem.effects if each.guard)}")
     return 0
-
-
-def refuse_resume(folder: str) -> None:
-    """Raise RunFolderError if the folder holds an impact that did not finish: its decks write no checkpoints."""
-    from granular_lmp.errors import RunFolderError
-    from granular_lmp.impact.scene import is_impact
-    from granular_lmp.runs.record import read_status
-
-    if is_impact(folder) and read_status(folder).get("status") != "finished":
-        raise RunFolderError(f"{folder}: holds an impact, which cannot be continued; run it again with force=True")
 
 
 def export(folder: str, path: str, monitor: str | None) -> bool:

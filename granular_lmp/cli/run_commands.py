@@ -64,10 +64,11 @@ def _run(options: Options) -> int:
 
 
 def _resume(options: Options) -> int:
+    if (status := impacts.resume(options.folder)) is not None:
+        return status
     with phase("imports"):
         from granular_lmp.accuracy.tolerance import resume
 
-    impacts.refuse_resume(options.folder)
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
     return _say_how_it_went(options.folder, record)

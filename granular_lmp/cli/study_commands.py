@@ -3,6 +3,7 @@
 import argparse
 from math import inf
 
+from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -26,8 +27,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         action="append",
         required=True,
         metavar="KEY=VALUES",
-        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many) or wave.mode=TR,RT; "
-        "may be given more than once: every combination is run",
+        help="values of one key, wave.wavenumber=0.1:3.1:61 (first, last, how many), wave.mode=TR,RT or, of an impact, "
+        "striker.1.velocity=0.1,1; may be given more than once: every combination is run",
     )
     folder_arguments(sweep, "sweep folder (default: sweeps/NAME)")
     sweep.add_argument(
@@ -101,7 +102,7 @@ def _sweep(options: Options) -> int:
     from granular_lmp.studies.sweep import sweep
     from granular_lmp.studies.sweep_points import axes
 
-    scene, over = scene_of(options), axes(options.over)
+    scene, over = impacts.impact_of(options) or scene_of(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:

@@ -30,7 +30,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         action="store_true",
         help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
     )
-    view.add_argument("--column", help="of a sweep: which column of sweep.csv (default: largest_p)")
+    view.add_argument("--column", help="of a sweep: a column of sweep.csv (default: largest_p, of impacts far_speed)")
 
     export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
     export.add_argument("folder", metavar="DIR", help="a run folder")

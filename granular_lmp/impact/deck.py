@@ -18,9 +18,10 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.scene import PERIODIC
 from granular_lmp.lammps import contact
+from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile, id_ranges
 from granular_lmp.lammps.deck import types
-from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, write_deck
+from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, SNAPSHOTS, write_deck
 from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
@@ -29,6 +30,7 @@ SKIN = 0.2  # radii
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
 GUARD_COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # The thermo table has them behind the step
+_DISPLACEMENTS = ("# --- displacements count from the places at rest", "compute      u all displace/atom", "")
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
 
 
@@ -107,16 +109,114 @@ def _data(problem: ImpactProblem) -> DataFile:
     )
 
 
+def checkpoint_steps(problem: ImpactProblem, ranks: int = 1) -> int:
+    """Return the steps between two checkpoints."""
+    declared = problem.scene.output.checkpoint
+    return steps_between(declared, len(problem.crystal), look_steps(problem), ranks)
+
+
+def resume_text(problem: ImpactProblem, checkpoint: str) -> str:
+    """Return the input that continues a run from a checkpoint, to the same bytes as an uninterrupted run.
+
+    At each checkpoint the deck sets its run up anew, as its continuation does: forces that depend on velocities are
+    then computed from the same ones in both. A restart file of LAMMPS holds the spheres, the shear of their contacts
+    with each other and with walls, and the box; it holds no pair coefficients, no ``comm_modify`` and no fixes.
+    """
+    scene = problem.scene
+    lines = [
+        f"# {scene.name}: {scene.words}: continues from {checkpoint}",
+        f"log {LOG} append",
+        "",
+        *_variables(problem),
+        "",
+        "comm_modify  vel yes",
+        f"read_restart {checkpoint}",
+        f"neighbor     {SKIN} bin",
+        "timestep     $(v_step:%.17g)",
+        "",
+        *_laws(problem),
+        "",
+        *_DISPLACEMENTS,
+        *_loads(problem),
+        *_motion(problem),
+        "dump_modify  record append yes",
+        "",
+        f'run          ${{steps}} upto every ${{checkpoint}} "change_box all boundary {_boundary(problem)}"',
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def _text(problem: ImpactProblem) -> str:
-    scene, units, materials = problem.scene, units_of(problem), problem.materials
-    time, scale, packing = scene.time, scene.scale, scene.packing
-    friction = scene.effects.friction
+    scene, scale, fields = problem.scene, problem.scene.scale, _fields(problem)
+    lines = [
+        f"# {scene.name}: {scene.words}",
+        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
+        f"# With other values:             lmp -in in.{scene.name} -var timestep 0.01",
+        "# The run is invalid if, in the thermo table,",
+        f"#   v_overlap, the largest overlap over the smallest diameter, is above {LARGEST_OVERLAP_RATIO}: too deep",
+        f"#   v_omega_dt, the step times the frequency of the stiffest contact, is above {LONGEST_STEP}: too long",
+        "",
+        *_variables(problem),
+        "",
+        f"# --- units: the radius R = {scene.sphere.radius!r} m, the mass m = {scale.mass!r} kg and "
+        f"t0 = {scale.time!r} s",
+        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
+        "units        lj",
+        "dimension    2",
+        f"boundary     {_boundary(problem)}  # m: the box follows spheres that fly away",
+        "atom_style   sphere",
+        "atom_modify  map array",
+        "comm_modify  vel yes",
+        *([f"fix          start all property/atom {' '.join(fields)}"] if fields else []),
+        f"read_data    ${{data}}{' fix start NULL wave' if fields else ''}",
+        f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(problem.materials)))}",
+        f"neighbor     {SKIN} bin",
+        "timestep     $(v_step:%.17g)",
+        "",
+        *_laws(problem),
+        "",
+        *_DISPLACEMENTS,
+        *_start(fields),
+        *_strikers(problem),
+        *_loads(problem),
+        *_motion(problem),
+        "",
+        "# --- at a checkpoint the run is set up anew, and its box too, as in a continuation",
+        f'run          ${{steps}} every ${{checkpoint}} "change_box all boundary {_boundary(problem)}"',
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _boundary(problem: ImpactProblem) -> str:
+    return f"{'p' if problem.scene.packing.sides == PERIODIC else 'm'} m p"
+
+
+def _variables(problem: ImpactProblem) -> list[str]:
+    time = problem.scene.time
+    return [
+        "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
+        f"variable timestep index {time.timestep!r}  # t0; rounded down to fit a whole number of steps into a sample",
+        f"variable sample   index {time.sample!r}  # t0 between records",
+        f"variable duration index {time.duration!r}  # t0",
+        f"variable data     index data.{problem.scene.name}",
+        f"variable dump     index {SNAPSHOTS}",
+        f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
+        "variable every    equal ceil(v_sample/v_timestep-1e-9)",
+        "variable step     equal v_sample/v_every",
+        "variable steps    equal v_every*floor(v_duration/v_sample+1e-9)",
+        "variable tau      equal step*v_step",
+    ]
+
+
+def _laws(problem: ImpactProblem) -> list[str]:
+    """Return the lines of the contact law, between spheres and with walls."""
+    effects, units, materials = problem.scene.effects, units_of(problem), problem.materials
     law: dict[str, Any] = {
         "normal": "hertz",
-        "shear": scene.effects.shear_law if friction else "none",
-        "friction": friction,
-        "restitution": scene.effects.restitution if scene.effects.restitution < 1 else None,
-        "shear_damping": 1.0 if friction and scene.effects.restitution < 1 else 0.0,
+        "shear": effects.shear_law if effects.friction else "none",
+        "friction": effects.friction,
+        "restitution": effects.restitution if effects.restitution < 1 else None,
+        "shear_damping": 1.0 if effects.friction and effects.restitution < 1 else 0.0,
     }
     pairs = contact.pairs(
         {
@@ -131,6 +231,12 @@ def _text(problem: ImpactProblem) -> str:
     ]
     if walls:
         walls = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(materials))] + walls
+    title = "# --- contacts: normal law with E, damping and nu; tangential law with friction"
+    return [title, pairs, *walls]
+
+
+def _motion(problem: ImpactProblem) -> list[str]:
+    """Return the lines of the motion, the guards, the record and the checkpoints."""
     frozen: list[str] = []
     if problem.on["damping"] and problem.crystal.arrays["fixed"].any():
         frozen = [
@@ -138,52 +244,9 @@ def _text(problem: ImpactProblem) -> str:
             "group        held subtract all mobile",
             "fix          held held freeze",
         ]
-    spins, fields = problem.on["rotation"], _fields(problem)
+    spins = problem.on["rotation"]
     everyone = len(problem.recorded) == len(problem.crystal)
-    lines = [
-        f"# {scene.name}: {scene.words}",
-        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
-        f"# With other values:             lmp -in in.{scene.name} -var timestep 0.01",
-        "# The run is invalid if, in the thermo table,",
-        f"#   v_overlap, the largest overlap over the smallest diameter, is above {LARGEST_OVERLAP_RATIO}: too deep",
-        f"#   v_omega_dt, the step times the frequency of the stiffest contact, is above {LONGEST_STEP}: too long",
-        "",
-        "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
-        f"variable timestep index {time.timestep!r}  # t0; rounded down to fit a whole number of steps into a sample",
-        f"variable sample   index {time.sample!r}  # t0 between records",
-        f"variable duration index {time.duration!r}  # t0",
-        f"variable data     index data.{scene.name}",
-        f"variable dump     index {SNAPSHOTS}",
-        "variable every    equal ceil(v_sample/v_timestep-1e-9)",
-        "variable step     equal v_sample/v_every",
-        "variable steps    equal v_every*floor(v_duration/v_sample+1e-9)",
-        "variable tau      equal step*v_step",
-        "",
-        f"# --- units: the radius R = {scene.sphere.radius!r} m, the mass m = {scale.mass!r} kg and "
-        f"t0 = {scale.time!r} s",
-        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
-        "units        lj",
-        "dimension    2",
-        f"boundary     {'p' if packing.sides == PERIODIC else 'm'} m p  # m: the box follows spheres that fly away",
-        "atom_style   sphere",
-        "atom_modify  map array",
-        "comm_modify  vel yes",
-        *([f"fix          start all property/atom {' '.join(fields)}"] if fields else []),
-        f"read_data    ${{data}}{' fix start NULL wave' if fields else ''}",
-        f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(materials)))}",
-        f"neighbor     {SKIN} bin",
-        "timestep     $(v_step:%.17g)",
-        "",
-        "# --- contacts: normal law with E, damping and nu; tangential law with friction",
-        pairs,
-        *walls,
-        "",
-        "# --- displacements count from the places at rest",
-        "compute      u all displace/atom",
-        "",
-        *_start(fields),
-        *_strikers(problem),
-        *_loads(problem),
+    return [
         "# --- motion of the spheres that are not held",
         "fix          plane all enforce2d",
         f"fix          move mobile {'nve/sphere' if spins else 'nve'}",
@@ -193,15 +256,17 @@ def _text(problem: ImpactProblem) -> str:
         "#     the stiffest pair of spheres",
         *_guards(problem),
         "",
-        "# --- record, all digits",
+        f"# --- record, all digits; a checkpoint about every {_minutes(problem):.3g} minutes",
+        f"restart      ${{checkpoint}} {' '.join(CHECKPOINTS)}",
         f"group        recorded id {id_ranges(problem.recorded)}",
         f"dump         record {'all' if everyone else 'recorded'} custom ${{every}} ${{dump}} id type x y z radius "
         f"mass c_u[1] c_u[2] vx vy vz{' omegaz' if spins else ''}",
         "dump_modify  record sort id format float %.17g colname c_u[1] Displacement.X colname c_u[2] Displacement.Y",
-        "",
-        "run          ${steps}",
     ]
-    return "\n".join(lines) + "\n"
+
+
+def _minutes(problem: ImpactProblem) -> float:
+    return minutes_between(problem.scene.output.checkpoint, len(problem.crystal))
 
 
 def _fields(problem: ImpactProblem) -> tuple[str, ...]:

@@ -261,7 +261,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         struck |= {*chosen.tolist()}
         strikers.append(chosen)
     recorded = np.arange(len(crystal))
-    if scene.output != Output():
+    if not scene.output.everyone:
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
     if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, scene.rest_rate):

@@ -1,6 +1,9 @@
 """The run of an impact in a folder: launch, guards, ``run.json``."""
 
 import platform
+from collections.abc import Callable
+from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -9,17 +12,36 @@ import numpy as np
 
 from granular_lmp import __version__
 from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
-from granular_lmp.impact.deck import GUARD_COLUMNS, LONGEST_STEP, ImpactDeck, deck_of, look_steps
+from granular_lmp.impact.deck import (
+    GUARD_COLUMNS,
+    LONGEST_STEP,
+    ImpactDeck,
+    checkpoint_steps,
+    deck_of,
+    look_steps,
+    resume_text,
+)
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.edits import differing_lines
-from granular_lmp.lammps.outputs import LOG, SNAPSHOTS, mend_dump, read_log, writable, write_files
+from granular_lmp.lammps.outputs import (
+    CHECKPOINTS,
+    LOG,
+    SCENE,
+    SNAPSHOTS,
+    mend_dump,
+    mend_log,
+    read_log,
+    writable,
+    write_files,
+)
 from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import Options
-from granular_lmp.runs.record import write_status
-from granular_lmp.runs.routes import Job, log_tail, route_of
+from granular_lmp.runs.launch import Options, Progress
+from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.routes import Job, Route, log_tail, route_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
@@ -42,7 +64,8 @@ LIMITS = {
 def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Options | None = None) -> ImpactRecord:
     """Run an impact in `folder`, which is created, and return its record.
 
-    The folder holds ``scene.toml``, ``in.NAME``, ``data.NAME``, ``dump.particles``, ``log.lammps`` and ``run.json``.
+    The folder holds ``scene.toml``, ``in.NAME``, ``data.NAME``, ``dump.particles``, ``log.lammps`` and ``run.json``;
+    ``checkpoint.*`` while a long run lasts and after it is stopped, from which `resume_impact` continues.
 
     Raises
     ------
@@ -63,45 +86,92 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
         info["edited"] = edits
     route = route_of(options.program, options.ranks)
     folder = Path(folder).absolute()
-    steps = deck.problem.scene.time.steps
-
-    def report(step: int) -> None:
-        if options.progress:
-            options.progress(min(step, steps), steps)
-
     with locked(folder, make=True, force=options.force) as lock:
         clear(folder)
         write_files(folder, deck.files())
+        report = _step_reporter(options.progress, deck.problem)
+        job = Job(folder, deck.input_name, LOG, lock, report, variables=_on_ranks(deck.problem, options.ranks))
+        return _execute(deck.problem, job, route, info, began)
+
+
+def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> ImpactRecord:
+    """Continue a stopped or killed impact from its last checkpoint, on the same route and ranks.
+
+    The record has the same bytes as that of an uninterrupted run, in every scene: also with friction, whose shear of
+    contacts is in the checkpoint, and with damping. What came after the last checkpoint is computed again.
+
+    Raises
+    ------
+    RunFolderError
+        If the run is finished, its deck or scene was changed, or it was stopped before its first checkpoint.
+    EffectError, LammpsMissingError, LammpsError, RunInterrupted
+        As `run_impact`.
+    """
+    folder = Path(folder).absolute()
+    began = perf_counter()
+    read_status(folder)  # raises if the folder holds no run
+    with locked(folder) as lock:
+        info = read_start(folder)
+        problem = prepare(ImpactScene.load(folder / SCENE))
+        last = last_checkpoint(folder, SNAPSHOTS)
+        route = route_of(info["launcher"] == "lmp", info["ranks"])
+        name = f"in.{problem.scene.name}.resume"
         with writable(folder):
-            write_status(folder, info | {"status": "running", "message": "started"})
-        failure: BaseException | None = None
-        record = None
-        try:
-            route(Job(folder, deck.input_name, LOG, lock, report))
-        except KeyboardInterrupt:
-            failure = RunInterrupted(f"{folder}: interrupted; run it again with force=True")
-        except BaseException as error:  # run.json must hold the end of every run
-            failure = error
-        try:
-            if (folder / SNAPSHOTS).is_file():
-                if failure is not None:
-                    mend_dump(folder / SNAPSHOTS)
-                record = ImpactRecord.from_dump(folder, deck.problem)
-            log = read_log(folder / LOG)
-            info |= {"guards": judged(deck.problem, log.table), "samples": 0 if record is None else len(record.tau)}
-            failure = failure or defect(deck, record, log.table) or _triggered(folder, info["guards"])
-            info["wall_seconds"] = {"total": perf_counter() - began, "loop": log.loop if log.loop == log.loop else None}
-        except BaseException as error:
-            failure = failure or error
-        status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
-        info |= {"status": status, "message": str(failure or "")}
-        with writable(folder):
-            write_status(folder, info)
-        if failure is not None:
-            raise failure
+            (folder / name).write_text(resume_text(problem, last.name), encoding="utf-8")
+            mend_dump(folder / SNAPSHOTS)
+            mend_log(folder / LOG)
+        # The log is "none" because the input itself opens it for appending
+        report = _step_reporter(progress, problem)
+        job = Job(folder, name, "none", lock, report, variables=_on_ranks(problem, info["ranks"]))
+        return _execute(problem, job, route, info, began)
+
+
+def _step_reporter(progress: Progress | None, problem: ImpactProblem) -> Callable[[int], None]:
+    steps = problem.scene.time.steps
+    return lambda step: progress(min(step, steps), steps) if progress else None
+
+
+def _on_ranks(problem: ImpactProblem, ranks: int) -> tuple[str, ...]:
+    """Return the words that override what a deck says for one rank."""
+    return () if ranks == 1 else ("-var", "checkpoint", str(checkpoint_steps(problem, ranks)))
+
+
+def _execute(problem: ImpactProblem, job: Job, route: Route, info: dict[str, Any], began: float) -> ImpactRecord:
+    """Run an input in its folder, collect its record, and write the outcome to ``run.json``."""
+    folder = job.folder
+    with writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
+    failure: BaseException | None = None
+    record = None
+    try:
+        route(job)
+    except KeyboardInterrupt:
+        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder)}")
+    except BaseException as error:  # run.json must hold the end of every run
+        failure = error
+    try:
+        if (folder / SNAPSHOTS).is_file():
+            if failure is not None or job.log != LOG:
+                mend_dump(folder / SNAPSHOTS)
+            record = ImpactRecord.from_dump(folder, problem)
+        log = read_log(folder / LOG)
+        info |= {"guards": judged(problem, log.table), "samples": 0 if record is None else len(record.tau)}
+        failure = failure or defect(problem, job, record, log.table) or _triggered(folder, info["guards"])
+        total = info.get("wall_seconds", {}).get("total", 0.0) + perf_counter() - began
+        info["wall_seconds"] = {"total": total, "loop": log.loop if isfinite(log.loop) else None}
+    except BaseException as error:
+        failure = failure or error
+    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
+    info |= {"status": status, "message": str(failure or "")}
+    with writable(folder):
+        write_status(folder, info)
+    if failure is not None:
+        raise failure
     assert record is not None  # `defect` has seen to it
-    report(steps)
-    return ImpactRecord(record.tau, record.displacement, record.velocity, record.spin, deck.problem, info, folder)
+    job.report_step(problem.scene.time.steps)
+    for name in CHECKPOINTS:
+        (folder / name).unlink(missing_ok=True)
+    return replace(record, info=info)
 
 
 def description(problem: ImpactProblem, launcher: str, ranks: int) -> dict[str, Any]:
@@ -159,16 +229,16 @@ def _triggered(folder: Path, guards: dict[str, Any]) -> EffectError | None:
     return EffectError(f"{folder}: {'; '.join(loud)}") if loud else None
 
 
-def defect(deck: ImpactDeck, record: ImpactRecord | None, table: dict[str, Any]) -> LammpsError | None:
+def defect(problem: ImpactProblem, job: Job, record: ImpactRecord | None, table: dict[str, Any]) -> LammpsError | None:
     """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
-    time, tail = deck.problem.scene.time, ""
+    time = problem.scene.time
     if record is None or len(record.tau) != time.samples + 1:
         count = 0 if record is None else len(record.tau)
-        return LammpsError(f"{count} records instead of {time.samples + 1}", deck.input_name, tail)
+        return LammpsError(f"{count} records instead of {time.samples + 1}", job.input_name, "")
     if not all(np.isfinite(x).all() for x in (record.displacement, record.velocity, record.spin)):
-        return LammpsError("the record holds numbers that are not finite", deck.input_name, tail)
-    missed = {*range(0, time.steps + 1, look_steps(deck.problem))} - {*map(int, table.get("Step", ()))}
+        return LammpsError("the record holds numbers that are not finite", job.input_name, "")
+    missed = {*range(0, time.steps + 1, look_steps(problem))} - {*map(int, table.get("Step", ()))}
     if missed or not {*GUARD_COLUMNS} <= set(table):
         what = f"step {min(missed)}" if missed else "the guards"
-        return LammpsError(f"the log lacks {what}", deck.input_name, log_tail(record.folder) if record.folder else "")
+        return LammpsError(f"the log lacks {what}", job.input_name, log_tail(job.folder))
     return None

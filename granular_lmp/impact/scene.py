@@ -31,7 +31,15 @@ from granular_lmp.scene.schema import (
     flag,
     number,
 )
-from granular_lmp.scene.sections import DISORDER_RULES, FINEST, INCLUSION_RULES, SHEAR_LAWS, SPHERE_RULES, Sampled
+from granular_lmp.scene.sections import (
+    DISORDER_RULES,
+    FINEST,
+    INCLUSION_RULES,
+    SHEAR_LAWS,
+    SPHERE_RULES,
+    Sampled,
+    checkpoint_field,
+)
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
@@ -121,10 +129,16 @@ class Effects:
 
 @dataclass(frozen=True)
 class Output:
-    """Spheres that are recorded at each sample: all of them if nothing is declared."""
+    """Spheres that are recorded at each sample, all of them if none are declared, and how often a run is saved."""
 
     rows: Rows = places_field(rows_rule("first and last recorded row"))
     spheres: Spheres = places_field(spheres_rule("[row, column] of each recorded sphere"))
+    checkpoint: float | str = checkpoint_field()
+
+    @property
+    def everyone(self) -> bool:
+        """True if all spheres are recorded."""
+        return not self.rows and not self.spheres
 
 
 @dataclass(frozen=True)
@@ -206,7 +220,8 @@ class ImpactScene(Document):
         """Return nested plain values with every default, without a list of recorded spheres where all are."""
         tables = super().to_dict()
         if "output" in tables:
-            tables["output"] = {name: value for name, value in tables["output"].items() if value}
+            written = {name: value for name, value in tables["output"].items() if value != getattr(Output(), name)}
+            tables["output"] = written
         return tables
 
     # --- derived values ---
@@ -354,7 +369,7 @@ class ImpactScene(Document):
     def _check_places(self) -> None:
         """Check that strikers and recorded spheres have places in the lattice."""
         tables: dict[str, Striker | Output] = {f"striker {at}": each for at, each in enumerate(self.striker, 1)}
-        tables |= {"output": self.output} if self.output != Output() else {}
+        tables |= {"output": self.output} if not self.output.everyone else {}
         places = {name: (each.rows, each.spheres) for name, each in tables.items()}
         places |= {"start.state": ((), self.start.places)} if self.start.state else {}
         for name, (rows, spheres) in places.items():

@@ -13,8 +13,6 @@ time, never dearer.
 
 from math import ceil
 
-from granular_lmp.lammps.guards import line_interval
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
 # Spheres times steps a second on one core. Measured: 1e6 in a large sheet whose guards look at every step, 2.8e6 in the
@@ -25,16 +23,15 @@ SHARE = 0.01  # share of the run that they take at most, by default
 LEAST = 0.5  # minutes, by default
 
 
-def minutes_between(scene: Scene) -> float:
-    """Return the minutes between two checkpoints: as declared, or the fewest that cost no more than `SHARE`."""
-    declared = scene.output.checkpoint
-    return max(LEAST, scene.shape.spheres * WRITING / SHARE / 60) if declared == AUTO else float(declared)
+def minutes_between(declared: float | str, spheres: int) -> float:
+    """Return the minutes between two checkpoints: as declared, or with "auto" the fewest that cost at most `SHARE`."""
+    return max(LEAST, spheres * WRITING / SHARE / 60) if declared == AUTO else float(declared)
 
 
-def steps_between(scene: Scene, ranks: int = 1) -> int:
-    """Return the steps between two checkpoints on some MPI ranks.
+def steps_between(declared: float | str, spheres: int, lines: int, ranks: int = 1) -> int:
+    """Return the steps between two checkpoints on some MPI ranks, from ``output.checkpoint`` as declared.
 
-    Checkpoints coincide with lines of the thermo table, so that no look of a guard falls between the two.
+    They are a multiple of `lines`, the steps between two lines of the thermo table, so that no look of a guard falls
+    between a line and a checkpoint.
     """
-    lines = line_interval(scene)
-    return ceil(60 * minutes_between(scene) * SPEED * ranks / scene.shape.spheres / lines) * lines
+    return ceil(60 * minutes_between(declared, spheres) * SPEED * ranks / spheres / lines) * lines

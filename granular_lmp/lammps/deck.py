@@ -207,6 +207,11 @@ def types(packing: ase.Atoms) -> NDArray[np.int64]:
     return 2 * material + np.where(packing.arrays["fixed"], 2, 1)
 
 
+def checkpoint_steps(scene: Scene, ranks: int = 1) -> int:
+    """Return the steps between two checkpoints of a scene."""
+    return steps_between(scene.output.checkpoint, scene.shape.spheres, guards.line_interval(scene), ranks)
+
+
 def resume_text(deck: Deck, checkpoint: str) -> str:
     """Return the input that continues a run of `deck` from a checkpoint, to the same bytes as an uninterrupted run.
 
@@ -248,8 +253,8 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "dump": DUMP,
         "snapshots": SNAPSHOTS,
         "seen": "all" if all_seen or scene.monitor else "centre",
-        "checkpoint": f"{minutes_between(scene):.3g}",
-        "checkpoint_steps": str(steps_between(scene)),
+        "checkpoint": f"{minutes_between(scene.output.checkpoint, scene.shape.spheres):.3g}",
+        "checkpoint_steps": str(checkpoint_steps(scene)),
         "checkpoints": " ".join(CHECKPOINTS),
         "along_x": "p" if scene.lattice.endless_rows else "f",
         "columns": str(scene.shape.columns),

@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from granular_lmp.errors import ViewError
+from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.plot.signals import dispersion_figure, png, trajectory_figure
 from granular_lmp.plot.view import sweep_figure
@@ -17,6 +18,8 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
 
 _DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
+_OF_WAVES = ("largest_p", "second_harmonic")
+_OF_IMPACTS = ("far_speed", "far_tau")
 _ROWS = 6  # a card shows at most six of a sweep
 
 
@@ -57,7 +60,7 @@ def _(record: Record) -> str:
 
 @html.register
 def _(sweep: Sweep) -> str:
-    columns = [*sweep.over, "status", "largest_p", "second_harmonic"]
+    columns = [*sweep.over, "status", *(_OF_IMPACTS if isinstance(sweep.scene, ImpactScene) else _OF_WAVES)]
     lines = [[_short(row[column]) for column in columns] for row in sweep.rows[:_ROWS]]
     more = f"<p>and {len(sweep.rows) - _ROWS} more</p>" if len(sweep.rows) > _ROWS else ""
     try:

@@ -7,7 +7,7 @@ import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.scene import is_impact
+from granular_lmp.impact.scene import ImpactScene, is_impact
 from granular_lmp.lammps.outputs import STATUS, SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
@@ -28,6 +28,11 @@ _LABELS = {
     "direction_used": "direction used (degrees from x)",
     "frequency": r"frequency $\Omega$ (rad per $t_0$)",
     "seconds": "seconds",
+    "far_speed": "largest speed of the far sphere (of the striker's)",
+    "far_tau": "arrival at the far sphere ($t_0$)",
+    "kinetic_kept": "kinetic energy at the end (of the strikers')",
+    "energy_kept": "energy at the end (of the strikers')",
+    "largest_overlap": "largest overlap (of the diameter)",
 }
 
 
@@ -86,7 +91,7 @@ def view(
         _refuse(folder, "a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
-        save(sweep_figure(Sweep.load(folder), column or "largest_p"), path)
+        save(sweep_figure(Sweep.load(folder), column), path)
         return []
     if (folder / STATUS).is_file() and is_impact(folder):
         _refuse(folder, "an impact", of_a_run | {"column": column, "tau": tau if movie else None})
@@ -130,8 +135,10 @@ def _why_not(sweep: Sweep, column: str) -> str | None:
     return None
 
 
-def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
+def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     """Return a figure of a column over the key with most values, with a curve for each combination of the others.
+
+    By default it is ``largest_p`` of waves, and ``far_speed`` of impacts.
 
     A read-out of a monitor has its errors as bars. Runs that are not finished leave gaps, and the title counts the
     finished ones.
@@ -141,6 +148,7 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
     ViewError
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
+    column = column or ("far_speed" if isinstance(sweep.scene, ImpactScene) else "largest_p")
     allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
     if column not in allowed and (why := _why_not(sweep, column)):
         raise ViewError(f"column = {column!r}: {why}")
@@ -168,7 +176,8 @@ def sweep_figure(sweep: Sweep, column: str = "largest_p") -> Picture:
         if read_off:
             bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
             axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
-    unit = note(key).partition(", ")[0] if read_off else note(key)
+    comment = note(key, type(sweep.scene))
+    unit = comment.partition(", ")[0] if read_off else comment
     said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
     axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=said)
     missing = "" if finished == len(sweep.rows) else f" ({finished} of {len(sweep.rows)} runs)"

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,7 @@ from granular_lmp.errors import (
     RunInterrupted,
 )
 from granular_lmp.lammps.binary_dump import mend_binary
-from granular_lmp.lammps.checkpoints import steps_between
-from granular_lmp.lammps.deck import Deck, deck_of, resume_text
+from granular_lmp.lammps.deck import Deck, checkpoint_steps, deck_of, resume_text
 from granular_lmp.lammps.guards import GUARDS, columns, first_step, line_interval
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
@@ -34,7 +32,6 @@ from granular_lmp.lammps.outputs import (
     LOG,
     SCENE,
     SNAPSHOTS,
-    STATUS,
     RunLog,
     mend_dump,
     mend_log,
@@ -43,18 +40,17 @@ from granular_lmp.lammps.outputs import (
     write_files,
 )
 from granular_lmp.problem import prepare
-from granular_lmp.runs.agreement import refuse_other_scene
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
-from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
+from granular_lmp.runs.routes import LAUNCHERS, Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
 Judge = Callable[[Record], dict[str, Any]]
-LAUNCHERS = ("module", "lmp")
 
 
 @dataclass(frozen=True)
@@ -147,20 +143,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
     folder = Path(folder).absolute()
     read_status(folder)  # raises if the folder holds no run
     with collected() as seconds, locked(folder) as lock:
-        info = read_status(folder)
-        if info.get("status") == "finished":
-            raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
-        ranks = info.get("ranks")
-        known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
-        if not known:
-            raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
-        if "edited" in info:
-            raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
-        if "kernel" in info:
-            raise RunFolderError(
-                f"{folder}: ran with the kernel, which keeps no checkpoint; run it again with force=True"
-            )
-        refuse_other_scene(folder, info)
+        info = read_start(folder)
         with phase("build"):
             deck = deck_of(prepare(Scene.load(folder / SCENE)))
         if deck.scene.shape.single_column:
@@ -168,10 +151,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
                 f"{folder}: packing.columns = 1: a run of one column cannot be continued, since LAMMPS would renew its "
                 "neighbour list; run it again with force=True"
             )
-        checkpoints = _checkpoints(folder)
-        if not checkpoints or not (folder / DUMP).is_file():
-            raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
-        last = max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
+        last = last_checkpoint(folder, DUMP)
         route = route_of(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
         with writable(folder):
@@ -182,28 +162,6 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         report = _step_reporter(progress, deck.scene)
         job = Job(folder, name, "none", lock, report, _columns(deck), _on_ranks(deck, info["ranks"]))
         return execute(deck, job, route, info, seconds, judge)
-
-
-def _how_to_continue(folder: Path) -> str:
-    """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
-    if _checkpoints(folder):
-        return f"continue with: granular-lmp resume {quote(str(folder))}"
-    return "it has no checkpoint yet, run it again with force=True"
-
-
-def _checkpoints(folder: Path) -> list[Path]:
-    return [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
-
-
-def _is_whole(checkpoint: Path) -> bool:
-    """Return whether a restart file is complete: LAMMPS writes the same mark at its beginning and its end.
-
-    The mark is defined in ``lmprestart.h``.
-    """
-    mark = b"LammpS RestartT\0"
-    with checkpoint.open("rb") as stream:
-        stream.seek(max(0, checkpoint.stat().st_size - len(mark)))
-        return stream.read() == mark
 
 
 def run_files(folder: Path, files: Mapping[str, Iterable[str]], input_name: str, *, force: bool = False) -> None:
@@ -250,7 +208,7 @@ def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
     return (
         ()
         if ranks == 1 or deck.scene.shape.single_column
-        else ("-var", "checkpoint", str(steps_between(deck.scene, ranks)))
+        else ("-var", "checkpoint", str(checkpoint_steps(deck.scene, ranks)))
     )
 
 
@@ -269,7 +227,7 @@ def execute(
         with phase("deck"):  # the route times the start of LAMMPS, and the log the loop
             route(job)
     except KeyboardInterrupt:
-        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {_how_to_continue(folder)}")
+        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder)}")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         failure = error
     try:

@@ -370,12 +370,12 @@ class Scene(Document):
         validation.check_time(self.time, self.output, shape, self.echo_time)
 
 
-def note(key: str) -> str:
-    """Return the comment behind a key in a scene file, mostly a unit, for a dotted key."""
+def note(key: str, document: type[Document] = Scene) -> str:
+    """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
         return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
     table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    rules = declared_fields({**Scene.sections, **Scene.repeated}[table], Scene.rules.get(table))
+    rules = declared_fields({**document.sections, **document.repeated}[table], document.rules.get(table))
     return next(rule.note for item, rule in rules if item.name == name)
 
 

@@ -216,20 +216,18 @@ class Absorb:
     reflection: float = number("", "share of the amplitude that may come back", 1e-5, 0.5, default=1e-3)
 
 
+def checkpoint_field() -> Any:
+    """Return a dataclass field for the minutes between two checkpoints."""
+    meaning = "between two checkpoints; auto: they take 1 % of the run at most"
+    return number("minutes", meaning, 0, 1e5, open_low=True, words=(AUTO,), default=AUTO)
+
+
 @dataclass(frozen=True)
 class Output:
     """Output of a run in addition to the record of the centre sphere."""
 
     particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
-    checkpoint: float | Auto = number(
-        "minutes",
-        "between two checkpoints; auto: they take 1 % of the run at most",
-        0,
-        1e5,
-        open_low=True,
-        words=(AUTO,),
-        default=AUTO,
-    )
+    checkpoint: float | Auto = checkpoint_field()
 
 
 # The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the

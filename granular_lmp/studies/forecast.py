@@ -96,7 +96,7 @@ def forecast(problem: Problem) -> Forecast:
         seconds=None if rate is None or start is None else start + spheres * steps / rate,
         basis=basis,
         memory=_PROCESS + _SPHERE * spheres,
-        checkpoint=None if scene.shape.single_column else minutes_between(scene),
+        checkpoint=None if scene.shape.single_column else minutes_between(scene.output.checkpoint, scene.shape.spheres),
     )
 
 

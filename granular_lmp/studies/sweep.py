@@ -20,16 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular_lmp
-from granular_lmp.accuracy.ladder import planned_steps
-from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.record import Record, optional_package, write_status
-from granular_lmp.scene.scene import Scene
+from granular_lmp.runs.record import optional_package, write_status
 from granular_lmp.studies.executors import stop_requested
+from granular_lmp.studies.runnable import Motion, Runnable, load, resume, run, scene_of, spheres_and_steps
 from granular_lmp.studies.sweep_points import points, scene_hash
 from granular_lmp.studies.sweep_rows import COLUMNS as COLUMNS
+from granular_lmp.studies.sweep_rows import IMPACT_COLUMNS as IMPACT_COLUMNS
 from granular_lmp.studies.sweep_rows import RUNS, Point, info_of, refuse_other_point, row_of, summary_of, table_of
 
 Progress = Callable[[int, int, float], None]
@@ -48,19 +47,20 @@ class Sweep:
     ----------
     folder : Path
         Sweep folder.
-    scene : Scene
+    scene : Scene or ImpactScene
         Scene whose values are varied.
     over : dict of str to list
         Dotted key → its values.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`. ``status``
-        is "finished", "failed" or "unfinished"; what is not known is None. ``frequency`` is in rad/t0, ``guards``
-        names those that were not quiet, ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`. Read-outs of
-        monitors of motion follow (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
+        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`, of impacts
+        `IMPACT_COLUMNS` (`granular_lmp.studies.sweep_impacts`). ``status`` is "finished", "failed" or "unfinished";
+        what is not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet,
+        ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`. Read-outs of monitors of motion follow
+        (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
     """
 
     folder: Path
-    scene: Scene
+    scene: Runnable
     over: dict[str, list[Any]]
     rows: list[Point]
 
@@ -79,16 +79,15 @@ class Sweep:
         request = _read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
-        scene, over = Scene.from_dict(request["scene"]), request["over"]
+        scene, over = scene_of(request["scene"]), request["over"]
         grid = points(scene, over)
-        rows = {name: row_of(folder / RUNS / name) for _, name, _ in grid}
+        rows = {name: row_of(folder / RUNS / name, each) for _, name, each in grid}
         return cls(folder, scene, over, table_of(grid, rows))
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns of the table."""
-        first = [*self.over, *COLUMNS]
-        return first + [name for name in (self.rows[0] if self.rows else ()) if name not in first]
+        return list(self.rows[0])
 
     def column(self, name: str) -> NDArray[Any]:
         """Return one column of the table in the order of `rows`; unknown numbers are nan."""
@@ -96,7 +95,7 @@ class Sweep:
         numbers = all(value is None or isinstance(value, (int, float)) for value in values)
         return np.array(values, dtype=float if numbers else None)
 
-    def record(self, row: Point) -> Record:
+    def record(self, row: Point) -> Motion:
         """Return the record of the run of a row.
 
         Raises
@@ -106,7 +105,7 @@ class Sweep:
         """
         folder = self.folder / row["run"]
         refuse_other_point(folder)
-        return Record.load(folder)
+        return load(folder)
 
     def having(self, status: str) -> list[Point]:
         """Return the rows with this status."""
@@ -155,7 +154,7 @@ class Sweep:
 
 
 def sweep(
-    scene: Scene,
+    scene: Runnable,
     over: Mapping[str, Iterable[Any]],
     folder: str | Path,
     *,
@@ -170,7 +169,7 @@ def sweep(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or ImpactScene
         Scene whose values are varied.
     over : mapping of str to iterable
         Dotted key → values: ``{"wave.wavenumber": np.linspace(0.05, 3.1, 62), "wave.mode": ["TR", "RT"]}``.
@@ -201,7 +200,7 @@ def sweep(
     made = {name: each for _, name, each in grid}
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
-        rows = {name: row_of(folder / RUNS / name) for name in made}
+        rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
 
         def save() -> Sweep:
             done = Sweep(folder, scene, asked, table_of(grid, rows))
@@ -222,7 +221,7 @@ def sweep(
                     save()
                     saved = time.monotonic()
         except (KeyboardInterrupt, RunInterrupted) as error:
-            rows |= {name: row_of(folder / RUNS / name) for name in cost}  # some runs may have ended since
+            rows |= {name: row_of(folder / RUNS / name, made[name]) for name in cost}  # some runs may have ended since
             finished = sum(row["status"] == "finished" for row in rows.values())
             raise RunInterrupted(
                 f"{folder}: interrupted; {finished} of {len(rows)} runs are finished and kept, "
@@ -250,7 +249,7 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
 
 
 def _identity(request: dict[str, Any]) -> str:
-    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
+    return json.dumps([list(request["over"].items()), scene_hash(scene_of(request["scene"]))])
 
 
 def _read_request(folder: Path) -> dict[str, Any] | None:
@@ -269,7 +268,7 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
     return {"over": request["over"], "scene": request["scene"]}
 
 
-def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
+def _results(folder: Path, todo: dict[str, Runnable], executor: Executor) -> Iterator[tuple[str, Point]]:
     """Yield name and row of each run as it ends.
 
     The futures are polled, because the futures of some executors have no callbacks.
@@ -284,7 +283,7 @@ def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterat
         look_at = started + max(_LOOK, 20 * (time.monotonic() - started))  # polling takes at most 5 % of the time
         for future in ready:
             name = waiting.pop(future)
-            yield name, _result(folder / name, future)
+            yield name, _result(todo[name], folder / name, future)
 
     try:
         for name, scene in todo.items():
@@ -313,7 +312,7 @@ class _Here(Executor):
         return future
 
 
-def run_point(scene: Scene, folder: Path) -> Point:
+def run_point(scene: Runnable, folder: Path) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
@@ -331,35 +330,35 @@ def run_point(scene: Scene, folder: Path) -> Point:
     except RunInterrupted:
         raise
     except GranularError as error:  # as a row: an exception of several arguments cannot be sent between processes
-        return row_of(folder) | {"status": "failed", "message": str(error)}
-    return summary_of(record.info, record)
+        return row_of(folder, scene) | {"status": "failed", "message": str(error)}
+    return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
+def _continued(scene: Runnable, folder: Path, heed: Callable[[int, int], None]) -> Motion:
     if info_of(folder).get("status") in ("running", "interrupted"):
         with suppress(RunFolderError):  # it has no checkpoint
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
 
 
-def _result(folder: Path, future: "Future[Point]") -> Point:
+def _result(scene: Runnable, folder: Path, future: "Future[Point]") -> Point:
     """Return the row of a run; if its process died, write the reason into its folder."""
     try:
         return future.result()
     except RunInterrupted:
-        return row_of(folder)
+        return row_of(folder, scene)
     except Exception as error:  # the executor or the machine failed: this run did, the others continue
         message = str(error) if isinstance(error, GranularError) else f"{type(error).__name__}: {error}"
         message = " ".join(message.split())
     info = info_of(folder)
     if info.get("status") == "finished":  # only its answer was lost
-        return row_of(folder)
+        return row_of(folder, scene)
     if info:
         with suppress(OSError):
             write_status(folder, info | {"status": "failed", "message": message})
-    return row_of(folder) | {"status": "failed", "message": message}
+    return row_of(folder, scene) | {"status": "failed", "message": message}
 
 
-def _cost(scene: Scene) -> float:
+def _cost(scene: Runnable) -> float:
     """Return spheres times steps, to which the time of a run is proportional, with the equivalent of its start."""
-    return scene.shape.spheres * planned_steps(scene) + _OVERHEAD
+    return spheres_and_steps(scene) + _OVERHEAD

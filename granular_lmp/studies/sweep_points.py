@@ -10,9 +10,8 @@ from math import prod
 from typing import Any
 
 from granular_lmp.errors import SceneError
-from granular_lmp.problem import prepare
-from granular_lmp.scene.scene import Scene, assignment
-from granular_lmp.scene.schema import cut, shown
+from granular_lmp.scene.schema import assignment, cut, shown
+from granular_lmp.studies.runnable import Runnable, decided
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
 MOST_RUNS = 100_000  # each run has a folder; file systems and the table are fast up to this number
@@ -64,7 +63,7 @@ def _item(item: str, text: str) -> list[Any]:
     return [int(value) if whole else float(value) for value in values]
 
 
-def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, Any], str, Scene]]:
+def points(scene: Runnable, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, Any], str, Runnable]]:
     """Return every point of the outer product of `over` with the name of its run and its scene.
 
     The last key runs fastest.
@@ -83,7 +82,7 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
     count = prod(map(len, over.values()))
     if count > MOST_RUNS:
         raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
-    made = []
+    made: list[tuple[dict[str, Any], str, Runnable]] = []
     for values in product(*over.values()):
         point = dict(zip(over, values, strict=True))
         try:
@@ -96,12 +95,12 @@ def points(scene: Scene, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, 
     return made
 
 
-def scene_hash(scene: Scene) -> str:
+def scene_hash(scene: Runnable) -> str:
     """Return the name of a scene's run: the `concrete_hash` of the scene with every "auto" decided."""
-    return concrete_hash(prepare(scene).scene)
+    return concrete_hash(decided(scene))
 
 
-def concrete_hash(scene: Scene) -> str:
+def concrete_hash(scene: Runnable) -> str:
     """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name and description.
 
     Every "auto" of the scene must be decided, as in a run folder.

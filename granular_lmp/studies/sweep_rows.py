@@ -8,26 +8,29 @@ import numpy as np
 
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.errors import GranularError, RunFolderError, SceneError
-from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import Record, read_status
 from granular_lmp.scene.linear import mode_of
-from granular_lmp.scene.scene import Scene
+from granular_lmp.studies import sweep_impacts
+from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in, words
 from granular_lmp.studies.sweep_points import concrete_hash
 
 Point = dict[str, Any]
 
 RUNS = "runs"
-# What a line of the table says beside the swept values: of run.json; the largest |p|, |q|, |phi| of the record, in D0;
-# the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the smallest overlap
-# in Delta0 and the largest shear over sliding force. Read-outs of monitors follow
+_FIRST = ("run", "status", "message", "seconds", "steps", "particles")
+# What a line of the table says of a wave beside the swept values: of run.json; the largest |p|, |q|, |phi| of the
+# record, in D0; the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the
+# smallest overlap in Delta0 and the largest shear over sliding force. Read-outs of monitors follow
 COLUMNS = (
-    *("run", "status", "message", "seconds", "steps", "particles", "contacts_per_sphere"),
-    *("wavenumber_used", "direction_used", "frequency"),
+    *(*_FIRST, "contacts_per_sphere", "wavenumber_used", "direction_used", "frequency"),
     *("frequency_Hz", "largest_p", "largest_q", "largest_phi"),
     *("second_harmonic", "second_harmonic_error", "second_harmonic_m"),
     *("smallest_overlap", "largest_slip", "guards"),
 )
+IMPACT_COLUMNS = (*_FIRST, *sweep_impacts.COLUMNS, "guards")
 
 
 def info_of(folder: Path) -> dict[str, Any]:
@@ -38,34 +41,34 @@ def info_of(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def table_of(grid: list[tuple[Point, str, Scene]], rows: dict[str, Point]) -> list[Point]:
+def table_of(grid: list[tuple[Point, str, Runnable]], rows: dict[str, Point]) -> list[Point]:
     """Return a line for each point of the grid; points of the same scene share a run.
 
     A line has None in the columns of monitors that only other lines have.
     """
     empty = dict.fromkeys(key for row in rows.values() for key in row)
-    return [point | empty | rows[name] | {"run": f"{RUNS}/{name}"} for point, name, _ in grid]
+    return [point | {"run": f"{RUNS}/{name}"} | empty | rows[name] for point, name, _ in grid]
 
 
-def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
+def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
     """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
 
-    `scene` is that scene if it has been read. One that cannot be read is left to `Record.load`.
+    `scene` is that scene if it has been read. One that cannot be read is left to the reader of the record.
     """
     try:
-        scene = scene or Scene.load(folder / SCENE)
+        scene = scene or scene_in(folder)
     except SceneError:
         return
     name = concrete_hash(scene)
     if name != folder.name:
         raise RunFolderError(
-            f"{folder}: holds the run of another scene ({scene.wave_label}), that of {RUNS}/{name}; "
+            f"{folder}: holds the run of another scene ({words(scene)}), that of {RUNS}/{name}; "
             "move it there, or away, and start the sweep again"
         )
 
 
-def row_of(folder: Path) -> Point:
-    """Return what the table says of a run folder, or of one that is not there.
+def row_of(folder: Path, scene: Runnable) -> Point:
+    """Return what the table says of the run folder of a scene, or of one that is not there.
 
     Raises
     ------
@@ -75,28 +78,38 @@ def row_of(folder: Path) -> Point:
     info, record = info_of(folder), None
     if info.get("status") == "finished":
         try:
-            record = Record.load(folder)
+            record = load(folder)
         except GranularError as error:  # its files are damaged
             info |= {"status": "failed", "message": str(error)}
     if info:
         refuse_other_point(folder, record.scene if record else None)
-    return summary_of(info, record)
+    return summary_of(scene, info, record)
 
 
-def summary_of(info: dict[str, Any], record: Record | None) -> Point:
-    """Return what the table says of a run, from ``run.json`` and the record, if there is one."""
+def summary_of(scene: Runnable, info: dict[str, Any], record: Motion | None) -> Point:
+    """Return what the table says of the run of a scene, from ``run.json`` and the record, if there is one."""
     ended = info.get("status") in ("finished", "failed")
-    return {
+    first = {
         "status": info["status"] if ended else "unfinished",
         "message": info.get("message", "") if ended else "",
         "seconds": info.get("wall_seconds", {}).get("total"),
-        **{name: info.get(name) for name in ("steps", "particles", "wavenumber_used", "direction_used", "frequency")},
+        **{name: info.get(name) for name in ("steps", "particles")},
+    }
+    guards = {"guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"])}
+    if isinstance(scene, ImpactScene):
+        assert record is None or isinstance(record, ImpactRecord)
+        return first | sweep_impacts.read_outs(info, record) | guards
+    assert record is None or isinstance(record, Record)
+    return first | _of_wave(info, record) | guards | readout_columns(info)
+
+
+def _of_wave(info: dict[str, Any], record: Record | None) -> Point:
+    return {
         "contacts_per_sphere": info.get("crystal", {}).get("contacts_per_sphere"),  # None: the lattice is perfect
+        **{name: info.get(name) for name in ("wavenumber_used", "direction_used", "frequency")},
         **_measured(record),
         "smallest_overlap": info.get("smallest_overlap"),
         "largest_slip": info.get("guards", {}).get("largest_slip", {}).get("value"),
-        "guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]),
-        **readout_columns(info),
     }
 
 

@@ -1,0 +1,82 @@
+"""What the table of a sweep says of an impact: what arrives at the sphere farthest from the strikers, and the energy.
+
+The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers;
+of several the first, by row and then column. ``[output] spheres`` of a scene chooses another.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.impact.record import ImpactRecord
+
+# Units of the impact in SI; the far sphere, its largest speed, in units of the fastest striker, and the time, in t0, at
+# which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
+# over that of the strikers: kinetic, of the recorded spheres, and with the contacts, where the record holds what that
+# takes; the largest overlap in diameters, as the guard measures it
+COLUMNS = (
+    *("t0_s", "velocity_m_s"),
+    *("far_row", "far_column", "far_speed", "far_tau"),
+    *("kinetic_kept", "energy_kept", "largest_overlap"),
+)
+_ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
+_RISING = 1e-3  # of the largest speed, in the last sample: the wave has not passed yet
+
+
+def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, Any]:
+    """Return `COLUMNS` of a run from ``run.json`` and its record; None for what is not known."""
+    found: dict[str, Any] = dict.fromkeys(COLUMNS)
+    found |= {name: info.get(name) for name in ("t0_s", "velocity_m_s")}
+    found["largest_overlap"] = info.get("guards", {}).get("largest_overlap", {}).get("value")
+    if record is None:
+        return found
+    return found | _of_far_sphere(record) | _of_energy(record)
+
+
+def far_sphere(record: ImpactRecord) -> int | None:
+    """Return the place of the far sphere among the recorded ones; None if all of them are held."""
+    problem = record.problem
+    strikers = problem.crystal.positions[np.concatenate(problem.strikers), :2]
+    from_strikers = np.array([np.min(np.linalg.norm(strikers - place, axis=1)) for place in record.rest])
+    from_strikers[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
+    farthest = float(from_strikers.max())
+    return None if farthest < 0 else int(np.argmax(from_strikers >= farthest * (1 - _ALIKE)))
+
+
+def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | None:
+    """Return when a speed (T,) first is half of its largest value, linear between samples; None if it stays 0."""
+    half = float(speed.max()) / 2
+    if not half > 0:
+        return None
+    at = int(np.argmax(speed >= half))
+    if at == 0:
+        return float(tau[0])
+    share = (half - speed[at - 1]) / (speed[at] - speed[at - 1])
+    return float(tau[at - 1] + share * (tau[at] - tau[at - 1]))
+
+
+def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
+    far = far_sphere(record)
+    if far is None:
+        return {}
+    arrays, sphere = record.problem.crystal.arrays, record.problem.recorded[far]
+    place = {"far_row": int(arrays["row"][sphere]), "far_column": int(arrays["column"][sphere])}
+    speed = np.linalg.norm(record.velocity[:, far], axis=1)
+    if speed[-1] - speed[-2] > _RISING * speed.max():
+        return place
+    return place | {"far_speed": float(speed.max()), "far_tau": arrival(record.tau, speed)}
+
+
+def _of_energy(record: ImpactRecord) -> dict[str, Any]:
+    problem, scene = record.problem, record.scene
+    given = sum(
+        float(problem.mass[spheres].sum()) * (striker.velocity / scene.scale.velocity) ** 2 / 2
+        for striker, spheres in zip(scene.striker, problem.strikers, strict=True)
+    )
+    kept = {"kinetic_kept": float(record.kinetic_energy[-1].sum()) / given}
+    try:
+        return kept | {"energy_kept": float(record.energy()[-1]) / given}
+    except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
+        return kept

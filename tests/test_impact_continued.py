@@ -1,0 +1,139 @@
+"""Impacts that were stopped: continued from a checkpoint to the same bytes, on either route, whatever the forces."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
+from granular_lmp.impact.deck import checkpoint_steps, deck_of, look_steps
+from granular_lmp.impact.problem import prepare
+from granular_lmp.impact.run import resume_impact
+from granular_lmp.lammps.outputs import CHECKPOINTS
+from granular_lmp.runs.launch import Options
+from granular_lmp.runs.record import read_status, write_status
+
+# 1200 steps; a checkpoint at each 125 of them
+SHEET = ImpactScene.load("point_impact").with_values(
+    {
+        "packing.rows": 8,
+        "packing.columns": 9,
+        "striker.1.spheres": [[0, 4]],
+        "time.duration": 60.0,
+        "output.checkpoint": 5e-5,
+    }
+)
+RUBS = {"effects.friction": 0.3}
+CHAIN = ImpactScene.load("solitary_chain").with_values(
+    {"packing.rows": 10, "packing.last": "free", "time.duration": 200.0, "output.checkpoint": 3e-5}
+)
+
+
+def stop(step: int, steps: int) -> None:
+    if steps / 3 < step < steps:
+        raise KeyboardInterrupt
+
+
+def stopped(scene: ImpactScene, folder: Path, launcher: str = "module", ranks: int = 1) -> None:
+    with pytest.raises(RunInterrupted, match="continue with: granular-lmp resume"):
+        run_impact(scene, folder, Options(launcher, ranks, progress=stop))
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        SHEET,
+        SHEET.with_values({**RUBS, "effects.shear_law": "secant"}),
+        SHEET.with_values({**RUBS, "packing.last": "wall", "packing.sides": "wall", "effects.restitution": 0.8}),
+        SHEET.with_values({**RUBS, "packing.last": "held", "packing.sides": "periodic", "effects.restitution": 0.8}),
+        SHEET.with_values({"effects.friction": 0.02, "packing.last": "wall"}),
+        # Spheres fly off, and the box of the dump follows them
+        CHAIN,
+        # Constant forces on free ends; displacements that count from rest, not from the state at the beginning
+        CHAIN.with_values({"packing.contact_force": 30.0}),
+        ImpactScene.load("breather").with_values({"time.duration": 100.0, "output.checkpoint": 1e-5}),
+    ],
+    ids=["sheet", "secant", "walls", "held", "slides", "chain", "pressed", "state"],
+)
+def test_a_stopped_impact_is_continued_to_the_same_bytes(scene: ImpactScene, tmp_path: Path, fast_looks: None) -> None:
+    whole = run_impact(scene, tmp_path / "whole")
+    stopped(scene, tmp_path / "cut")
+    before = len(ImpactRecord.load(tmp_path / "cut", unfinished=True).tau)
+    assert before < len(whole.tau)
+    record = resume_impact(tmp_path / "cut")
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert record.info["guards"] == whole.info["guards"]
+    assert record.info["status"] == "finished"
+    assert ImpactRecord.load(tmp_path / "cut").tau.tolist() == whole.tau.tolist()
+    assert not any((tmp_path / "cut" / name).exists() for name in CHECKPOINTS)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_program_continues_on_its_ranks(ranks: int, tmp_path: Path, fast_looks: None) -> None:
+    # Half the minutes on two ranks are as many steps
+    scene = SHEET.with_values({**RUBS, "output.checkpoint": 5e-5 / ranks, "time.duration": 200.0})
+    whole = run_impact(scene, tmp_path / "whole", Options("lmp", ranks))
+    stopped(scene, tmp_path / "cut", "lmp", ranks)
+    record = resume_impact(tmp_path / "cut")
+    assert record.info["ranks"] == ranks
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert record.info["guards"] == whole.info["guards"]
+
+
+def test_a_scene_that_was_changed_after_the_stop_is_refused(tmp_path: Path, fast_looks: None) -> None:
+    stopped(SHEET, tmp_path / "cut")
+    (tmp_path / "cut" / "scene.toml").write_text(SHEET.with_values({"effects.friction": 0.31}).to_toml())
+    with pytest.raises(RunFolderError, match="scene"):
+        resume_impact(tmp_path / "cut")
+
+
+def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) -> None:
+    scene = SHEET.with_values({**RUBS, "time.duration": 120.0})
+    whole = run_impact(scene, tmp_path / "whole")
+
+    def later(step: int, steps: int) -> None:
+        if steps / 1.5 < step < steps:
+            raise KeyboardInterrupt
+
+    stopped(scene, tmp_path / "cut")
+    with pytest.raises(RunInterrupted):
+        resume_impact(tmp_path / "cut", progress=later)
+    assert main(["resume", str(tmp_path / "cut")]) == 0
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert len(whole.tau) == 121
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"status": "finished"}, "the run is finished; there is nothing to resume"),
+        ({"edited": ["+ x"]}, "its deck was edited"),
+        ({"ranks": None}, "does not say how the run was started"),
+    ],
+)
+def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, tmp_path: Path) -> None:
+    run_impact(CHAIN.with_values({"time.duration": 2.0}), tmp_path / "run")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"} | change)
+    with pytest.raises(RunFolderError, match=message):
+        resume_impact(tmp_path / "run")
+
+
+def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path) -> None:
+    problem = prepare(SHEET)
+    steps = checkpoint_steps(problem)
+    assert steps % look_steps(problem) == 0
+    assert f"variable checkpoint index {steps}  #" in deck_of(problem).input_text
+    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=look_steps(problem))
+    assert ImpactScene.loads(SHEET.to_toml()) == SHEET
+    with pytest.raises(SceneError, match=re.escape("output.checkpoint = 0.0: must be a number in (0, 100000]")):
+        SHEET.with_values({"output.checkpoint": 0.0})
+    # It chooses no spheres
+    assert len(problem.recorded) == len(problem.crystal)
+    some = prepare(SHEET.with_values({"output.rows": [1, 2]}))
+    assert (some.scene.output.checkpoint, len(some.recorded)) == (5e-5, 18)

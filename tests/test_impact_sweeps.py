@@ -1,0 +1,222 @@
+"""Sweeps of impacts: each run is that of its scene, and the table says what arrived, when, and what energy is kept."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import ImpactRecord, ImpactScene, html, run_impact
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
+from granular_lmp.plot.view import sweep_figure, view
+from granular_lmp.runs.launch import Options
+from granular_lmp.studies.executors import Workers
+from granular_lmp.studies.sweep import IMPACT_COLUMNS, Sweep, sweep
+from granular_lmp.studies.sweep_impacts import arrival, far_sphere, read_outs
+from granular_lmp.studies.sweep_points import points, scene_hash
+
+CHAIN = ImpactScene.load("solitary_chain").with_values(
+    {"packing.rows": 12, "packing.last": "free", "time.duration": 24.0, "time.sample": 0.25}
+)
+SHEET = ImpactScene.load("point_impact").with_values(
+    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0}
+)
+SPEEDS = {"striker.1.velocity": [0.1, 1.0, 10.0]}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
+    """A chain struck at three speeds."""
+    return sweep(CHAIN, SPEEDS, tmp_path_factory.mktemp("sweep") / "speeds")
+
+
+def test_a_run_of_a_sweep_is_the_run_of_its_impact(swept: Sweep, tmp_path: Path) -> None:
+    alone = run_impact(CHAIN.with_values({"striker.1.velocity": 10.0}), tmp_path / "alone")
+    row = swept.rows[2]
+    assert row["run"] == f"runs/{scene_hash(alone.scene)}"
+    dumps = {(folder / "dump.particles").read_bytes() for folder in (tmp_path / "alone", swept.folder / row["run"])}
+    assert len(dumps) == 1
+    assert swept.record(row).scene == alone.scene
+    assert (row["status"], row["t0_s"], row["velocity_m_s"]) == ("finished", alone.scale.time, 10.0)
+
+
+def test_the_folder_and_its_table_say_what_was_returned(swept: Sweep) -> None:
+    assert Sweep.load(swept.folder) == swept
+    with (swept.folder / "sweep.csv").open(newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert list(table[0]) == ["striker.1.velocity", *IMPACT_COLUMNS]
+    assert [float(line["far_tau"]) for line in table] == list(swept.column("far_tau"))
+    asked = json.loads((swept.folder / "sweep.json").read_text())
+    assert asked == {"over": SPEEDS, "scene": json.loads(json.dumps(CHAIN.to_dict()))}
+
+
+def test_one_motion_at_any_velocity_has_one_line(swept: Sweep) -> None:
+    # One motion in units of the impact, but for roundings of positions, 1e-12 of the overlap at 0.1 m/s
+    for name in ("far_speed", "far_tau", "kinetic_kept", "energy_kept"):
+        assert swept.column(name) == pytest.approx(np.full(3, swept.column(name)[1]), rel=1e-8)
+    # The law of t0, v^(-1/5)
+    assert swept.column("t0_s")[0] / swept.column("t0_s")[1] == pytest.approx(10**0.2, rel=1e-12)
+    assert [row["far_row"] for row in swept.rows] == [11, 11, 11]
+
+
+def test_the_last_sphere_of_a_free_chain_flies_off_with_the_energy_of_the_wave(swept: Sweep) -> None:
+    row, record = swept.rows[1], swept.record(swept.rows[1])
+    assert isinstance(record, ImpactRecord)
+    assert row["far_speed"] == np.linalg.norm(record.velocity[:, 11], axis=1).max()
+    assert row["kinetic_kept"] == record.kinetic_energy[-1].sum() / 0.5
+    # Steps of 0.03 t0 leave 1e-4 of the energy; without the energy of contacts percents of it would be missing
+    assert row["energy_kept"] == pytest.approx(1, abs=5e-4)
+    middle = read_outs({}, _until(record, 7.0))
+    assert middle["energy_kept"] == pytest.approx(1, abs=5e-4)
+    assert middle["kinetic_kept"] < 0.9
+
+
+def _until(record: ImpactRecord, tau: float) -> ImpactRecord:
+    kept = record.tau <= tau
+    return ImpactRecord(
+        record.tau[kept], record.displacement[kept], record.velocity[kept], record.spin[kept], record.problem
+    )
+
+
+def test_arrival_is_between_two_samples() -> None:
+    tau = np.array([0.0, 1.0, 2.0, 3.0])
+    assert arrival(tau, np.array([0.0, 0.2, 0.6, 0.4])) == pytest.approx(1.25)  # a quarter of the way from 0.2 to 0.6
+    assert arrival(tau, np.array([1.0, 0.2, 0.6, 0.4])) == 0.0
+    assert arrival(tau, np.zeros(4)) is None
+
+
+def test_nothing_is_said_of_a_sphere_that_the_wave_has_not_passed(swept: Sweep) -> None:
+    record = swept.record(swept.rows[1])
+    assert isinstance(record, ImpactRecord)
+    early = read_outs({}, _until(record, 12.0))
+    assert (early["far_row"], early["far_speed"], early["far_tau"]) == (11, None, None)
+
+
+def test_the_far_sphere_is_the_farthest_that_is_recorded_and_free(tmp_path: Path) -> None:
+    record = run_impact(SHEET, tmp_path / "sheet")
+    arrays = record.problem.crystal.arrays
+    # Both upper corners are as far; the first in a row counts, whatever the rounding of their distances
+    place = far_sphere(record)
+    assert place is not None
+    assert (arrays["row"][place], arrays["column"][place]) == (7, 0)
+    three = {"packing.last": "held", "output.spheres": [[7, 0], [3, 4], [1, 3]]}
+    held = run_impact(SHEET.with_values(three), tmp_path / "b")
+    place = far_sphere(held)
+    assert place is not None
+    assert held.problem.crystal.arrays["row"][held.problem.recorded[place]] == 3
+    row = read_outs(held.info, held)
+    assert row["far_row"] == 3
+    assert row["energy_kept"] is None  # not all spheres are recorded
+    none = run_impact(SHEET.with_values({"packing.last": "held", "output.rows": [7, 7]}), tmp_path / "c")
+    assert far_sphere(none) is None
+    assert read_outs(none.info, none)["far_speed"] is None
+
+
+@pytest.mark.parametrize(
+    ("scene", "over"),
+    [
+        (SHEET, {"disorder.seed": [1, 2], "disorder.density": [0.1]}),
+        (SHEET, {"effects.friction": [0.0, 0.3]}),
+        (CHAIN, {"packing.rows": [12, 14]}),
+        (
+            ImpactScene.from_dict(CHAIN.to_dict() | {"inclusion": [{"rows": [5, 5], "density": 7800.0}]}),
+            {"inclusion.1.density": [3900.0, 15600.0], "inclusion.1.radius": [4e-3]},
+        ),
+    ],
+    ids=["seed", "friction", "rows", "inclusion"],
+)
+def test_any_key_can_be_swept(scene: ImpactScene, over: dict[str, Any], tmp_path: Path) -> None:
+    done = sweep(scene, over, tmp_path / "sweep")
+    assert [row["status"] for row in done.rows] == ["finished"] * len(done.rows)
+    assert len({row["kinetic_kept"] for row in done.rows}) == len(done.rows)
+
+
+@pytest.mark.parametrize(
+    ("over", "message"),
+    [
+        ({"striker.1.speed": [1.0]}, "striker.1.speed: unknown key"),
+        ({"striker.2.velocity": [1.0]}, "striker.2.velocity: there are 1 tables"),
+        ({"striker.1.velocity": [1.0, -1.0]}, "striker.1.velocity = -1.0: must be"),
+        ({"time.timestep": [0.03, 0.9]}, "leaves the shortest collision of two neighbours"),
+        ({"wave.wavenumber": [1.0]}, "wave"),
+    ],
+)
+def test_what_does_not_fit_is_one_error_before_anything_is_written(
+    over: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(SceneError) as caught:
+        sweep(CHAIN, over, tmp_path / "sweep")
+    assert message in str(caught.value)
+    assert not (tmp_path / "sweep").exists()
+
+
+def test_a_guard_that_triggers_fails_its_run_alone(tmp_path: Path) -> None:
+    # At 118 m/s two spheres overlap by 0.0497 of the diameter, and a row of four strikers makes it more
+    scene = ImpactScene.from_dict(
+        CHAIN.with_values({"packing.rows": 6, "packing.last": "wall"}).to_dict()
+        | {"striker": [{"rows": [0, 3], "velocity": 1.0}]}
+    )
+    done = sweep(scene, {"striker.1.velocity": [1.0, 118.0]}, tmp_path / "sweep")
+    assert [row["status"] for row in done.rows] == ["finished", "failed"]
+    assert "largest_overlap = " in done.rows[1]["message"]
+    assert done.rows[1]["guards"] == "largest_overlap"
+    assert done.rows[1]["largest_overlap"] > 0.05 > done.rows[0]["largest_overlap"]
+
+
+def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(tmp_path: Path, fast_looks: None) -> None:
+    scene = SHEET.with_values({"effects.friction": 0.3, "time.duration": 60.0, "output.checkpoint": 5e-5})
+    ((_, name, _),) = points(scene, {"effects.friction": [0.3]})
+    part = tmp_path / "cut" / "runs" / name
+    with pytest.raises(RunInterrupted):
+        run_impact(scene, part, Options(progress=_interrupt))
+    dumps = []
+    for folder, cut in ((tmp_path / "cut", True), (tmp_path / "whole", False)):
+        done = sweep(scene, {"effects.friction": [0.3]}, folder, force=cut)
+        assert len(done.having("finished")) == 1
+        assert (folder / "runs" / name / "in.point_impact.resume").exists() == cut
+        dumps.append((folder / "runs" / name / "dump.particles").read_bytes())
+    assert dumps[0] == dumps[1]
+
+
+def _interrupt(step: int, steps: int) -> None:
+    if steps / 3 < step < steps:
+        raise KeyboardInterrupt
+
+
+def test_workers_give_the_same_table(swept: Sweep, tmp_path: Path) -> None:
+    with Workers(1) as executor:
+        done = sweep(CHAIN, SPEEDS, tmp_path / "sweep", executor=executor)
+    assert [row | {"seconds": None} for row in done.rows] == [row | {"seconds": None} for row in swept.rows]
+
+
+def test_a_run_folder_of_another_impact_is_refused(tmp_path: Path) -> None:
+    done = sweep(CHAIN, {"striker.1.velocity": [1.0, 2.0]}, tmp_path / "sweep")
+    first, second = (tmp_path / "sweep" / row["run"] for row in done.rows)
+    first.rename(tmp_path / "aside")
+    second.rename(first)
+    with pytest.raises(RunFolderError, match="holds the run of another scene .a chain of 12 spheres"):
+        Sweep.load(tmp_path / "sweep")
+
+
+def test_the_command_sweeps_and_view_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path / "sweep")
+    (tmp_path / "mine.toml").write_text(CHAIN.to_toml())
+    words = ["sweep", str(tmp_path / "mine.toml"), "--over", "striker.1.velocity=1:2:2", "--set", "packing.rows=11"]
+    assert main([*words, "-o", folder]) == 0
+    assert capsys.readouterr().out == f"{folder}: 2 of 2 runs finished; {folder}/sweep.csv\n"
+    assert main([*words, "-o", folder, "--all-effects"]) == 2
+    assert "--all-effects: is for the scene of a wave" in capsys.readouterr().err
+    assert view(folder, tmp_path / "curve.png", column="far_tau") == []
+    assert (tmp_path / "curve.png").stat().st_size > 5000
+    assert main(["resume", folder]) == 2
+    assert "holds a sweep; the same sweep command again" in capsys.readouterr().err
+
+
+def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:
+    (axes,) = sweep_figure(swept).axes
+    assert axes.get_ylabel() == "largest speed of the far sphere (of the striker's)"
+    assert axes.get_xlabel().startswith("striker.1.velocity (m/s")
+    assert "far_tau" in html(swept)
