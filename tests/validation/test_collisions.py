@@ -354,7 +354,7 @@ def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], message:
 
 
 def test_a_collision_that_is_not_there_names_those_that_are() -> None:
-    with pytest.raises(SceneError, match="nowhere: no such collision; shipped: test1_glass, "):
+    with pytest.raises(SceneError, match="nowhere: no such collision; shipped: jkr_pull_off, test1_glass, "):
         Collision.load("nowhere")
 
 
