@@ -5,11 +5,14 @@ Two equal spheres at an overlap δ and a shear displacement ξ push each other w
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
 (`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
+The law "jkr" has f_N of Johnson, Kendall & Roberts, F = (3/2)π w Rc and 8 G* a in place of B δ^{1/2}, with the radius a
+of the circle of contact (``tests/validation/test_pull_off.py``).
 LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
 
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
   requested 0.5) and is not offered here. LAMMPS refuses both with an adhesive law.
 * The sliding limit of Hertz contacts is μ times the normal force *with* its damping part, that of DMT contacts without.
+* A contact by "jkr" begins at overlap 0 and ends at the largest pull, not at the largest distance.
 * A wall has the material of the spheres, E* = E/(2(1−ν²)), G* likewise; Rc and the lever arm are R.
 
 https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gran.html

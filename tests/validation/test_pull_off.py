@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.figures import pull_off
 from analysis.theory.jkr import Contact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
@@ -247,6 +248,51 @@ def test_the_command_says_that_bodies_stick(tmp_path: Path, capsys: pytest.Captu
     words = ["collide", "jkr_pull_off", "--set", "collision.normal_velocity=0.2", "-o", str(tmp_path / "run")]
     assert main([*words, "--set", "collision.steps=2000"]) == 0
     assert "the bodies stick together\n" in capsys.readouterr().out
+
+
+# ---------------------------------------------------------------- the figure
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Folders of one collision by either law, as the command leaves them."""
+    made = [str(tmp_path_factory.mktemp("figure") / normal) for normal in ("jkr", "dmt")]
+    for folder, normal in zip(made, ("jkr", "dmt"), strict=True):
+        words = ["--set", f"contact.normal={normal}", "--set", "collision.steps=2000"]
+        assert main(["collide", "jkr_pull_off", *words, "-o", folder]) == 0
+    return made
+
+
+def test_the_figure_is_drawn_and_says_how_far_it_is_off(
+    folders: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert pull_off.main([*folders, "-o", str(tmp_path / "loop.png")]) == 0
+    assert (tmp_path / "loop.png").stat().st_size > 10_000
+    said = capsys.readouterr().out
+    assert float(re.findall(r"off the curve: (\S+)", said)[0]) < 1e-11  # as above
+    assert 1e-5 < float(re.findall(r"v_s²/v²: +(\S+)", said)[0]) < 5e-3  # a kick of 2000 steps
+
+
+def test_a_force_that_is_off_the_curve_is_seen(folders: list[str]) -> None:
+    for folder in folders:
+        right = pull_off.Collision.read(Path(folder))
+        assert right.off_the_curve < 1e-11
+        assert replace(right, force=right.force * (1 + 1e-6)).off_the_curve > 1e-7
+        assert replace(right, overlap=right.overlap * (1 + 1e-6)).off_the_curve > 1e-7
+
+
+def test_folders_that_do_not_belong_together_are_refused(folders: list[str], tmp_path: Path) -> None:
+    other, bare = tmp_path / "other", tmp_path / "bare"
+    hard = [*("--set", "sphere.youngs_modulus=4e9"), *("--set", "collision.steps=2000")]
+    assert main(["collide", "jkr_pull_off", *hard, "-o", str(other)]) == 0
+    bare.mkdir()
+    for runs, message in (
+        ([*folders, str(other)], f"{other}: has another sphere or partner than the others"),
+        ([folders[1]], 'none has contact.normal = "jkr"'),
+        ([str(bare)], f"{bare}: is no folder of `granular-lmp collide`"),
+    ):
+        with pytest.raises(SystemExit, match=re.escape(message)):
+            pull_off.main([*runs, "-o", str(tmp_path / "loop.png")])
 
 
 # ---------------------------------------------------------------- one contact, known exactly
