@@ -11,6 +11,7 @@
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make published (published cases of impacts, two minutes: docs/published-impacts.md),
+# make pull-off (snap-in and pull-off in collisions, by JKR and in LAMMPS, half a minute: docs/collisions.md),
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
@@ -39,7 +40,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 test processors: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published onset witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published pull-off onset witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -239,6 +240,15 @@ published: .venv/ready
 	    --set inclusion.1.density=$$density --set time.sample=0.15 --set time.duration=110 --set output.rows=[30,76] || exit 1; done
 	$(BIN)/python -m analysis.figures.dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
 
+
+# Two spheres that meet with 0.2 to 4 m/s. They stick below 0.438 m/s
+SNAPS = 0.1 0.15 0.2 0.217 0.22 0.23 0.25 0.3 0.4 0.5 0.7 1.0 1.5 2.0
+
+pull-off: .venv/ready
+	for law in jkr dmt; do for speed in $(SNAPS); do $(BIN)/granular-lmp collide jkr_pull_off --force \
+	    --set contact.normal=$$law --set collision.normal_velocity=$$speed -o runs/pull_off/$${law}_$$speed || exit 1; done; done
+	$(BIN)/python -m analysis.figures.pull_off $(foreach law,jkr dmt,$(SNAPS:%=runs/pull_off/$(law)_%)) -o figures/pull_off.png
+
 # Where contacts of the paper's wave open and slide: docs/strongly-nonlinear.md. Wave numbers are 2πn/32
 ENDS = $(BIN)/granular-lmp sweep tr_periodic --workers $(CORES) --set time.duration=60 --set packing.rows=32 \
     --set effects.contact_opening=true --set effects.friction=0.3
@@ -301,7 +311,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/published runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/published runs/pull_off runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

@@ -89,7 +89,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),
         (["run", "tr_periodic", "--np", "0"], "'0' must be a whole number of at least 1"),
         (["run", "tr_periodic", "--np", "300", "-o", "{tmp}/run"], "ranks = 300: must be from 1 to"),
-        (["collide", "nowhere"], "nowhere: no such collision; shipped: test1_glass, "),
+        (["collide", "nowhere"], "nowhere: no such collision; shipped: jkr_pull_off, test1_glass, "),
         (
             ["collide", "test2", "--set", "contact.friction=-1"],
             "contact.friction = -1.0: must be a number in [0, 10000]",

@@ -168,6 +168,8 @@ def _collide(options: Options) -> int:
         result = run(collision, options.output or f"runs/{collision.name}", force=options.force)
         errors = result.errors()
     write_numbers(result, errors)
+    if result.sticks:
+        say("the bodies stick together")
     say(f"{'after the collision':24}{'':>18}{'change with the step':>22}")
     for name, value in result.numbers().items():
         say(f"{name:24}{value:18.10g}{errors[name]:22.1e}")

@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ class Result:
     time : (T,) array
         Time since first touch, s.
     overlap : (T,) array
-        Overlap δ, m; negative after the bodies have parted.
+        Overlap δ, m; negative after the bodies have parted, and by the law "jkr" shortly before.
     normal_force, tangential_force : (T,) arrays
         Force on the first sphere, N; repulsion and a push along +y are positive.
     velocity : (T, B, 2) array
@@ -62,31 +63,52 @@ class Result:
         return _peak(self.normal_force)
 
     @cached_property
-    def contact_time(self) -> float:
-        """Time from first touch until the overlap is 0 again, s: the root of the cubic through the last four records.
+    def touching(self) -> int:
+        """Number of records until the bodies part, T if they do not: δ > −`Collision.pull_off_distance`."""
+        apart = self.overlap < -self.collision.pull_off_distance
+        return int(np.argmax(apart)) if apart.any() else len(apart)
 
-        Only records in contact are used, because the acceleration jumps where adhesion ends.
+    @cached_property
+    def sticks(self) -> bool:
+        """True if adhesion holds the bodies together: the overlap has turned round twice, and they touch to the end.
+
+        Nothing damps their motion: they swing about the overlap at rest.
         """
-        parted = int(np.argmax(self.overlap < 0))
-        last = slice(parted - 4, parted)
-        roots = np.polynomial.Polynomial.fit(self.time[last], self.overlap[last], 3).roots()
-        return float(roots[np.argmin(abs(roots - self.time[parted - 1]))].real)
+        turns = np.count_nonzero(np.diff(np.sign(np.diff(self.overlap))))
+        return self.touching == len(self.overlap) and bool(turns > 1)
+
+    @cached_property
+    def contact_time(self) -> float:
+        """Time from first touch until the bodies part, s: the root of the cubic through the last four records.
+
+        Only records in contact are used, because the acceleration jumps where adhesion ends. It is infinite for bodies
+        that stick.
+        """
+        if self.sticks:
+            return inf
+        last = slice(self.touching - FEWEST_RECORDS, self.touching)
+        beyond = self.overlap[last] + self.collision.pull_off_distance
+        roots = np.polynomial.Polynomial.fit(self.time[last], beyond, 3).roots()
+        return float(roots[np.argmin(abs(roots - self.time[self.touching - 1]))].real)
 
     @property
     def restitution(self) -> float:
-        """Coefficient of restitution e: the ratio of the velocities after and before the collision, along x."""
+        """Coefficient of restitution e: the velocity after over that before, along x; 0 if the bodies stick."""
+        if self.sticks:
+            return 0.0
         normal = self.velocity[:, :, 0]
         closing = normal[:, 0] - (normal[:, 1] if normal.shape[1] > 1 else 0.0)
         return float(-closing[-1] / closing[0])
 
     def numbers(self) -> dict[str, float]:
-        """Return the results of the collision, by name with the unit; velocities and spins are those after it."""
-        named = {
-            "largest_overlap_m": self.largest_overlap,
-            "largest_force_N": self.largest_force,
-            "contact_time_s": self.contact_time,
-            "restitution": self.restitution,
-        }
+        """Return the results of the collision, by name with the unit.
+
+        Contact time, velocities and spins are those after it; bodies that stick have none.
+        """
+        named = {"largest_overlap_m": self.largest_overlap, "largest_force_N": self.largest_force}
+        if self.sticks:
+            return named | {"restitution": self.restitution}
+        named |= {"contact_time_s": self.contact_time, "restitution": self.restitution}
         for body in range(self.spin.shape[1]):
             x, y = self.velocity[-1, body]
             named |= {f"vx{body + 1}_m_s": float(x), f"vy{body + 1}_m_s": float(y)}
@@ -99,12 +121,24 @@ class Result:
         The difference is three times the error of a number of second order in the step, and the error of one of first
         order (damping, adhesion, the law "incremental"). It breaks down for the final velocity of adhesive spheres: the
         contact ends abruptly at any moment of a step, so the velocity errs by up to F Δt/m* whatever the difference is.
+
+        Raises
+        ------
+        SceneError
+            If the bodies stick with one of the steps and part with the other.
         """
         impact = self.collision.collision
         coarse = replace(self.collision, collision=replace(impact, steps=impact.steps // 2))
         with tempfile.TemporaryDirectory() as folder:
-            other = run(coarse, Path(folder) / "coarse").numbers()
-        return {name: abs(value - other[name]) for name, value in self.numbers().items()}
+            other = run(coarse, Path(folder) / "coarse")
+        if other.sticks != self.sticks:
+            words = ("part", "stick")
+            raise SceneError(
+                f"collision.steps = {impact.steps!r}: the bodies {words[self.sticks]}, and {words[other.sticks]} with "
+                "half as many; take more steps, or another collision.normal_velocity"
+            )
+        there = other.numbers()
+        return {name: abs(value - there[name]) for name, value in self.numbers().items()}
 
 
 def _peak(values: NDArray[np.float64]) -> float:
@@ -134,10 +168,10 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
         result = _course(collision, folder)
         _write_csv(result, folder / COURSE)
     _refuse_defects(result, name)
-    if result.overlap[-1] >= 0:
+    if result.touching == len(result.overlap) and not (collision.contact.normal == "jkr" and result.sticks):
         times = collision.collision.duration
         raise SceneError(f"collision.duration = {times!r}: the bodies still touch; take more elastic contact times")
-    lasted = int(np.argmax(result.overlap < 0))
+    lasted = result.touching
     if lasted < FEWEST_RECORDS or np.argmax(result.overlap) == 0:
         raise SceneError(
             f"collision.steps = {collision.collision.steps!r}: the bodies touch in {lasted} records only, and a peak "

@@ -3,6 +3,9 @@
 A collision tests one contact. The contact law is written by the same function as in the wave decks
 (`granular_lmp.lammps.contact`). The bodies touch at t = 0 with overlap 0; the normal of the first sphere at the contact
 is +x, its tangent +y, and spins are about z. `granular_lmp.studies.collide` runs it.
+
+By the law "jkr" the contact snaps in at overlap 0, where it pulls with (8/9) F at once, and holds until the pull is the
+largest, F, at `Collision.pull_off_distance` beyond overlap 0.
 """
 
 from collections.abc import Mapping
@@ -24,17 +27,21 @@ from granular_lmp.scene.shipped import SHIPPED
 COLLISION_DUMP = "dump.collision"
 COLLISION_COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump
 RECORDS = 500  # fewest records in a contact time
+SKIN = 0.1  # radii; the neighbour list holds pairs that are as far apart, and a contact must end within
 LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of them for this one
 _SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
+# Pull-off force over π w Rc, and the work of adhesion from first touch to the overlap at rest Δ0 over F Δ0
+_PULL_OFF = {"dmt": 2.0, "hertz": 0.0, "jkr": 1.5}
+_WORK = {"dmt": 3 / 5, "hertz": 0.0, "jkr": 6 / 5 * (1 - (2 / 3) ** (4 / 3))}
 
 
 @dataclass(frozen=True)
 class Contact:
     """Contact law with the arguments of `granular_lmp.lammps.contact.model`."""
 
-    normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
+    normal: str = choice("with adhesion, without, with adhesion beyond contact", contact.NORMAL_LAWS, default="dmt")
     shear: str = choice("what the shear force follows", contact.TANGENTIAL_LAWS, default="secant")
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
@@ -61,8 +68,9 @@ class Collision(Document):
     Raises
     ------
     SceneError
-        If the values contradict each other: a restitution below 1 with the law "dmt", a spin of the plane, an impact so
-        fast that the overlap is no longer small.
+        If the values contradict each other: a restitution below 1 with adhesion, the law "jkr" without adhesion, a
+        spin of the plane, adhesion that reaches beyond the neighbour list, an impact so fast that the overlap is no
+        longer small.
     """
 
     sections = {"sphere": Sphere, "contact": Contact, "collision": Impact}
@@ -74,17 +82,28 @@ class Collision(Document):
     collision: Impact
 
     def __post_init__(self) -> None:
-        if self.contact.normal == "dmt" and self.contact.restitution < 1:
+        if self.contact.normal != "hertz" and self.contact.restitution < 1:
             raise SceneError(
-                f'contact.restitution = {self.contact.restitution!r}: must be 1 with contact.normal = "dmt"; '
-                'LAMMPS has no law of restitution with adhesion, take "hertz"'
+                f"contact.restitution = {self.contact.restitution!r}: must be 1 with contact.normal = "
+                f'"{self.contact.normal}"; LAMMPS has no law of restitution with adhesion, take "hertz"'
+            )
+        if self.contact.normal == "jkr" and not self.sphere.work_of_adhesion:
+            raise SceneError(
+                f"sphere.work_of_adhesion = {self.sphere.work_of_adhesion!r}: must be above 0 with contact.normal = "
+                '"jkr"; without adhesion take "hertz"'
             )
         if self.collision.partner == "plane" and self.collision.partner_spin:
             raise SceneError(
                 f"collision.partner_spin = {self.collision.partner_spin!r}: must be 0, the plane is at rest"
             )
 
-        ratio = self.elastic_overlap / (2 * self.sphere.radius)
+        reach = self.pull_off_distance / self.sphere.radius
+        if reach > SKIN:
+            raise SceneError(
+                f"sphere.work_of_adhesion = {self.sphere.work_of_adhesion!r}: the contact would hold until {reach:.3g} "
+                f"radii beyond overlap 0; at most {SKIN} is allowed, where the neighbour list of LAMMPS ends"
+            )
+        ratio = (self.elastic_overlap + self.static_overlap) / (2 * self.sphere.radius)
         if ratio > LARGEST_OVERLAP_RATIO:
             raise SceneError(
                 f"collision.normal_velocity = {self.collision.normal_velocity!r}: the overlap would be {ratio:.3g} "
@@ -146,8 +165,25 @@ class Collision(Document):
 
     @property
     def pull_off_force(self) -> float:
-        """F = 2π w Rc, N; 0 by the law "hertz"."""
-        return 2 * pi * self.sphere.work_of_adhesion * self.effective_radius * (self.contact.normal == "dmt")
+        """Largest pull F, N: 2π w Rc by the law "dmt", (3/2) π w Rc by "jkr", 0 by "hertz"."""
+        return _PULL_OFF[self.contact.normal] * pi * self.sphere.work_of_adhesion * self.effective_radius
+
+    @property
+    def static_overlap(self) -> float:
+        """Overlap Δ0 without an outer force, m: (F/A)^{2/3} by the law "dmt", (4F/A)^{2/3}/3 by "jkr"."""
+        if self.contact.normal == "jkr":
+            return (4 * self.pull_off_force / self.normal_coefficient) ** (2 / 3) / 3
+        return (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
+
+    @property
+    def pull_off_distance(self) -> float:
+        """Distance beyond overlap 0 at which the contact ends in LAMMPS, m.
+
+        By the law "jkr" it is 2^{−4/3} Δ0 = (3π² w² Rc/64 E*²)^{1/3}, where the pull is F and a constant load would
+        part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
+        ends if the distance is prescribed (`analysis.theory.jkr`).
+        """
+        return 2 ** (-4 / 3) * self.static_overlap * (self.contact.normal == "jkr")
 
     @property
     def elastic_overlap(self) -> float:
@@ -161,9 +197,9 @@ class Collision(Document):
 
     @property
     def _speed(self) -> float:
-        """Speed v, m/s, with the work of adhesion up to the overlap at rest: m* (v² − v_closing²)/2 = (3/5) F Δ0."""
-        rest = (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
-        return sqrt(self.closing_speed**2 + 6 / 5 * self.pull_off_force * rest / self.effective_mass)
+        """Speed v, m/s, at the overlap at rest: m* (v² − v_closing²)/2 is the work of adhesion up to there."""
+        work = _WORK[self.contact.normal] * self.pull_off_force * self.static_overlap
+        return sqrt(self.closing_speed**2 + 2 * work / self.effective_mass)
 
 
 # --- the deck --------------------------------------------------------------------------------------------------------
@@ -213,7 +249,7 @@ create_box   1 box
 {placed}
 set          group all diameter {2 * radius!r} density {units.number(sphere.density, mass=1, length=-3)!r}
 {moving}
-neighbor     {radius / 10!r} bin
+neighbor     {SKIN * radius!r} bin
 timestep     {step!r}
 
 # --- contact

@@ -13,6 +13,7 @@ from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, origin, signal
 from tests.hard.scales import NUS, corners, similar
 from tests.hard.steps import at_the_limit, drift, drift_order, refused, reversal
+from tests.hard.sticking import parting, sticking
 from tests.hard.strikes import energy, long_chain, velocities
 from tests.hard.strikes import order as order_of_strikes
 from tests.hard.symmetry import instability, subspace
@@ -51,6 +52,8 @@ FAST: Mapping[str, Measure] = {
     "order of a struck chain": order_of_strikes,
     **{f"struck at {velocity} m/s": partial(velocities, velocity) for velocity in (1e-6, 1e-3, 1e2)},
     "energy of a struck chain": partial(energy, 1000.0),
+    "sticking speed": sticking,
+    "parting velocity": parting,
     "a long chain": partial(long_chain, 10_000, 20.0),
 }
 

@@ -12,6 +12,7 @@ from tests.hard.resonance import at_the_antiresonance, at_the_resonance, blow_up
 from tests.hard.rounding import floor, moved, origin, signal
 from tests.hard.scales import corners, similar
 from tests.hard.steps import at_the_limit, drift, refused, reversal
+from tests.hard.sticking import parting, sticking
 from tests.hard.strikes import energy, long_chain, velocities
 from tests.hard.strikes import order as order_of_strikes
 from tests.hard.symmetry import instability, subspace
@@ -28,6 +29,7 @@ A_LOST_SPHERE = (("group        centre id 11\n", "group        centre id 11\ndel
 SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
 FAST_CLOCK = (("$(v_sample/v_every*v_t0:", "$(1.01*v_sample/v_every*v_t0:"),)
 FAST_STRIKE = (("equal v_sample/v_every\n", "equal 1.01*v_sample/v_every\n"),)
+WEAKER = ((" 0.34 50.0 ", " 0.34 49.0 "),)  # mJ/m², half of the work of adhesion
 LOSSY_STRIKE = ((" 0.0 0.3 &", " 0.02 0.3 &"),)  # m/t0
 
 # Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
@@ -57,6 +59,8 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "less friction": (partial(kept, 2, edits=SLIPPERY), "sliding force"),
     "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
     "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
+    "weaker adhesion that sticks": (partial(sticking, WEAKER), ""),
+    "weaker adhesion that parts": (partial(parting, WEAKER), "pull-off"),
     "a struck chain on a fast clock": (partial(order_of_strikes, FAST_STRIKE), "order"),
     "a slow striker on a fast clock": (partial(velocities, 1e-6, FAST_STRIKE), "velocities"),
     "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),

@@ -353,8 +353,15 @@ def test_what_cannot_be_is_refused_in_one_line(changes: dict[str, Any], message:
         Collision.load("test2").with_values(changes)
 
 
+def test_a_number_of_numpy_is_written_as_any_other() -> None:
+    plain, made = (
+        Collision.load("test2").with_values({"collision.normal_velocity": v}) for v in (0.3, np.float64(0.3))
+    )
+    assert deck_text(made) == deck_text(plain)
+
+
 def test_a_collision_that_is_not_there_names_those_that_are() -> None:
-    with pytest.raises(SceneError, match="nowhere: no such collision; shipped: test1_glass, "):
+    with pytest.raises(SceneError, match="nowhere: no such collision; shipped: jkr_pull_off, test1_glass, "):
         Collision.load("nowhere")
 
 
