@@ -4,7 +4,8 @@ Two equal spheres at an overlap δ and a shear displacement ξ push each other w
 
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
-(`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
+(`granular_lmp.crystal.sphere`), or as the JKR law has it (`granular_lmp.crystal.adhesion_laws`). The torque of f_S on
+each sphere has the lever arm R − δ/2. Without adhesion F = 0.
 LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
 
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
@@ -21,7 +22,7 @@ from dataclasses import replace
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.units import AnyUnits
 
-NORMAL_LAWS = ("dmt", "hertz")
+NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
@@ -49,7 +50,7 @@ def model(
         Material and radius.
     units : AnyUnits
         Unit style of the deck.
-    normal : "dmt" or "hertz"
+    normal : "dmt", "jkr" or "hertz"
         Normal law with the work of adhesion w, or without it.
     shear : "secant", "incremental", "rescaled" or "none"
         Shear law.
@@ -85,14 +86,14 @@ def model(
     """
     if normal not in NORMAL_LAWS or shear not in TANGENTIAL_LAWS:
         raise ValueError(f"normal = {normal!r}, shear = {shear!r}: must be one of {NORMAL_LAWS} and {TANGENTIAL_LAWS}")
-    if restitution is not None and (normal == "dmt" or damping):
+    if restitution is not None and (normal != "hertz" or damping):
         raise ValueError(f"restitution = {restitution!r}: needs normal = 'hertz' and no other damping")
     modulus = units.number(sphere.youngs_modulus, mass=1, length=-1, time=-2)
     loss = units.number(damping, mass=1, time=-1) if restitution is None else restitution
     force = f"hertz/material {modulus!r} {loss!r} {sphere.poisson_ratio!r}"
-    if normal == "dmt":
+    if normal != "hertz":
         half_adhesion = units.number(sphere.work_of_adhesion / 2, mass=1, time=-2)  # LAMMPS's γ
-        force = f"dmt {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
+        force = f"{normal} {modulus!r} {loss!r} {sphere.poisson_ratio!r} {half_adhesion!r}"
     slip = "linear_nohistory 0.0 0.0" if shear == "none" else f"{_MINDLIN[shear]} NULL {shear_damping!r} {friction}"
     loss_law = "velocity" if restitution is None else "coeff_restitution"
     rolls = "none" if rolling is None else _rolling(units, *rolling)
