@@ -179,6 +179,21 @@ class Sphere:
         kappa = self.stiffness_ratio
         return float(-sqrt(3) * amplitude * (4 * shear * kappa + 12 * normal) / (4 * (kappa + 3)))
 
+    def tabor_parameter(self, range_of_forces: float) -> float:
+        """Return μ = (Rc w²/(E*² z³))^{1/3}, by which an adhesion law is chosen.
+
+        The elastic deformation by adhesion over the range z of the surface forces: the DMT law is right below about
+        0.1, the JKR law above 5, and neither between, which Maugis's law spans (Tabor, J. Colloid Interface Sci. 58, 2
+        (1977); Johnson & Greenwood, J. Colloid Interface Sci. 192, 326 (1997)).
+
+        Parameters
+        ----------
+        range_of_forces : float
+            Equilibrium distance z of the surfaces, m. Good values: 1.6e-10 to 4e-10.
+        """
+        length = (self.effective_radius * (self.work_of_adhesion / self.effective_modulus) ** 2) ** (1 / 3)
+        return length / range_of_forces
+
     def restitution_viscosity(self, restitution: float) -> float:
         """Return the dashpot of a contact at rest, N s/m, for a coefficient of restitution e of the Hertz contact.
 
