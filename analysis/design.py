@@ -204,6 +204,8 @@ def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[flo
             raise ValueError(f"{name} is {value}; allowed: from 1e-15 to 1e15")
     if not np.isfinite(angles).all():
         raise ValueError(f"directions and openings are {list(angles)}; allowed: degrees, finite")
+    if sphere.adhesion_law != "dmt":
+        raise ValueError(f"adhesion_law is {sphere.adhesion_law!r}; allowed: 'dmt'")
     if not -1 < sphere.poisson_ratio <= 0.5:
         raise ValueError(f"poisson_ratio is {sphere.poisson_ratio}; allowed: above -1, up to 0.5")
     adhesion = replace(sphere, contact_force=0.0)

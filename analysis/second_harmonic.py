@@ -20,7 +20,7 @@ where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first 
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +32,20 @@ SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
 ALONG_Y = 90.0  # degrees from a close-packed row
 
 
+class Expansion(NamedTuple):
+    """Contact law to second order, N = x − n x² and S = κ t (1 − m x): n = −k2Δ0/k1, m = −g2Δ0/g1.
+
+    excess is κ over Mindlin's 2(1−ν)/(2−ν).
+    """
+
+    excess: float
+    normal: float
+    shear: float
+
+
+HERTZ_MINDLIN = Expansion(1.0, 0.25, 0.5)  # the paper's
+
+
 @dataclass(frozen=True)
 class Ratios:
     """Dimensionless constants of the lattice: all follow from κ = g1/k1, the shear-to-normal stiffness of a contact.
@@ -40,7 +54,7 @@ class Ratios:
     resists shear. speed is that of long L waves in half rows per τ: Ω_L = speed·sin(ξ/2) (1 in the paper's geometry).
     inertia is Ĩ = I/(mR²); rotation says whether the spheres turn. longitudinal multiplies ε where the L mode acts on
     itself (1 in the paper's geometry); memory is κ/(2κ+3) for a shear force that remembers its start (`laws`), else 0;
-    overlap_ratio is η = Δ0/2R (0 in the paper's geometry).
+    overlap_ratio is η = Δ0/2R (0 in the paper's geometry); law is the contact's to second order.
     """
 
     kappa: float
@@ -56,6 +70,12 @@ class Ratios:
     longitudinal: float
     memory: float
     overlap_ratio: float
+    law: Expansion = HERTZ_MINDLIN
+
+    @property
+    def unit(self) -> float:
+        """−4(g2+3k2)Δ0/k1 = 4(mκ + 3n), 2κ+3 of the paper's law, to which second-order forces are referred."""
+        return 4 * (self.law.shear * self.kappa + 3 * self.law.normal)
 
 
 def ratios(
@@ -66,8 +86,9 @@ def ratios(
     prestress: float = 0.0,
     shear: bool = True,
     rotation: bool = True,
+    law: Expansion = HERTZ_MINDLIN,
 ) -> Ratios:
-    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν).
+    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν), or those of another law.
 
         μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
 
@@ -82,6 +103,9 @@ def ratios(
         Ω_L² = (1 − χ/(κ+3)) sin²(ξ/2),  μ1 → μ1 − 3χ/(κ+3),  α → α + 2χh/(2κ+3),  ε_L → ε_L − 6χh/(2κ+3) of ε
 
     Without shear every κ above is 0 but those of the units, κ+3 and 2κ+3; spheres that feel no torque do not turn.
+    Another law has its own κ, and in the second-order terms, but for those with h, 2mκ/2n for κ:
+
+        α = (mκ−n)/(mκ+3n),  β = mκ/(mκ+3n),  γ = (mκ+n)/(mκ+3n),  h/(4mκ+12n) for h/(2κ+3)
 
     Parameters
     ----------
@@ -92,11 +116,14 @@ def ratios(
     overlap_ratio
         η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
     prestress
-        F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does.
+        F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does. Of another law
+        1.5 F0/(k1Δ0).
     shear
         Whether contacts resist shear.
     rotation
         Whether the spheres turn; if not, TR is purely transverse, Ω = √μ1 sin(ξ/2), and there is no RT.
+    law
+        Contact law to second order.
 
     Raises
     ------
@@ -117,8 +144,9 @@ def ratios(
         raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
     if not 0.0 <= prestress <= 1.0:
         raise ValueError(f"prestress = {prestress} is outside [0, 1]")
-    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio) * law.excess
     stiffness = kappa if shear else 0.0
+    n, m, unit = law.normal, law.shear, 4 * (law.shear * kappa + 3 * law.normal)
     h = overlap_ratio / (1 - overlap_ratio)
     chi = prestress * h / 1.5
     sideways = stiffness - chi
@@ -128,24 +156,30 @@ def ratios(
         speed=float(np.sqrt((3 + sideways) / (3 + kappa))),
         mu1=(3 * sideways + 1) / (kappa + 3),
         mu2=stiffness / (kappa + 3),
-        alpha=(2 * stiffness - 1 + 2 * h * (1 - 5 * stiffness + chi)) / (2 * kappa + 3),
-        beta=2 * stiffness * (1 - 6 * h) / (2 * kappa + 3),
-        gamma=(2 * stiffness + 1) / (2 * kappa + 3),
+        alpha=(4 * (m * stiffness - n) + 2 * h * (1 - 5 * stiffness + chi)) / unit,
+        beta=2 * stiffness * (2 * m - 6 * h) / unit,
+        gamma=4 * (m * stiffness + n) / unit,
         inertia=inertia / (1 - overlap_ratio),
         rotation=rotation and shear,
-        longitudinal=(2 * stiffness + 3 - 6 * h * (1 - stiffness + chi)) / (2 * kappa + 3),
+        longitudinal=(4 * (m * stiffness + 3 * n) - 6 * h * (1 - stiffness + chi)) / unit,
         memory=0.0,
         overlap_ratio=overlap_ratio,
+        law=law,
     )
 
 
+def refuse_other_laws(ratios: Ratios) -> None:
+    """Raise ValueError for constants of another contact law than the paper's, of which only two orders are known."""
+    if ratios.law != HERTZ_MINDLIN:
+        raise ValueError(f"law = {ratios.law} of the ratios is not {HERTZ_MINDLIN}: its third order is not known here")
+
+
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
-    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)), negative: contacts soften when pulled.
+    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a·unit/(4(κ+3)), negative: contacts soften when pulled.
 
     The paper prints 3/2 in place of √3. amplitude is a = D0/Δ0.
     """
-    kappa = ratios.kappa
-    return -np.sqrt(3) * amplitude * (2 * kappa + 3) / (4 * (kappa + 3))
+    return -np.sqrt(3) * amplitude * ratios.unit / (4 * (ratios.kappa + 3))
 
 
 @dataclass(frozen=True)

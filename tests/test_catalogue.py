@@ -186,7 +186,7 @@ def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
 
 
 def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
-    tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2}).to_dict()}
+    tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2, "sphere.adhesion_law": "jkr"}).to_dict()}
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
     # A step excludes a tolerance, the force is of the packing, a table of which nothing is declared is not there, no
     # theory knows another lattice than its own, and monitors change no motion

@@ -67,9 +67,12 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     which nothing slides.
 
     Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
-    none of step 0 or lacks a column, as without ``effects.tracking``, OSError for a folder without `CENTRE`.
+    none of step 0 or lacks a column, as without ``effects.tracking``, and for another adhesion law than DMT's, OSError
+    for a folder without `CENTRE`.
     """
     scene, path = record.scene, record.snapshots().path
+    if scene.sphere.adhesion_law != "dmt":
+        raise ValueError(f"sphere.adhesion_law = {scene.sphere.adhesion_law!r}: the network holds 'dmt' only")
     sphere, sliding = scene.sphere, SLIDING in others_of(record)
     _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
     network, state = read_network(

@@ -19,6 +19,7 @@ OPENING = "effects.contact_opening"  # a trait of runs whose contacts do part
 NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 NETWORK = "network"
+JKR = "sphere.adhesion_law = 'jkr'"
 
 
 def said(key: str, value: str) -> str:
@@ -47,16 +48,16 @@ _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")}
 
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 HOLDS: dict[str, frozenset[str]] = {
-    "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE},
+    "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
     "frequency-shift": _ALONG_Y,
     "three-mode": _ALONG_Y,
-    "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
-    "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING},
+    "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
+    "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
     NETWORK: _ALONG_Y - {NO_SHEAR, NO_ROTATION}
     | {STANDING, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING}
     | _IMPERFECT,
-    "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL},
+    "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
     "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
     "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
@@ -71,7 +72,7 @@ REFERENCES = tuple(name for name in HOLDS if not name.startswith("analysis."))  
 KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
-        "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force",
+        "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force adhesion_law",
         "packing": "rows columns ends contact_force relax relax_friction",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",
@@ -93,6 +94,7 @@ def contact_traits(contact: Contact, *, along_y: bool) -> frozenset[str]:
         "effects.rotation" if contact.rotation else NO_ROTATION: True,
         said("effects.shear_law", contact.law): contact.shear,
         COMPRESSED: contact.prestress > 0,
+        JKR: contact.adhesion_law == "jkr",
         DAMPING: contact.viscosity > 0 or contact.restitution is not None,
         OBLIQUE: not along_y,
     }

@@ -73,6 +73,7 @@ def contact_of(record: Record) -> Contact:
         rotation=on.get("rotation", True),
         viscosity=declared.viscosity * sphere.time_scale / sphere.mass if damped else 0.0,
         restitution=declared.restitution if damped and declared.restitution < 1 else None,
+        adhesion_law=sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
     )
 
 

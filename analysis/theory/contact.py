@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios, ratios
+from analysis.theory.adhesion import LAWS as ADHESION_LAWS
+from analysis.theory.adhesion import Adhesion, Dmt, Jkr
 from analysis.theory.damping import restitution_viscosity
 
 Law = Literal["secant", "incremental", "potential"]
@@ -35,12 +37,13 @@ class Contact:
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).
     restitution : coefficient in (0, 1] that sets the dashpot instead (LAMMPS damping coeff_restitution); None: none.
     inertia : Ĩ = I/(mR²) > 0 of the sphere, without the factor of η.
+    adhesion_law : "dmt", or "jkr", whose contacts adhere beyond an overlap of 0 (`analysis.theory.adhesion`).
 
     Raises
     ------
     ValueError
-        For a value outside these ranges, and for what does not go together: "potential" with η > 0, restitution with
-        viscosity or with adhesion (LAMMPS refuses the latter too).
+        For a value outside these ranges, and for what does not go together: "potential" with η > 0 or with "jkr",
+        "jkr" without adhesion, restitution with viscosity or with adhesion (LAMMPS refuses the latter too).
     """
 
     poisson_ratio: float
@@ -52,8 +55,15 @@ class Contact:
     viscosity: float = 0.0
     restitution: float | None = None
     inertia: float = SOLID_SPHERE
+    adhesion_law: Adhesion = "dmt"
 
     def __post_init__(self) -> None:
+        if self.adhesion_law not in ADHESION_LAWS:
+            raise ValueError(f"adhesion_law = {self.adhesion_law!r} is none of {tuple(ADHESION_LAWS)}")
+        if self.adhesion_law == "jkr" and not 0.0 <= self.prestress < 1.0:
+            raise ValueError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
+        if self.adhesion_law == "jkr" and self.law == "potential":
+            raise ValueError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
         _ = self.secant_ratios  # the closed form's own constants check ν, Ĩ, η and prestress
         if self.law not in LAWS:
             raise ValueError(f"law = {self.law!r} is none of {LAWS}")
@@ -73,7 +83,12 @@ class Contact:
     @cached_property
     def kappa(self) -> float:
         """κ = g1/k1 of the spheres, which sets the units; a contact without shear has none of its force."""
-        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio)
+        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * self.adhesion.expansion.excess
+
+    @cached_property
+    def adhesion(self) -> Dmt | Jkr:
+        """Normal force and contact radius by overlap."""
+        return ADHESION_LAWS[self.adhesion_law](self.prestress)
 
     @property
     def shear_stiffness(self) -> float:
@@ -112,9 +127,10 @@ class Contact:
             self.poisson_ratio,
             self.inertia,
             self.overlap_ratio,
-            prestress=self.prestress,
+            prestress=self.adhesion.load,
             shear=self.shear,
             rotation=self.rotation,
+            law=self.adhesion.expansion,
         )
 
     @cached_property
@@ -124,6 +140,7 @@ class Contact:
             secant       α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),   L: ε as in the paper
             incremental  α = (κ−1)/(2κ+3),   β = κ/(2κ+3),    L: ε·(κ+3)/(2κ+3)
 
+        for contacts of the DMT law; the incremental law halves m of any (`analysis.second_harmonic.Expansion`).
         γ keeps its value of the paper: no second harmonic depends on it. The modes are the same for any law. What
         geometry, compression and missing shear change is the same for both laws: to second order they differ by
         ½κ(xt − ∫x dt), where stretch x and slip t are linear.
@@ -134,8 +151,8 @@ class Contact:
             raise ValueError("law = 'potential' has no ratios for all modes, since it has a term in σ²; use ratios_of")
         if self.law == "secant":
             return self.secant_ratios
-        less = self.shear_stiffness / (2 * self.kappa + 3)
         own = self.secant_ratios
+        less = 2 * own.law.shear * self.shear_stiffness / own.unit
         return replace(
             own, alpha=own.alpha - less, beta=own.beta - less, longitudinal=own.longitudinal - less, memory=less
         )

@@ -21,6 +21,7 @@ long on a resonance. Where two branches touch (middle and upper at K) a single m
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import second_harmonic as closed
 from analysis.second_harmonic import Mode, ModeName
 from analysis.theory.bloch import frame, real_modes, unit, wavevector_of
 from analysis.theory.contact import Contact
@@ -33,12 +34,8 @@ Complexes = NDArray[np.complex128]
 
 
 def nonlinearity(amplitude: float, contact: Contact) -> float:
-    """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) for the amplitude a = D0/Δ0.
-
-    The paper prints 3/2 for √3; its equations hold with √3.
-    """
-    kappa = contact.kappa
-    return -np.sqrt(3.0) * amplitude * (2.0 * kappa + 3.0) / (4.0 * (kappa + 3.0))
+    """Return ε of `analysis.second_harmonic.nonlinearity` for the amplitude a = D0/Δ0."""
+    return closed.nonlinearity(contact.secant_ratios, amplitude)
 
 
 def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:

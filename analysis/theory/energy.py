@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from analysis.second_harmonic import refuse_other_laws
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours
@@ -126,7 +127,7 @@ def ledger(wave: Wave, tau: ArrayLike, *, points: int = 31, rtol: float = 1e-11)
 
 
 def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e-11) -> float | None:
-    """Time τ at which the first contact of the wave opens, its stretch x = 1; None if none has by τ = until.
+    """Time τ at which the first contact of the wave opens, x = 1 in the DMT law; None if none has by τ = until.
 
     Past it the laws of the lattice are no longer those of a contact: this is where a wave that gains energy blows up.
     """
@@ -134,7 +135,9 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     start, neighbours = on_torus(wave, points)
 
     def closed(_: float, y: Floats) -> float:
-        return float(1 - np.max(touching(y.reshape(start.shape), laws, neighbours).stretch))
+        return float(
+            1 - laws.adhesion.least_overlap - np.max(touching(y.reshape(start.shape), laws, neighbours).stretch)
+        )
 
     closed.terminal = True  # type: ignore[attr-defined]
     solution = solve_ivp(
@@ -162,6 +165,7 @@ def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple
 
 
 def _refuse(contact: Contact) -> None:
+    refuse_other_laws(contact.secant_ratios)
     if contact.overlap_ratio:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
     if contact.dashpot:

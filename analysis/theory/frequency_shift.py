@@ -38,7 +38,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, Ratios, doubled_frequency, nonlinearity, second_harmonic
+from analysis.second_harmonic import Mode, Ratios, doubled_frequency, nonlinearity, refuse_other_laws, second_harmonic
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -53,6 +53,7 @@ class Shift(NamedTuple):
 
 def shift_parts(mode: Mode, ratios: Ratios) -> Shift:
     """The two parts of σ by the equations at the top of this module. Arguments as in `frequency_shift`."""
+    refuse_other_laws(ratios)
     kappa, beta, omega, sine = ratios.shear_stiffness, ratios.beta, mode.frequency, np.sin(mode.wavenumber)
     unit, squared = 128 * (ratios.kappa + 3), ratios.speed**2
     s, c = np.sin(mode.wavenumber / 2), np.cos(mode.wavenumber / 2)

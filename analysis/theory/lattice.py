@@ -22,6 +22,8 @@ the configuration (so it has no `potential`) and is integrated as a state,
 
 Its start is what one force-free step from equilibrium leaves in LAMMPS: the displacement along the final tangent.
 
+`adhesion_law` "jkr" puts another N(x), and another contact radius for (1−x)₊^{1/2} (`analysis.theory.adhesion`).
+
 And the physics a scene calls for (`analysis.theory.contact.Contact`). `prestress`: adhesion holds the lattice at 0,
 compression at 1; the contacts at rest push with F0 = (2/3)·prestress, N → N − F0, which cancels unless the normals turn
 (η > 0). `shear`, `rotation`: without, S = 0; φ = 0, whose Ĩ is infinite, but as a number that would make 0·∞ of Ĩφ'².
@@ -57,7 +59,8 @@ class Touching(NamedTuple):
     rates : the same of the velocities, where those matter; empty elsewhere.
     turned : cos and sin (..., 3, K) of the angle by which the contact has turned, None where its direction is fixed.
     stretch : x (..., 3, K).
-    overlap, root : (1−x)₊ and its root, (..., 3, K).
+    overlap, root : (1−x)₊, and its root: the radius of the contact, (..., 3, K). In the JKR law an overlap may be
+        negative, and the radius is another function of it (`analysis.theory.adhesion`).
     """
 
     apart: Floats
@@ -100,31 +103,31 @@ def touching(state: Floats, contact: Contact, neighbours: Neighbours) -> Touchin
     kinds = 2 if contact.has_history or contact.dashpot else 1
     places = state[..., : 3 * kinds, :]
     apart = neighbours.deform(places.reshape(*places.shape[:-2], kinds, 3, places.shape[-1]))
-    return as_placed(apart[..., 0, :, :, :], apart[..., -1, :, :, :], contact.overlap_ratio)
+    return as_placed(apart[..., 0, :, :, :], apart[..., -1, :, :, :], contact)
 
 
-def as_placed(apart: Floats, rates: Floats, overlap_ratio: float) -> Touching:
+def as_placed(apart: Floats, rates: Floats, contact: Contact) -> Touching:
     """Return the contacts by n·d, t·d, σ along the directions at rest, and the rates of these.
 
     With η > 0 the vector between centres is r = ℓ n + d, ℓ = 1/η − 1, and x = |r| − ℓ.
     """
     along, across = apart[..., 0, :, :], apart[..., 1, :, :]
     stretch, turned = along, None
-    if overlap_ratio:
-        length = 1 / overlap_ratio - 1
+    if contact.overlap_ratio:
+        length = 1 / contact.overlap_ratio - 1
         # |r|² − ℓ², from which x follows without the four digits by which ℓ exceeds it
         ahead = length + along
         excess = (length + ahead) * along + across * across
         distance = np.sqrt(length**2 + excess)
         stretch, turned = excess / (distance + length), (ahead / distance, across / distance)
-    overlap = np.maximum(1 - stretch, 0)
-    return Touching(apart, rates, turned, stretch, overlap, np.sqrt(overlap))
+    overlap = np.maximum(1 - stretch, contact.adhesion.least_overlap)
+    return Touching(apart, rates, turned, stretch, overlap, contact.adhesion.radius(overlap))
 
 
 def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Neighbours) -> Floats:
     """p'', q'', φ'' (..., 3, K) of a state with the contacts `now`: the equations at the top of this module."""
     overlap, root = now.overlap, now.root
-    normal = (1 - contact.prestress - overlap * root) / 1.5
+    normal = contact.adhesion.pull(overlap, root)
     if contact.has_history:
         shear = state[..., 6:, :] if contact.incremental else contact.shear_stiffness * root * state[..., 6:, :]
     else:
@@ -134,7 +137,7 @@ def accelerations(state: Floats, now: Touching, contact: Contact, neighbours: Ne
             normal -= np.divide(shear * slip, 4 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
     if contact.dashpot:
         dashpot = 2 * (contact.kappa + 3) * contact.dashpot
-        closed = np.sqrt(root) if contact.restitution else overlap.real > 0
+        closed = np.sqrt(root) if contact.restitution else overlap.real > contact.adhesion.least_overlap
         normal = normal + dashpot * closed * now.stretch_rate()
         if contact.shear:
             shear = shear + dashpot * closed * now.slip_rate()
@@ -184,7 +187,7 @@ def with_shear(moving: Floats, contact: Contact, neighbours: Neighbours) -> Floa
     if not contact.has_history:
         return moving
     apart = neighbours.deform(moving[..., None, :3, :])[..., 0, :, :, :]
-    start = as_placed(apart, apart, contact.overlap_ratio)
+    start = as_placed(apart, apart, contact)
     shear = start.slip()
     if contact.incremental:
         shear *= contact.shear_stiffness * start.root

@@ -45,7 +45,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
-from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency, refuse_oblique
+from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency, refuse_oblique, refuse_other_laws
 from analysis.second_harmonic import mode as linear_mode
 
 Floats = NDArray[np.float64]
@@ -75,6 +75,7 @@ class Waves:
 
 def waves(fundamental: Mode, ratios: Ratios) -> Waves:
     """All waves a fundamental can drive, by symmetry: L for L; L in even and TR, RT in odd harmonics otherwise."""
+    refuse_other_laws(ratios)
     even: tuple[ModeName, ...] = ("L",)
     odd: tuple[ModeName, ...] = even if fundamental.name == "L" else ("TR", "RT") if ratios.rotation else ("TR",)
     labels = [

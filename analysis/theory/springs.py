@@ -11,11 +11,12 @@ Three things follow from η = Δ0/2R > 0, all through h = η/(1−η) (in Δ0, t
 * the slip s is the integral of (tangent of now)·(relative velocity) − (φ'_l + φ'_0), so s' = δS' − hδT δN';
 * the lever arm is R − δ/2, so the torque is (1−η)(1 + hx) times the shear force.
 
-With N = x − ¼x² − F0 and S = κs(1−x)^{1/2} (forces in k1Δ0, displacements in Δ0), χ = hF0, and F0 = (2/3)·prestress
-of compression that adhesion does not balance, the components along n, along t, and the torque are
+With N = x − nx² − F0 and S = κs(1 − mx) to second order (forces in k1Δ0, displacements in Δ0; n = ¼ and m = ½ of the
+paper's contacts, others of the JKR law: `analysis.theory.adhesion`), χ = hF0, and F0 of compression that adhesion does
+not balance, (2/3)·prestress in the DMT law, the components along n, along t, and the torque are
 
     first order    δN,    κδS − χδT,    (1−η) κδS
-    second order   A_N = −¼δN² + ½h(1+χ)δT² − hκδTδS
+    second order   A_N = −nδN² + ½h(1+χ)δT² − hκδTδS
                    A_T = S₂ + h(1+χ)δTδN
                    A_M = S₂ + hκδNδS                                              (the torque, over 1−η)
 
@@ -23,15 +24,15 @@ S₂ is the shear force's own second order. In a plane mode δT, δS and δN of 
 ½δTδN and a constant, which the start of the wave decides (LAMMPS loads the springs in one step, along the tangents of
 the displaced lattice, s = δS − hδTδN). With subscript 0 for the product at τ = 0,
 
-    secant        S₂ = κ[−½δNδS − ½hδTδN − ½h(δTδN)₀]
-    incremental   S₂ = κ[−¼δNδS − ¼(δNδS)₀ − ½hδTδN − ½h(δTδN)₀]              (dS = κ(1−x)^{1/2} ds)
+    secant        S₂ = κ[−mδNδS − ½hδTδN − ½h(δTδN)₀]
+    incremental   S₂ = κ[−½mδNδS − ½m(δNδS)₀ − ½hδTδN − ½h(δTδN)₀]            (dS = κ(1−mx) ds)
 
 With h = 0 these are the paper's springs, k2 = −¼, g2 = −½κ, at fixed normals. What the start leaves in a contact is a
 static force: the wave drives the lattice at (2k, 2Ω), and its start at (2k, 0).
 
 Two waves meet in the same products, taken once each way: δN² becomes 2δN₁δN₂, at (k1+k2, Ω1+Ω2). Their δT and δN are
-out of phase, so that of the integral S₂ = −κ{½δNδS + h[(δTδN)₀ + ∫δT dδN]} (secant; the incremental law has
-½[(δNδS)₀ + ∫δN dδS] first) each product runs with the share of the wave that is differentiated,
+out of phase, so that of the integral S₂ = −κ{mδNδS + h[(δTδN)₀ + ∫δT dδN]} (secant; the incremental law has
+m[(δNδS)₀ + ∫δN dδS] first) each product runs with the share of the wave that is differentiated,
 
     ∫(δT₁ dδN₂ + δT₂ dδN₁) = r₂ δT₁δN₂ + r₁ δT₂δN₁ and a constant,    rᵢ = Ωᵢ/(Ω1+Ω2)
 
@@ -53,6 +54,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.second_harmonic import Expansion
 from analysis.theory.contact import Contact, Law
 
 Floats = NDArray[np.float64]
@@ -70,7 +72,7 @@ class Springs:
     """Constants of a contact, by the terms of this module: made by `springs`.
 
     kappa is the spheres' own κ, which sets the units; shear is κ too, or 0 where contacts do not resist shear.
-    inertia is Ĩ/(1−η); turns says whether spheres turn.
+    inertia is Ĩ/(1−η); turns says whether spheres turn; expansion holds n and m.
     """
 
     kappa: float
@@ -80,6 +82,7 @@ class Springs:
     inertia: float
     turns: bool
     law: Law
+    expansion: Expansion
 
     @property
     def mass(self) -> Floats:
@@ -128,10 +131,11 @@ def springs(contact: Contact) -> Springs:
         kappa=contact.kappa,
         shear=contact.shear_stiffness,
         h=h,
-        chi=h * contact.prestress / 1.5,
+        chi=h * contact.adhesion.load / 1.5,
         inertia=contact.inertia / (1.0 - contact.overlap_ratio),
         turns=contact.turns,
         law=contact.law,
+        expansion=contact.adhesion.expansion,
     )
 
 
@@ -186,9 +190,10 @@ def quadratic_forces(
         return 0.5 * ((1.0 - first_share) * x[0] * y[1] + first_share * x[1] * y[0])
 
     slid, rolled = contact.memory * (product(n, s) - gathered(n, s)), h * gathered(t, n)
-    running = -kappa * (0.5 * (product(n, s) - slid) + rolled)
-    left = -kappa * (0.5 * slid + h * product(t, n) - rolled)
-    normal = -0.25 * n[0] * n[1] + 0.5 * h * (1.0 + contact.chi) * t[0] * t[1] - h * kappa * product(t, s)
+    running = -kappa * (contact.expansion.shear * (product(n, s) - slid) + rolled)
+    left = -kappa * (contact.expansion.shear * slid + h * product(t, n) - rolled)
+    normal = 0.5 * h * (1.0 + contact.chi) * t[0] * t[1] - h * kappa * product(t, s)
+    normal -= contact.expansion.normal * n[0] * n[1]
     return (
         Elongations(normal, running + h * (1.0 + contact.chi) * product(t, n), running + h * kappa * product(n, s)),
         Elongations(np.zeros_like(left), left, left),

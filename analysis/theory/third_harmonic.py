@@ -23,6 +23,7 @@ Source: the contact laws of the paper (springN, springS), expanded to products o
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.second_harmonic import refuse_other_laws
 from analysis.theory.bloch import real_modes, select
 from analysis.theory.contact import Contact
 from analysis.theory.mixing import Pair, Tone, forced_amplitude, rates, response
@@ -75,6 +76,7 @@ def _drive(wavevector: ArrayLike, branch: ArrayLike, contact: Contact) -> tuple[
         raise ValueError(f"law = {contact.law!r} is not in the cubic forces; allowed: 'secant'")
     if contact.overlap_ratio > 0:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not in the cubic forces; allowed: 0")
+    refuse_other_laws(contact.secant_ratios)
     spring, wave, k = springs(contact), Tone(wavevector, branch), np.asarray(wavevector, dtype=float)
     frequency, shape = select(*real_modes(k, spring), branch)
     second = 0.5 * np.real(1j * forced_amplitude(Pair(wave, wave, 1, contact)) / GAUGE)

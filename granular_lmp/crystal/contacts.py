@@ -1,6 +1,7 @@
 """Contacts of a crystal at rest, found from its geometry: pairs of spheres, stiffnesses and forces.
 
-Two elastic spheres at an overlap δ push each other with f_N = A δ^{3/2} − F and, after a slip ξ, f_S = B ξ δ^{1/2},
+Two elastic spheres at an overlap δ push each other, by the DMT law, with f_N = A δ^{3/2} − F and, after a slip ξ, with
+f_S = B ξ δ^{1/2},
 
     A = (4/3) E* √Rc,    B = 8 G* √Rc,    F = 2π w Rc
     1/E* = (1−νi²)/Ei + (1−νj²)/Ej,    1/G* = (2−νi)/Gi + (2−νj)/Gj,    Rc = Ri Rj/(Ri + Rj),    w = √(wi wj)
@@ -10,7 +11,8 @@ materials E* and G* are those of contact mechanics (Johnson, Contact Mechanics (
 the geometric mean is a convention, that of LAMMPS's ``pair_style granular``. LAMMPS has the same E* and w if it mixes
 two types itself, but another G*: the style ``mindlin`` with the stiffness NULL takes the mixed modulus for that of
 either sphere (``GranSubModTangentialMindlin::coeffs_to_local``). Two materials therefore need their own ``pair_coeff``
-(``tests/validation/test_two_materials.py`` measures both).
+(``tests/validation/test_two_materials.py`` measures both). The JKR law has the same constants, in
+`granular_lmp.crystal.adhesion_laws`; all materials of a crystal have one law.
 
 Everything in `Contacts` is in SI units; the crystal's own lengths are in radii of its first material.
 """
@@ -23,6 +25,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 
@@ -46,11 +49,11 @@ class Contacts:
     overlap : (C,) array
         Overlap δ, m.
     normal_stiffness, shear_stiffness : (C,) arrays
-        Derivatives of f_N by the overlap, (3/2) A √δ, and of f_S by the slip, B √δ; N/m.
+        Derivatives of f_N by the overlap, (3/2) A √δ in DMT, and of f_S by the slip, B √δ in DMT; N/m.
     adhesive_force : (C,) array
-        Adhesive force F, N, which is also the pull that parts the two spheres.
+        Pull F that parts the two spheres, N; the adhesive force of the DMT law.
     contact_force : (C,) array
-        Prestress f_N = A δ^{3/2} − F, N: the force that presses the two spheres together at rest.
+        Prestress f_N, N: the force that presses the two spheres together at rest.
     radius, mass : (N,) arrays
         Radius and mass of the spheres, m and kg.
 
@@ -130,7 +133,8 @@ def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force
     Raises
     ------
     ValueError
-        If the overlaps of the positions differ from those that `contact_force` makes.
+        If the overlaps of the positions differ from those that `contact_force` makes, or two materials have other
+        adhesion laws.
     """
     unit = materials[0].radius
     i, j, vector = overlapping(crystal)
@@ -165,13 +169,12 @@ def contacts_between(
     ValueError
         When the overlaps are others than `contact_force` makes.
     """
-    normal, shear, adhesive_force = force_law(crystal, materials, i, j)
+    law = law_between(crystal, materials, i, j)
     if contact_force is None:
-        force = normal * overlap**1.5 - adhesive_force
+        force = law.force(overlap)
     else:
         force = np.full(len(i), float(contact_force))
-        of_force = ((adhesive_force + contact_force) / normal) ** (2 / 3)
-        overlap = _of_force(of_force, overlap, materials[0].radius, contact_force)
+        overlap = _of_force(law.overlap_under(contact_force), overlap, materials[0].radius, contact_force)
     radius = crystal.arrays["radius"] * materials[0].radius
     density = crystal.arrays.get("density", _each(materials, _material(crystal), "density"))
     return Contacts(
@@ -179,24 +182,30 @@ def contacts_between(
         j=j,
         vector=vector,
         overlap=overlap,
-        normal_stiffness=1.5 * normal * np.sqrt(overlap),
-        shear_stiffness=shear * np.sqrt(overlap),
-        adhesive_force=adhesive_force,
+        normal_stiffness=law.normal_stiffness(overlap),
+        shear_stiffness=law.shear_stiffness(overlap),
+        adhesive_force=law.pull_off_force,
         contact_force=force,
         radius=radius,
         mass=4 / 3 * np.pi * radius**3 * density,
     )
 
 
-def force_law(
-    crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j: Integers
-) -> tuple[Floats, Floats, Floats]:
-    """Return A and B (N/m^{3/2}) and F (N) of pairs of spheres, (C,) each, whether they touch or not."""
+def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j: Integers) -> AdhesionLaw:
+    """Return the law of the contacts of pairs of spheres, (C,), whether they touch or not.
+
+    Raises
+    ------
+    ValueError
+        If two materials have other adhesion laws.
+    """
+    names = sorted({each.adhesion_law for each in materials})
+    if len(names) > 1:
+        raise ValueError(f"adhesion_law = {', '.join(names)}: must be the same for all materials of a crystal")
     radius, material = crystal.arrays["radius"] * materials[0].radius, _material(crystal)
     effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
     modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
-    root = np.sqrt(effective_radius)
-    return 4 / 3 * modulus * root, 8 * shear_modulus * root, 2 * np.pi * adhesion * effective_radius
+    return ADHESION_LAWS[names[0]](modulus, shear_modulus, effective_radius, adhesion)
 
 
 def equivalent(one: Sphere, other: Sphere) -> Sphere:

@@ -161,7 +161,7 @@ def imperfect(
         missing[chosen] = inclusion.vacancy
         radius[chosen] = 1.0 if inclusion.radius is None else inclusion.radius / sphere.radius
         density[chosen] = sphere.density if inclusion.density is None else inclusion.density
-        other = replace(sphere, **inclusion.of_material)
+        other = replace(sphere, **inclusion.of_material)  # type: ignore[arg-type]  # the names are of numbers
         if other not in materials:
             materials.append(other)
         material[chosen] = materials.index(other)

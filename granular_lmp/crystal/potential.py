@@ -26,7 +26,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import force_law
+from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
@@ -156,7 +156,7 @@ class Potential:
         i, j, now = overlapping(wider)
         vector = _lattice_vectors(now[:, :2] / (1 + e) - (u[j] - u[i]) * self.unit)
         length = np.hypot(*vector.T)
-        stiffness, shear, adhesion = force_law(self.crystal, self.materials, i, j)
+        law = law_between(self.crystal, self.materials, i, j)
         unit = self.materials[0].static_overlap
         force = self.materials[0].normal_stiffness * unit
         bearing = self.free[i] | self.free[j]
@@ -167,9 +167,9 @@ class Potential:
             length=length / self.unit,
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            stiffness=bearing * stiffness * unit**1.5 / force,
-            shear=bearing * shear * unit**1.5 / force,
-            adhesion=bearing * adhesion / force,
+            stiffness=bearing * law.normal_coefficient * unit**1.5 / force,
+            shear=bearing * law.shear_coefficient * unit**1.5 / force,
+            adhesion=bearing * law.pull_off_force / force,
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
@@ -291,10 +291,13 @@ def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, 
     Raises
     ------
     CrystalError
-        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, or
-        there is a load and no box that could take it.
+        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, there
+        is a load and no box that could take it, or the contacts are not of the DMT law.
     """
     first = materials[0]
+    for each in materials:
+        if each.adhesion_law != "dmt":
+            raise CrystalError(f"sphere.adhesion_law = {each.adhesion_law!r}: must be 'dmt' to bring spheres to rest")
     if not first.holding_force > 0:
         raise CrystalError(
             f"sphere.work_of_adhesion = {first.work_of_adhesion!r}, contact_force = {first.contact_force!r}: nothing "

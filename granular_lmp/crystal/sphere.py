@@ -7,12 +7,15 @@ Two equal elastic spheres that touch through a DMT normal force and a Mindlin sh
 
 with the overlap δ, the shear displacement ξ, A = (4/3) E* √Rc and B = 8 G* √Rc. A lattice that is compressed presses
 its spheres together with a force F0 at rest, which adhesion alone does not: the overlap at rest is
-Δ0 = ((F + F0)/A)^{2/3}. Without adhesion, F = 0, this is the Hertz contact of macroscopic granular crystals. Everything
-here is in SI units.
+Δ0 = ((F + F0)/A)^{2/3}. Without adhesion, F = 0, this is the Hertz contact of macroscopic granular crystals. The JKR
+law, whose adhesion acts beyond contact, can take its place (`granular_lmp.crystal.adhesion_laws`). Everything here is
+in SI units.
 """
 
 from dataclasses import dataclass
 from math import log, pi, sqrt
+
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 
 INERTIA_RATIO = 2 / 5  # Ĩ = I/(mR²) of a solid sphere, fixed in LAMMPS's sphere styles too
 
@@ -35,6 +38,8 @@ class Sphere:
         Density ρ, kg/m³.
     contact_force : float
         Outer force F0 that presses the contacts together at rest, N.
+    adhesion_law : "dmt" or "jkr"
+        Law of the contact; "jkr" needs w > 0.
 
     Notes
     -----
@@ -48,6 +53,26 @@ class Sphere:
     work_of_adhesion: float
     density: float
     contact_force: float = 0.0
+    adhesion_law: str = "dmt"
+
+    @property
+    def contact_law(self) -> AdhesionLaw:
+        """Law of the contact with an equal sphere.
+
+        Raises
+        ------
+        ValueError
+            If the law is unknown, or is that of JKR without adhesion.
+        """
+        if self.adhesion_law not in ADHESION_LAWS:
+            raise ValueError(f"adhesion_law = {self.adhesion_law!r}: must be one of {', '.join(ADHESION_LAWS)}")
+        if self.adhesion_law == "jkr" and not self.work_of_adhesion > 0:
+            raise ValueError(
+                f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = 'jkr'; take 'dmt', "
+                "which is Hertz's law without adhesion"
+            )
+        law = ADHESION_LAWS[self.adhesion_law]
+        return law(self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion)
 
     @property
     def mass(self) -> float:
@@ -71,43 +96,52 @@ class Sphere:
 
     @property
     def pull_off_force(self) -> float:
-        """Pull-off force F = 2π w Rc, N: the adhesive force, and the pull that parts two spheres."""
-        return 2 * pi * self.work_of_adhesion * self.effective_radius
+        """Pull-off force F, N, the pull that parts two spheres: 2π w Rc, or (3/2)π w Rc by the JKR law."""
+        return float(self.contact_law.pull_off_force)
+
+    @property
+    def pull_off_distance(self) -> float:
+        """Distance of the surfaces at which a contact parts that is pulled, m: 0 by the DMT law."""
+        return -float(self.contact_law.pull_off_overlap)
 
     @property
     def normal_coefficient(self) -> float:
         """Coefficient A = (4/3) E* √Rc of the Hertz law, N/m^{3/2}."""
-        return 4 / 3 * self.effective_modulus * sqrt(self.effective_radius)
+        return float(self.contact_law.normal_coefficient)
 
     @property
     def shear_coefficient(self) -> float:
         """Coefficient B = 8 G* √Rc of Mindlin's law, N/m^{3/2}."""
-        return 8 * self.effective_shear_modulus * sqrt(self.effective_radius)
+        return float(self.contact_law.shear_coefficient)
 
     @property
     def holding_force(self) -> float:
-        """Force F + F0 of adhesion and outer compression, N, which the Hertz repulsion AΔ0^{3/2} balances at rest."""
+        """Force F + F0 of pull-off and outer compression, N, which has to be overcome to part a contact at rest."""
         return self.pull_off_force + self.contact_force
 
     @property
     def static_overlap(self) -> float:
-        """Overlap at rest Δ0 = ((F + F0)/A)^{2/3}, m."""
-        return (self.holding_force / self.normal_coefficient) ** (2 / 3)
+        """Overlap at rest Δ0, m: ((F + F0)/A)^{2/3} by the DMT law."""
+        return float(self.contact_law.overlap_under(self.contact_force))
 
     @property
     def normal_stiffness(self) -> float:
-        """Normal stiffness k1 = (3/2) A √Δ0, N/m."""
-        return 1.5 * self.normal_coefficient * sqrt(self.static_overlap)
+        """Normal stiffness k1 of a contact at rest, N/m: (3/2) A √Δ0 by the DMT law."""
+        return float(self.contact_law.normal_stiffness(self.static_overlap))
 
     @property
     def shear_stiffness(self) -> float:
-        """Shear stiffness g1 = B √Δ0, N/m."""
-        return self.shear_coefficient * sqrt(self.static_overlap)
+        """Shear stiffness g1 of a contact at rest, N/m: B √Δ0 by the DMT law."""
+        return float(self.contact_law.shear_stiffness(self.static_overlap))
 
     @property
     def stiffness_ratio(self) -> float:
-        """Ratio κ = g1/k1 = 2(1−ν)/(2−ν), which with the overlap ratio determines the dimensionless dynamics."""
-        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio)
+        """Ratio κ = g1/k1, which with the overlap ratio determines the dimensionless linear dynamics.
+
+        It is 2(1−ν)/(2−ν) by the DMT law, and 5/3 of that by the JKR law without an outer force.
+        """
+        mindlin = 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio)
+        return float(mindlin * self.contact_law.excess(self.static_overlap))
 
     @property
     def overlap_ratio(self) -> float:
@@ -137,11 +171,28 @@ class Sphere:
         return 2 * self.radius - self.static_overlap
 
     def nonlinearity(self, amplitude: float) -> float:
-        """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a (2κ+3)/(4(κ+3)) for a = D0/Δ0.
+        """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a (κm + 3n)/(κ+3) for a = D0/Δ0.
 
-        The paper misprints √3 as 3/2.
+        k2 = −n k1/Δ0 and g2 = −m g1/Δ0 with n = ¼, m = ½ by the DMT law. The paper misprints √3 as 3/2.
         """
-        return -sqrt(3) * amplitude * (2 * self.stiffness_ratio + 3) / (4 * (self.stiffness_ratio + 3))
+        normal, shear = self.contact_law.softening(self.static_overlap)
+        kappa = self.stiffness_ratio
+        return float(-sqrt(3) * amplitude * (4 * shear * kappa + 12 * normal) / (4 * (kappa + 3)))
+
+    def tabor_parameter(self, range_of_forces: float) -> float:
+        """Return μ = (Rc w²/(E*² z³))^{1/3}, by which an adhesion law is chosen.
+
+        The elastic deformation by adhesion over the range z of the surface forces: the DMT law is right below about
+        0.1, the JKR law above 5, and neither between, which Maugis's law spans (Tabor, J. Colloid Interface Sci. 58, 2
+        (1977); Johnson & Greenwood, J. Colloid Interface Sci. 192, 326 (1997)).
+
+        Parameters
+        ----------
+        range_of_forces : float
+            Equilibrium distance z of the surfaces, m. Good values: 1.6e-10 to 4e-10.
+        """
+        length = (self.effective_radius * (self.work_of_adhesion / self.effective_modulus) ** 2) ** (1 / 3)
+        return length / range_of_forces
 
     def restitution_viscosity(self, restitution: float) -> float:
         """Return the dashpot of a contact at rest, N s/m, for a coefficient of restitution e of the Hertz contact.

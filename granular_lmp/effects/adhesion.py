@@ -1,9 +1,12 @@
-"""Adhesion: the constant attraction F = 2πwRc of contacts that touch (DMT), which holds a crystal of microspheres.
+"""Adhesion: the attraction of contacts, which holds a crystal of microspheres.
+
+It is the constant F = 2πwRc of contacts that touch (DMT), or JKR's, which also acts beyond contact.
 
 Without it contacts are those of Hertz, and compression has to hold the crystal (``packing.contact_force``).
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from granular_lmp.effects.effect import Case, Effect, Finding
@@ -19,14 +22,14 @@ def called_for(case: Case) -> Finding:
 
 
 def loss(case: Case) -> str:
-    material, sphere = case.scene.material, case.scene.sphere
-    force = material.pull_off_force + sphere.contact_force
-    left = (sphere.contact_force / force) ** (2 / 3) if force else 0.0
+    pressed = replace(case.scene.material, contact_force=case.scene.sphere.contact_force)
+    bare, whole = replace(pressed, work_of_adhesion=0.0, adhesion_law="dmt").static_overlap, pressed.static_overlap
+    left = bare / whole if whole else 0.0
     return f"the static overlap falls to {left:.3g} of its value"
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
-    return {"normal": "dmt" if on else "hertz"}
+    return {"normal": scene.sphere.adhesion_law if on else "hertz"}
 
 
 ADHESION = Effect("adhesion", called_for, cost="1.00", loss=loss, law=law, in_all=False)

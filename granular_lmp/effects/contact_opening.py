@@ -4,7 +4,7 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, Guard
+from granular_lmp.effects.guard import Guard
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
@@ -19,7 +19,7 @@ GUARD = Guard(
     lines=(
         *MISSED,
         "variable     changed equal ceil(c_missing/2)",
-        f"variable     open_looks vector look(v_changed)+({BETWEEN:.4f}>v_overlap_looks)"
+        "variable     open_looks vector look(v_changed)+(<nearly_open>>v_overlap_looks)"
         "  # one that hardly touches may open between looks",
     ),
     limit=0.0,
@@ -31,7 +31,7 @@ GUARD = Guard(
 
 def called_for(case: Case) -> Finding:
     pulled = np.abs(case.stretches[0])
-    left = float(np.min(case.overlaps - pulled))
+    left = float(np.min(case.overlaps + case.hold - pulled))
     if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
         return Finding(True, float(meeting), "pairs of spheres that do not touch at rest are near enough to meet")
     if left > 0:

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw
+from granular_lmp.crystal.contacts import Contacts, law_between
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, restored, row_stretches
 from granular_lmp.effects.guard import Guard
-from granular_lmp.scene.at_rest import contacts_of
+from granular_lmp.scene.at_rest import contacts_of, crystal_of
 from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
@@ -71,6 +72,11 @@ class Case:
     def overlaps(self) -> np.ndarray:
         """Overlaps of the contacts at rest, (C,), in Δ0."""
         return self.contacts.overlap / self.scene.sphere.static_overlap
+
+    @property
+    def hold(self) -> float:
+        """How far a contact of two spheres of the lattice holds beyond its end, in Δ0: 0 by the DMT law."""
+        return self.scene.sphere.pull_off_distance / self.scene.sphere.static_overlap
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
@@ -148,28 +154,32 @@ class Case:
 
         With the overlap δ = δ0 − n cos ϑ and a dashpot force t D sin ϑ beside that of the spring it is
 
-            max over contacts and phases ϑ of |t| |B δ^{1/2} cos ϑ − D sin ϑ| / (μ [A δ^{3/2} + F])
+            max over contacts and phases ϑ of |t| |g(δ) cos ϑ − D sin ϑ| / (μ [f_N(δ) + 2F])
+
+        with the shear stiffness g = B δ^{1/2} and f_N + 2F = A δ^{3/2} + F in the DMT law.
 
         It is infinite if contacts without adhesion open, because they slide before they open.
         """
         phase = np.linspace(0, 2 * np.pi, 721 if self.scene.perfect else 91)[:, None]
         normal, shear = self.stretches
-        repulsion, shear_stiffness, adhesive_force = self._laws
-        overlap = np.maximum(self.overlaps - normal * np.cos(phase), 0.0)
-        push = shear_stiffness * np.sqrt(overlap) * np.cos(phase) - self.dashpot * np.sin(phase)
-        force = np.where(overlap > 0, np.abs(shear * push), 0.0)
-        limit = self.friction * (repulsion * overlap**1.5 + adhesive_force)
+        law, sphere = self._law, self.scene.sphere
+        overlap = (self.overlaps - normal * np.cos(phase)) * sphere.static_overlap
+        closed = overlap > law.pull_off_overlap
+        overlap = np.where(closed, overlap, law.pull_off_overlap)
+        push = law.shear_stiffness(overlap) / sphere.normal_stiffness * np.cos(phase) - self.dashpot * np.sin(phase)
+        force = np.where(closed, np.abs(shear * push), 0.0)
+        limit = self.friction * law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
         if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
             return inf
         return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))
 
     @property
-    def _laws(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A, B and F of the contacts, (C,) each, in k1 and Δ0: 2/3, κ and 2/3 s in a perfect lattice."""
-        contacts, sphere = self.contacts, self.scene.sphere
-        root = sphere.normal_stiffness * np.sqrt(self.overlaps)
-        adhesive_force = contacts.adhesive_force / (sphere.normal_stiffness * sphere.static_overlap)
-        return contacts.normal_stiffness / (1.5 * root), contacts.shear_stiffness / root, adhesive_force
+    def _law(self) -> AdhesionLaw:
+        """Law of the contacts at rest: one in a perfect lattice, that of each contact in another crystal."""
+        if self.scene.perfect:
+            return self.scene.sphere.contact_law
+        at_rest = crystal_of(self.scene)
+        return law_between(at_rest.atoms, at_rest.materials, self.contacts.i, self.contacts.j)
 
     @property
     def wave_words(self) -> str:

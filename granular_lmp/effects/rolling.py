@@ -27,7 +27,8 @@ def called_for(case: Case) -> Finding:
         return Finding(True, np.inf, "no cap of the rolling force is declared")
     rolls = contact_rolls(unit_contacts(case.scene), sphere, case.mode)
     force = effects.rolling_stiffness / sphere.normal_stiffness * float(np.max(np.abs(rolls)))
-    cap = effects.rolling_friction * (1 + case.adhesive_share) / 1.5  # cap of a contact at rest, in k1 Δ0
+    at_rest = sphere.contact_law.sliding_force(sphere.static_overlap)
+    cap = effects.rolling_friction * at_rest / (sphere.normal_stiffness * sphere.static_overlap)  # in k1 Δ0
     ratio = force * case.scene.wave.amplitude / cap
     return Finding(True, ratio, "of the cap of rolling friction is the largest rolling force")
 

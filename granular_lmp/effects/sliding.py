@@ -10,8 +10,13 @@ from granular_lmp.effects.guard import BETWEEN, Guard
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-# Sliding force of two spheres at the overlap <of>, in LAMMPS's syntax
-SLIDING_FORCE = "(v_mu*(<adhesive_force>+<holding_force>*v_overlap_<of>^1.5))"
+# f_N + F of two equal spheres by adhesion law, in LAMMPS's syntax and of the overlap <of>: in the DMT law A δ^{3/2}. In
+# the JKR law, where a contact holds to <hold> Δ0 beyond its end, a parabola that touches zero where f_N + F does and is
+# below it for all overlaps up to that at rest (tests/test_adhesion_laws.py)
+_ABOVE_PULL_OFF = {
+    "dmt": "<holding_force>*v_overlap_<of>^1.5",
+    "jkr": "<holding_force>*((v_overlap_<of>+<hold>)/(1+<hold>))^2",
+}
 
 LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
 LINES_OFF = {
@@ -25,7 +30,7 @@ GUARD = Guard(
     lines=(
         "variable     mu equal <friction_limit>",
         "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        "variable     slip_looks vector look(c_extreme[2])/" + SLIDING_FORCE.replace("<of>", "looks"),
+        "variable     slip_looks vector look(c_extreme[2])/<sliding_force_looks>",
     ),
     limit=1 - BETWEEN,
     meaning="of the sliding force: contacts may have slid, which the model does not",
@@ -34,6 +39,19 @@ GUARD = Guard(
     of_contacts=True,
     per_contact=True,
 )
+
+
+def sliding_force(law: str, of: str) -> str:
+    """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
+
+    Parameters
+    ----------
+    law : str
+        Adhesion law.
+    of : str
+        "looks", "now" or "all", as of `granular_lmp.effects.guard.overlap_line`.
+    """
+    return f"(v_mu*(<adhesive_force>+{_ABOVE_PULL_OFF[law].replace('<of>', of)}))"
 
 
 def called_for(case: Case) -> Finding:

@@ -21,7 +21,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import force_law
+from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, Lattice, Shape, packed
 from granular_lmp.crystal.search import overlapping
@@ -96,7 +96,7 @@ def touching(
         unit = grain(float(2 * radius.sum()))
         crystal.arrays["radius"] = radius = np.round(radius / unit) * unit
         lower = np.arange(len(crystal) - 1)
-        overlap = (force / force_law(crystal, materials, lower, lower + 1)[0]) ** (2 / 3) / sphere.radius
+        overlap = law_between(crystal, materials, lower, lower + 1).overlap_under(force) / sphere.radius
         y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:] - np.round(overlap / unit) * unit)])
         crystal.positions[:, 1] = y - y[centre_row]
     return crystal, materials

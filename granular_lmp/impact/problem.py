@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import force_law
+from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.crystal.search import overlapping
@@ -62,7 +62,8 @@ class ImpactProblem:
     def contacts(self) -> tuple[Integers, Integers, Floats, Floats]:
         """Contacts i, j, (C,) each, their vectors (C, 2), radii, and coefficients (C,), in A."""
         i, j, vector = neighbours(self.crystal)
-        stiffness = force_law(self.crystal, self.materials, i, j)[0] / self.scene.sphere.normal_coefficient
+        law = law_between(self.crystal, self.materials, i, j)
+        stiffness = law.normal_coefficient / self.scene.sphere.normal_coefficient
         return i, j, vector, stiffness
 
     @cached_property

@@ -20,6 +20,7 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
+from granular_lmp.effects.guard import BETWEEN
 from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources
 from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
@@ -241,7 +242,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "sources": sources.lines(problem, units),
         "monitors": monitors.lines(problem),
         "invalid": guards.header(problem.judged, scene),
-        "at_rest": "\n".join(guards.AT_REST),
+        "at_rest": "\n".join(guards.at_rest_lines(scene)),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
         "append": "",
         "continued": "",
@@ -323,6 +324,8 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "no_slip_friction": repr(case.no_slip_friction),
         "friction_limit": "v_friction" if friction == AUTO else repr(friction),
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
+        "hold": repr(case.hold),
+        "nearly_open": f"{BETWEEN - case.hold * (1 - BETWEEN):.4f}",
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
         "centre_row": f"{centre_row[0]}:{centre_row[-1]}",

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import force_law
+from granular_lmp.crystal.contacts import law_between
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, contact_lines, kept_at_looks, overlap_line
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.effects.sliding import SLIDING_FORCE
+from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import crystal_of, swiftness
@@ -29,14 +29,9 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
 GUARDS = guards()
+PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 LINE = 10.0  # tau between two lines of the thermo table
 NEXT_LOOK = "variable     next_look equal time+dt*(${look}-step%${look})"
-
-# Contacts at rest, counted before the first run. LAMMPS counts them, so that the number is that of the data file
-AT_REST = (
-    "compute      touching all contact/atom",
-    "fix          at_rest all store/state 0 c_touching",
-)
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,7 @@ class Measured:
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 _ELSEWHERE_LINES = (
     "compute      missing_all all reduce sum v_missed",
-    "variable     slip_all equal c_extreme_all[2]/" + SLIDING_FORCE.replace("<of>", "all"),
+    "variable     slip_all equal c_extreme_all[2]/<sliding_force_all>",
     "variable     open_all equal ceil(c_missing_all/2)",
 )
 
@@ -167,6 +162,20 @@ def _group_interval(scene: Scene) -> int:
 # --- the deck --------------------------------------------------------------------------------------------------------
 
 
+def at_rest_lines(scene: Scene) -> list[str]:
+    """Return the lines that count contacts at rest, before the first run.
+
+    LAMMPS counts them, so that the number is that of the data file. Its ``contact/atom`` knows no contact of spheres
+    that do not overlap; where those adhere, the spheres within the pull-off distance are counted.
+    """
+    sphere, units = scene.sphere, units_for(scene.sphere.radius)
+    count = "contact/atom"
+    if sphere.pull_off_distance:
+        reach = 2 * sphere.radius + sphere.pull_off_distance * (1 - PULL_OFF)
+        count = f"coord/atom cutoff {units.number(reach, length=1)!r}"
+    return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching"]
+
+
 def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     """Return the lines of some guards, each line once, and the thermo output of all.
 
@@ -205,6 +214,9 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
         ]
     if any(GUARDS[name].per_contact and name in exact for name in names):
         text += _written_out(scene)
+    law = scene.sphere.adhesion_law
+    for of in ("looks", "all"):
+        text = [line.replace(f"<sliding_force_{of}>", sliding_force(law, of)) for line in text]
     return [
         *_inside(scene),
         *text,
@@ -267,7 +279,7 @@ def _written_out(scene: Scene) -> list[str]:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
     first = "" if scene.shape.single_column else " first yes"
-    force = SLIDING_FORCE.replace("<of>", "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
+    force = sliding_force(scene.sphere.adhesion_law, "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
     return [
         "# each contact, distance and shear force, at the looks where the bound v_slip does not decide; the interval",
         "# is a time, as LAMMPS would compute the contacts again for a dump whose interval is in steps",
@@ -332,7 +344,7 @@ def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, fol
 def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int, float]]:
     """Yield step and largest ratio of the shear force to the sliding force of the same contact, look by look.
 
-        F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2}))
+        F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2})),    in the JKR law F_t / (μ (f_N(δ) + 2F))
 
     The ratio is infinite if a contact without adhesion has just opened.
     """
@@ -342,8 +354,8 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
         *ends, distance, shear = contacts.T
         # The contacts of equal spheres are all alike, and only those of others are written with their spheres
         i, j = (end.astype(int) - 1 for end in ends) if ends else np.zeros((2, len(shear)), dtype=int)
-        repulsion, _, adhesive = force_law(at_rest.atoms, at_rest.materials, i, j)
-        overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), 0.0)
-        sliding = friction * units.number(adhesive + repulsion * overlap**1.5, mass=1, length=1, time=-2)
+        law = law_between(at_rest.atoms, at_rest.materials, i, j)
+        overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
+        sliding = friction * units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
         yield step - first_step(scene), float(np.max(ratio, initial=0.0))

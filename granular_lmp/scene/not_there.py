@@ -57,10 +57,10 @@ NOT_THERE = (
         "shape polyhedra ellipsoid clump aspect_ratio",
     ),
     NotThere(
-        "liquid bridges, cohesion that acts at a distance (JKR)",
-        "DMT adhesion acts in contact",
-        "`pair_style granular` has `jkr`",
-        "jkr liquid capillary humidity cohesion",
+        "liquid bridges, forces that act at a distance",
+        "adhesion is that of contacts, by `sphere.adhesion_law`: DMT, or JKR, which holds until the pull-off",
+        "LIGGGHTS",
+        "liquid capillary humidity cohesion van_der_waals",
     ),
     NotThere(
         "restitution of adhesive contacts",

@@ -30,7 +30,7 @@ from granular_lmp.scene.schema import declared_fields, first_file, shown
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
-    SPHERE_RULES,
+    LATTICE_SPHERE_RULES,
     Absorb,
     Effects,
     Envelope,
@@ -79,7 +79,7 @@ class Scene(Document):
     }
     repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor}
     optional = ("disorder", "absorb")
-    rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
+    rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
     exclusive = {
         "time.tolerance": ("time.timestep",),
@@ -151,13 +151,19 @@ class Scene(Document):
         wave, material, effects = records["wave"], records["material"], records["effects"]
         if wave.frequency is None:
             return records
+        validation.check_adhesion_law(material, effects)
         sphere, lattice = at_rest(material, records["packing"], effects), LATTICES[records["packing"].lattice]
         validation.check_sphere(material, sphere, effects, wave.amplitude)
         return records | {"wave": replace(wave, wavenumber=_wavenumbers(wave, sphere, effects, lattice)[0])}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested plain values with every default; either the time step or the tolerance, as declared."""
+        """Return nested plain values with every default; either the time step or the tolerance, as declared.
+
+        The adhesion law is written only if it is not the default, so that scene files of earlier versions stay equal.
+        """
         tables = super().to_dict()
+        if self.material.adhesion_law == Sphere.adhesion_law:
+            del tables["sphere"]["adhesion_law"]
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
         return tables
@@ -355,6 +361,7 @@ class Scene(Document):
         return echo_at(rows, self.source, self.shape, driven=driven, quiet=quiet)
 
     def __post_init__(self) -> None:
+        validation.check_adhesion_law(self.material, self.effects, perfect=self.perfect)
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import ceil, floor, hypot, pi
 from typing import Any
 
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
 from granular_lmp.crystal.lattices import HEXAGONAL, LATTICES, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
@@ -238,6 +239,9 @@ SPHERE_RULES = {
     "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
     "work_of_adhesion": Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True)),
     "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
+}
+LATTICE_SPHERE_RULES = SPHERE_RULES | {
+    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
 }
 DISORDER_RULES = {
     "radius": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.1)),

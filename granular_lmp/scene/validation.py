@@ -26,6 +26,26 @@ FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing mu
 FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3e-5 of the packet then run backward
 
 
+def check_adhesion_law(material: Sphere, effects: Effects, *, perfect: bool = True) -> None:
+    """Check that spheres whose adhesion acts beyond contact do adhere, and that all are equal.
+
+    Only equal spheres are at rest at once; others are brought to rest with the DMT law.
+    """
+    if material.adhesion_law == Sphere.adhesion_law:
+        return
+    if material.work_of_adhesion == 0 or effects.adhesion is False:
+        raise SceneError(
+            f'sphere.adhesion_law = "{material.adhesion_law}": needs sphere.work_of_adhesion above 0, J/m2, and '
+            f"effects.adhesion not false, and they are {material.work_of_adhesion!r} and {shown(effects.adhesion)}; "
+            "without adhesion the contacts are Hertz's"
+        )
+    if not perfect:
+        raise SceneError(
+            f'sphere.adhesion_law = "{material.adhesion_law}": must be "{Sphere.adhesion_law}" where spheres differ or '
+            "are missing; they are brought to rest with that law only"
+        )
+
+
 def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> None:
     """Check that something holds the lattice together, and that its static overlap and the wave's D0 are small.
 
