@@ -136,7 +136,11 @@ class ImpactRecord:
         return np.asarray(np.sum(0.4 * stiffness * overlap**2.5, axis=-1))
 
     def energy(self) -> Floats:
-        """Return the energy of all spheres and contacts, in m v², (T,); raises as `stored_energy`."""
+        """Return the energy of all spheres and contacts, in m v², (T,); raises as `stored_energy`.
+
+        With a restitution below 1 it falls, by what the dashpots of the contacts take. Without, it is that of the
+        strikers but for the error of the step.
+        """
         stored = self.stored_energy()
         return np.asarray(self.kinetic_energy.sum(axis=1) + stored)
 
