@@ -298,11 +298,29 @@ def test_folders_that_do_not_belong_together_are_refused(folders: list[str], tmp
 # ---------------------------------------------------------------- one contact, known exactly
 
 
+def law_of_silica() -> Contact:
+    return Contact(radius=250.0, modulus=SILICA.effective_modulus * 1e-6, work=SILICA.work_of_adhesion * 1e3)  # nano
+
+
+def test_a_contact_that_has_touched_holds_beyond_overlap_zero() -> None:
+    law, text = law_of_silica(), contact.pair(contact.model(SILICA, NANO, normal="jkr", friction=FRICTION))
+    assert 2.0**-4 < law.pull_off_distance("load") < 2.0**-3
+    beyond = touch(text, SILICA, 0.25, (2.0**-10, 0.0), (0.0, -(2.0**-4) - 0.25))
+    a = float(law.contact_radius(-(2.0**-4)))
+    # Ten roundings, which the slope of the radius near the pull-off makes tenfold
+    assert beyond.normal == pytest.approx(float(law.force(a)), rel=1e-11)
+    assert beyond.shear == pytest.approx(-SILICA_AT.B / sqrt(250.0) * a * 2.0**-10, rel=1e-11)
+    for never in (
+        touch(text, SILICA, -(2.0**-4), (0.0, 0.0)),  # has not touched
+        touch(text, SILICA, 0.25, (0.0, 0.0), (0.0, -(2.0**-3) - 0.25)),  # is beyond the pull-off
+    ):
+        assert never.normal == never.shear == 0
+
+
 @pytest.mark.parametrize("overlap", [2.0**-8, 0.25, 2.0, 64.0])
 def test_shear_and_sliding_of_a_jkr_contact(overlap: float) -> None:
     """Mindlin's law has the circle of JKR, and sliding begins at μ (f_N + 2F), F the pull-off force."""
-    units = {"radius": 250.0, "modulus": SILICA.effective_modulus * 1e-6, "work": SILICA.work_of_adhesion * 1e3}
-    law = Contact(**units)  # nm, MPa, mJ/m²
+    law = law_of_silica()
     a = float(law.contact_radius(overlap))
     per_radius = SILICA_AT.B / sqrt(250.0)  # 8 G*
     held, slides = (
