@@ -247,7 +247,9 @@ def test_bodies_that_have_not_turned_round_yet_are_an_error(tmp_path: Path) -> N
 def test_the_command_says_that_bodies_stick(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["collide", "jkr_pull_off", "--set", "collision.normal_velocity=0.2", "-o", str(tmp_path / "run")]
     assert main([*words, "--set", "collision.steps=2000"]) == 0
-    assert "the bodies stick together\n" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "the bodies stick together\n" in said.out
+    assert "loses half of the energy of JKR's theory" in said.err
 
 
 # ---------------------------------------------------------------- the figure
