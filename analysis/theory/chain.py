@@ -1,11 +1,15 @@
 """A chain of spheres that press on each other by Hertz's law, along one line and without LAMMPS.
 
-    m_i u_i'' = f_i − f_{i+1} + P_i,   f_j = A_j max(δ_j, 0)^{3/2},   δ_j = d_j + u_{j−1} − u_j
+    m_i u_i'' = f_i − f_{i+1} + P_i,   f_j = A_j δ_j^{3/2} + η_j δ_j^{1/4} δ_j',   δ_j = (d_j + u_{j−1} − u_j)₊
 
 Sphere i lies between the contacts i and i + 1. The contacts 0 and n are those with walls at rest, u_{−1} = u_n = 0; an
 end without a wall has A = 0. A held sphere has infinite mass. The overlap at rest d_j is negative for a gap, and P_i is
 the constant load that keeps the chain at rest at u = 0: the force F0 on free ends, none on spheres that just touch.
-There is no adhesion, friction, rotation or damping. States have the shape (…, n): many chains move side by side.
+There is no adhesion, friction or rotation. States have the shape (…, n): many chains move side by side.
+
+The dashpots η_j = √5 ζ √(μ_j A_j), ζ = −ln e/√(π² + ln² e), 1/μ = 1/m + 1/m', let two spheres that meet part with e
+times their relative velocity, whatever it is (LAMMPS's ``coeff_restitution``). A contact pulls before it ends: at
+δ → 0 the dashpot outweighs the repulsion. `analysis.theory.chain_damping` has what they take from a wave.
 
 Forces are differences of those at rest: motions of 1e-10 of the overlap have six digits, and weaker ones fewer.
 
@@ -35,6 +39,7 @@ class Chain:
     mass : (n,), positive; infinite for a held sphere.
     stiffness : (n + 1,) A_j, not negative; 0 where there is no contact.
     overlap : (n + 1,) d_j at rest, where all u are 0; negative for a gap.
+    restitution : e of a collision at each contact, in (0, 1]; 1: no dashpots.
 
     Raises ValueError for shapes that do not fit and for values that are out of range.
     """
@@ -42,6 +47,7 @@ class Chain:
     mass: Floats
     stiffness: Floats
     overlap: Floats
+    restitution: float = 1.0
 
     def __post_init__(self) -> None:
         count = self.mass.size
@@ -56,10 +62,26 @@ class Chain:
             raise ValueError(f"stiffness must be finite and not negative, not {self.stiffness}")
         if not np.isfinite(self.overlap).all():
             raise ValueError(f"overlap must be finite, not {self.overlap}")
+        if not 0 < self.restitution <= 1:
+            raise ValueError(f"restitution must be above 0 and at most 1, not {self.restitution}")
 
     def __len__(self) -> int:
         """Return the number of spheres."""
         return self.mass.size
+
+    @property
+    def damped(self) -> bool:
+        """Return whether the contacts have dashpots."""
+        return self.restitution < 1
+
+    @cached_property
+    def dashpot(self) -> Floats:
+        """Return η_j (n + 1,); the contact of two held spheres has none."""
+        loss = -np.log(self.restitution)
+        inverse = np.append(1 / self.mass, 0.0) + np.append(0.0, 1 / self.mass)  # 1/μ
+        light = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+        result: Floats = np.sqrt(5 * light * self.stiffness) * (loss / np.hypot(np.pi, loss))
+        return result
 
     @cached_property
     def load(self) -> Floats:
@@ -147,7 +169,7 @@ def overlaps(chain: Chain, u: Array) -> Array:
 
 
 def forces(chain: Chain, u: Array) -> Array:
-    """Return the forces of the contacts f_j (…, n + 1), positive when they push."""
+    """Return the forces of the springs A_j δ_j^{3/2} (…, n + 1)."""
     pressed = overlaps(chain, u)
     np.maximum(pressed, 0.0, out=pressed)
     root = np.sqrt(pressed)
@@ -156,9 +178,27 @@ def forces(chain: Chain, u: Array) -> Array:
     return pressed
 
 
-def acceleration(chain: Chain, u: Array) -> Array:
-    """Return the accelerations (…, n)."""
+def rates(chain: Chain, v: Array) -> Array:
+    """Return the rates of the overlaps δ_j' (…, n + 1), of open contacts too."""
+    return overlaps(replace(chain, overlap=np.zeros_like(chain.overlap)), v)
+
+
+def dashpot_forces(chain: Chain, u: Array, v: Array) -> Array:
+    """Return the forces of the dashpots η_j δ_j^{1/4} δ_j' (…, n + 1); negative ones pull."""
+    result: Array = chain.dashpot * np.sqrt(np.sqrt(np.maximum(overlaps(chain, u), 0.0))) * rates(chain, v)
+    return result
+
+
+def acceleration(chain: Chain, u: Array, v: Array | None = None) -> Array:
+    """Return the accelerations (…, n).
+
+    Raises ValueError for a chain with dashpots if the velocities are not given.
+    """
     force = forces(chain, u)
+    if chain.damped:
+        if v is None:
+            raise ValueError(f"restitution = {chain.restitution}: the acceleration needs the velocities")
+        force += dashpot_forces(chain, u, v)
     result = force[..., :-1] - force[..., 1:]
     result += chain.load
     result /= chain.mass
@@ -171,7 +211,8 @@ def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
         V_j = (2/5) A (δ₊^{5/2} − d₊^{5/2}) − A d₊^{3/2} (δ − d)
             = A (y − z)² (2y³ + 4y²z + 6yz² + 3z³)/5 + A z³ (−δ)₊,   y = √δ₊, z = √d₊
 
-    The term in δ − d is the share of the loads, so that the sum over all spheres is the conserved energy of the chain.
+    The term in δ − d is the share of the loads, so that the sum over all spheres is the energy of the chain, which is
+    conserved without dashpots.
     The second line keeps all digits of small motions. A contact with a wall or a held sphere counts in full for the one
     sphere that moves.
     """
@@ -179,7 +220,7 @@ def energies(chain: Chain, u: Floats, v: Floats) -> Floats:
     pressed = np.maximum(now, 0.0)
     y, z = np.sqrt(pressed), np.sqrt(rest)
     both = (pressed > 0) & (rest > 0)
-    stretch = overlaps(replace(chain, overlap=np.zeros_like(rest)), u)
+    stretch = rates(chain, u)  # δ − d
     change = np.divide(stretch, y + z, out=y - z, where=both)
     stored = change**2 * (2 * y**3 + 4 * y**2 * z + 6 * y * z**2 + 3 * z**3) / 5 + z**3 * (pressed - now)
     stored *= chain.stiffness
@@ -228,7 +269,11 @@ def normal_modes(chain: Chain) -> tuple[Floats, Floats]:
     """Return the frequencies (k,) and shapes (k, n) of small vibrations about rest, k spheres that are not held.
 
     The shapes are normalised to Σ m u² = 1. Contacts that only touch have no stiffness, and give frequencies of 0.
+
+    Raises ValueError for a chain with dashpots.
     """
+    if chain.damped:
+        raise ValueError(f"restitution = {chain.restitution}: must be 1, damped vibrations have no normal modes here")
     stiffness, free = linear_stiffness(chain), np.isfinite(chain.mass)
     matrix = np.diag(stiffness[:-1] + stiffness[1:]) - np.diag(stiffness[1:-1], 1) - np.diag(stiffness[1:-1], -1)
     root = np.sqrt(chain.mass[free])

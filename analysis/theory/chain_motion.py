@@ -5,7 +5,11 @@ A symplectic scheme is a composition of velocity Verlet, a step h replaced by st
 | scheme | forces per step | order, smooth motion | order, contacts close or open |
 |---|---|---|---|
 | VERLET | 1 | 2 | 2 |
+| VERLET, dashpots | 1 | 1 | 1 |
 | SIXTH | 9 | 6 | 5/2 |
+
+With dashpots VERLET is LAMMPS's scheme, which takes their forces at the velocities of half a step ago, and SIXTH is
+refused.
 
 A contact closes or opens anywhere in a step, where its force t₊^{3/2} is not smooth; each such event leaves an error of
 h^{5/2} with any scheme of fixed step. DOP853 shortens its steps there. A solitary wave in equal spheres that just touch
@@ -59,20 +63,23 @@ def march(
     step : in units of time; negative runs backward.
     steps : how many; `every` must divide it.
 
-    Raises ValueError if it does not, RuntimeError for velocities that overflow.
+    Raises ValueError if it does not, and for a chain with dashpots in any scheme but VERLET or backward; RuntimeError
+    for velocities that overflow.
     """
     every = every or steps
     if steps < 1 or steps % every:
         raise ValueError(f"steps must be a positive multiple of every = {every}, not {steps}")
+    if chain.damped and (scheme != VERLET or step < 0):
+        raise ValueError(f"restitution = {chain.restitution}: needs VERLET and a positive step, not step = {step}")
     u, v = u.copy(), v.copy()
     us, vs = np.empty((steps // every, *u.shape), u.dtype), np.empty((steps // every, *v.shape), v.dtype)
     halves = [part * step / 2 for part in scheme]
-    pull = acceleration(chain, u)
+    pull = acceleration(chain, u, v)
     for number in range(1, steps + 1):
         for half in halves:
             v += half * pull
             u += 2 * half * v
-            pull = acceleration(chain, u)
+            pull = acceleration(chain, u, v)
             v += half * pull
         if number % every == 0:
             us[number // every - 1], vs[number // every - 1] = u, v
@@ -104,7 +111,7 @@ def integrate(chain: Chain, u: Floats, v: Floats, times: ArrayLike, rtol: float 
     speed = sqrt(2 * total / chain.mass.min())
 
     def derivative(y: Array) -> Array:
-        return np.stack([y[1], acceleration(chain, y[0] * length) * (length / speed**2)])
+        return np.stack([y[1], acceleration(chain, y[0] * length, y[1] * speed) * (length / speed**2)])
 
     start = np.stack([u / length, v / speed])
     states = dop853(derivative, start, np.asarray(times, dtype=float) * (speed / length), rtol, rtol, np.inf)
@@ -122,9 +129,11 @@ def follow(
 
     clearance : spheres at rest ahead of the pulse that the window holds.
 
-    Raises ValueError for a chain with compressed contacts, through which sound would leave the window, and for a
-    negative step, RuntimeError if the clearance is too small.
+    Raises ValueError for a chain with compressed contacts, through which sound would leave the window, with dashpots,
+    which hold spheres together behind the wave, and for a negative step, RuntimeError if the clearance is too small.
     """
+    if chain.damped:
+        raise ValueError(f"restitution = {chain.restitution}: must be 1 in a window; take march")
     if not step > 0:
         raise ValueError(f"step must be positive, not {step}: backward, spheres that fly apart meet")
     if np.any(chain.overlap[chain.stiffness > 0] > 0):

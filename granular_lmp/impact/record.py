@@ -148,7 +148,11 @@ class ImpactRecord:
         return np.asarray(each.T)
 
     def energy(self) -> Floats:
-        """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`."""
+        """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`.
+
+        With a restitution below 1 it falls, by what the dashpots of the contacts take. Without, it is that of the
+        strikers but for the error of the step.
+        """
         return np.asarray(self.energies().sum(axis=1))
 
     def write_si(self, path: str | Path) -> None:

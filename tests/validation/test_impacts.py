@@ -258,8 +258,9 @@ def test_a_sheet_keeps_energy_momentum_and_mirror_symmetry(run: Runs) -> None:
     assert np.max(np.abs(sheet[::2] - sheet[::2, ::-1])) > 1e-3
 
 
-def test_a_square_sheet_struck_at_a_point_is_a_chain(run: Runs) -> None:
-    shared = {"time.duration": 12.0, "time.sample": 1.0, "time.timestep": 0.05}
+@pytest.mark.parametrize("restitution", [1.0, 0.7])
+def test_a_square_sheet_struck_at_a_point_is_a_chain(restitution: float, run: Runs) -> None:
+    shared = {"time.duration": 12.0, "time.sample": 1.0, "time.timestep": 0.05, "effects.restitution": restitution}
     sheet = run(
         SHEET,
         shared | {"packing.lattice": "square", "packing.rows": 12, "packing.columns": 5, "striker.1.spheres": [[0, 2]]},
