@@ -17,7 +17,8 @@ compared with nothing; a note says why, and names the script that has a theory o
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,13 @@ class Comparison:
         What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
     signals : tuple of (T,) arrays, or None
         p, q, φ of the reference at the times of the record, in D0; not in the JSON.
+    record, wave : Record, Wave
+        What was compared; not in the JSON.
+
+    Notes
+    -----
+    `lattice_error` and `budget` integrate the exact lattice, most of the time of a comparison, when they are first
+    asked for.
     """
 
     folder: str | None
@@ -76,22 +84,35 @@ class Comparison:
     amplitude: float
     theory: str | None
     error: dict[str, float | None]
-    lattice_error: dict[str, float | None]
     predicted: float | None
     measured: float | None
     fit_error: float | None
     notes: list[str]
-    budget: list[Source]
     signals: Trajectory | None = field(repr=False, compare=False)
+    record: Record = field(repr=False, compare=False)
+    wave: Wave = field(repr=False, compare=False)
 
     @property
     def run(self) -> str:
         """The run in words: its folder, else the name of its scene."""
         return self.folder or self.name
 
+    @cached_property
+    def _exact(self) -> Trajectory | None:
+        return trajectory("exact-lattice", self.wave, self.record.tau) if holding(self.wave) else None
+
+    @cached_property
+    def lattice_error(self) -> dict[str, float | None]:
+        return {} if self._exact is None else errors(self.record, self._exact)
+
+    @cached_property
+    def budget(self) -> list[Source]:
+        return [] if self._exact is None else error_budget(self.record, self.wave, self.lattice_error, self._exact)
+
     def to_dict(self) -> dict[str, Any]:
-        """Return all but the signals as plain values, as the JSON holds them."""
-        return {name: value for name, value in asdict(self).items() if name != "signals"}
+        """Return the plain values, as the JSON holds them."""
+        plain = {each.name: getattr(self, each.name) for each in fields(self) if each.compare}
+        return plain | {"lattice_error": self.lattice_error, "budget": [asdict(source) for source in self.budget]}
 
 
 def compare(record: Record, theory: str | None = None) -> Comparison:
@@ -103,8 +124,6 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     wave = wave_of(record)
     reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
     measured, fit_error = measured_amplitude(record, wave)
-    exact = trajectory("exact-lattice", wave, record.tau) if holding(wave) else None
-    lattice_error = {} if exact is None else errors(record, exact)
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
@@ -114,13 +133,13 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
         amplitude=wave.amplitude,
         theory=reference.name,
         error={} if reference.signals is None else errors(record, reference.signals),
-        lattice_error=lattice_error,
         predicted=predicted_amplitude(wave),
         measured=measured,
         fit_error=fit_error,
         notes=notes(record, wave, reference),
-        budget=[] if exact is None else error_budget(record, wave, lattice_error, exact),
         signals=reference.signals,
+        record=record,
+        wave=wave,
     )
 
 

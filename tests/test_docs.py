@@ -1,11 +1,9 @@
-"""The pages say what is there: links, names of tests and functions, code blocks, and the error table of the theory."""
+"""The pages say what is there: links, names of tests and functions, commands, and the error table of the theory."""
 
 import importlib
 import os
 import re
 import shlex
-import subprocess
-import sys
 from argparse import ArgumentParser
 from collections.abc import Sequence
 from functools import cache
@@ -30,8 +28,6 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 THEORY = ROOT / "docs" / "theory.md"
 CODE = re.compile(r"^```[^\n]*\n.*?^```[ \t]*$", re.MULTILINE | re.DOTALL)
-PYTHON = re.compile(r"^```python[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
-ALLOWED = 60.0  # s per code block
 
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 
@@ -179,62 +175,6 @@ def test_prose_that_is_not_as_it_should_be_is_found() -> None:
     assert len(long_captions("![a](b.png)\n\n*One. Two\n2.5. Three. Four.*\n")) == 1
     assert avoided_words("Waves are heard in `dump.particles`, and a knob wakes.") == {"heard", "knob", "wakes"}
     assert named_in_prose("See `test_a`.\n\n| a | `test_b` |\n") == ["See `test_a`."]
-
-
-# ---------------------------------------------------------------- code
-
-
-def run_blocks(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run the ```python blocks of a page in an empty folder, one after the other in one session, as a reader would.
-
-    A block that is not to be run (too long, or in need of something) carries another mark than plain ```python.
-    """
-    blocks = PYTHON.findall(text)
-    runner = "import sys\nspace = {'__name__': '__main__'}\n"
-    runner += f"for i, block in enumerate({blocks!r}, 1):\n    exec(compile(block, f'block {{i}}', 'exec'), space)\n"
-    (folder / "page.py").write_text(runner, "utf-8")
-    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-    return subprocess.run(
-        [sys.executable, "page.py"],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": path},
-        timeout=ALLOWED * max(len(blocks), 1),
-        capture_output=True,
-        text=True,
-    )
-
-
-PAGES_OF_PYTHON = [
-    "README.md",
-    "docs/how-to.md",
-    "docs/sweeps.md",
-    "docs/gallery.md",
-    "docs/network.md",
-    "docs/imperfect.md",
-    "docs/impacts.md",
-    "docs/strongly-nonlinear.md",
-    "docs/mixing.md",
-]
-
-
-@pytest.mark.parametrize("page", PAGES_OF_PYTHON)
-def test_the_python_of_a_page_runs(page: str, tmp_path: Path) -> None:
-    done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("page", ["docs/collisions.md", "docs/crystals.md", "docs/experiments.md"])
-def test_the_python_of_a_page_on_the_library_runs(page: str, tmp_path: Path) -> None:
-    done = run_blocks((ROOT / page).read_text("utf-8"), tmp_path)
-    assert done.returncode == 0, done.stderr
-
-
-def test_python_that_fails_is_found(tmp_path: Path) -> None:
-    page = "```python\nimport analysis\nx = 1\n```\n\n```console\nfalse\n```\n\n```python\nassert x == {}\n```\n"
-    assert run_blocks(page.format(1), tmp_path).returncode == 0
-    wrong = run_blocks(page.format(2), tmp_path)
-    assert wrong.returncode == 1
-    assert 'File "block 2", line 1' in wrong.stderr
 
 
 # ---------------------------------------------------------------- commands

@@ -66,11 +66,12 @@ def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: P
 
 
 def test_a_script_ends_as_a_command_does(small_toml: Path, tmp_path: Path) -> None:
-    assert shell(f"{GRANULAR} run small.toml -o run", tmp_path)[0] == 0
+    # Of a sweep it prints a line and draws no figure
+    assert shell(f"{GRANULAR} sweep small.toml --over wave.phase=0 -o sweep", tmp_path)[0] == 0
     compare = f"PYTHONPATH={Path(__file__).parents[1]} {sys.executable} -m analysis.compare"
-    assert shell(f"{compare} run > /dev/full", tmp_path)[::2] == (1, "[Errno 28] No space left on device\n")
-    assert shell(f"set -o pipefail; {compare} run | true", tmp_path)[::2] == (0, "")
-    assert shell(f"{compare} run <&- >&- 2>&-", tmp_path)[0] == 0
+    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "[Errno 28] No space left on device\n")
+    assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
+    assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
