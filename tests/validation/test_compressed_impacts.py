@@ -1,12 +1,15 @@
 """Impacts on chains that are pressed together, in LAMMPS through their scenes, against theories of their own code."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.figures import solitary as figure
 from analysis.measure.norms import slope
 from analysis.theory.chain import Chain, End, compressed, energies, spheres
 from analysis.theory.chain_motion import integrate, march, peak
@@ -198,3 +201,34 @@ def test_a_wave_close_to_sound_runs_unchanged(run: Runs) -> None:
     # The fourth order of the step: 1.4e-5 with half as many
     assert velocity == pytest.approx(expected, abs=3e-6 * float(v.max()))
     assert np.max(np.abs(velocity - wave.start(rows, crest=80.1)[1])) > 1e-2 * float(v.max())
+
+
+def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path) -> None:
+    spots = [[at, 0] for at in (59, 60, 79, 80)]
+    changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
+    record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
+    found = figure.front(record)
+    rest = float(record.problem.rest_overlap[0])
+    wave = solitary_wave(found.speed * sound(1.0, 1.0, rest), rest=rest)
+    # The error of one step of 0.03
+    assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)
+    assert found.steady
+    assert not figure.Front(1.0, 1.01, 1.1).steady
+    assert record.folder is not None
+    assert figure.main([str(record.folder), "-o", str(tmp_path / "a.png")]) == 0
+    assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"packing.contact_force": 0.0}, "must be a chain of equal spheres with packing.contact_force above 0"),
+        ({"disorder.density": 0.1}, "must be a chain of equal spheres"),
+        ({"output.spheres": [[3, 0], [4, 0]]}, "rows [3, 4] are recorded: must be two neighbours, and two others"),
+    ],
+)
+def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    spots = {"packing.contact_force": 10.0, "output.spheres": [[3, 0], [4, 0], [8, 0], [9, 0]]}
+    record = run(CHAIN, spots | {"time.duration": 1.0} | changes)
+    with pytest.raises(SystemExit, match=re.escape(message)):
+        figure.main([str(record.folder), "-o", str(tmp_path / "a.png")])
