@@ -88,10 +88,10 @@ def test_unequal_spheres_are_at_rest_and_have_the_forces_of_the_theory(run: Runs
     v = np.eye(13)[6]
     us, vs = march(chain, 0 * v, scale.velocity * v, record.scene.time.step * scale.time, 1000, every=10)
     assert record.velocity[1:, :, 1] == pytest.approx(vs / scale.velocity, abs=1e-8)
-    if "wall" not in ends:
-        each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
-        # The energy at rest is 0.06, of which differences are taken
-        assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
+    each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
+    # Energies above rest of 0.5 in all, with the errors of the displacements
+    assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
+    assert np.max(np.abs(record.energies()[1:] - 1.001 * each)) > 1e-4
     # Rounding of the places, 1e-15 of 26 radii, over the overlap of 1e-3 of one: 1e-11 of the force
     rest = record.info["at_rest"]
     assert rest["residual_force_over_impact"] < 1e-10 * rest["contact_force_over_impact"]
@@ -203,7 +203,7 @@ def test_a_wave_close_to_sound_runs_unchanged(run: Runs) -> None:
     assert np.max(np.abs(velocity - wave.start(rows, crest=80.1)[1])) > 1e-2 * float(v.max())
 
 
-def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path) -> None:
+def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spots = [[at, 0] for at in (59, 60, 79, 80)]
     changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
     record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
@@ -214,7 +214,8 @@ def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path) -> Non
     assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)
     assert found.steady
     assert not figure.Front(1.0, 1.01, 1.1).steady
-    assert record.folder is not None
+    monkeypatch.setattr(figure, "MASSES", np.array([0.5, 2.0]))  # the lines of the theory take 5 s
+    monkeypatch.setattr(figure, "RATIOS", np.array([1.01, 1.5, 3.0]))
     assert figure.main([str(record.folder), "-o", str(tmp_path / "a.png")]) == 0
     assert (tmp_path / "a.png").stat().st_size > 5000
 
