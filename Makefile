@@ -224,11 +224,17 @@ guards: .venv/ready
 
 FRONTS = --set packing.rows=61 --set packing.columns=101 --set "striker.1.spheres=[[0, 50]]" --set time.duration=80.0 --set time.sample=0.4
 
+FORCES = 0.1 0.3 1 3 10 30 60 100 200
+PRESSED = --set packing.rows=300 --set packing.last=free --set time.duration=340.0 --set time.sample=0.12 \
+    --set "output.spheres=[[239, 0], [240, 0], [279, 0], [280, 0]]"
+
 impact: .venv/ready
 	$(BIN)/granular-lmp run point_impact $(FRONTS) -o runs/impact/smooth --force
 	$(BIN)/granular-lmp run point_impact $(FRONTS) --set effects.friction=0.3 -o runs/impact/rough --force
 	$(BIN)/python -m analysis.figures.fronts runs/impact/smooth runs/impact/rough -o figures/fronts.png
-	$(BIN)/python -m analysis.figures.solitary -o figures/solitary.png
+	for force in $(FORCES); do $(BIN)/granular-lmp run compressed_chain $(PRESSED) --set packing.contact_force=$$force \
+	    -o runs/impact/force-$$force --force || exit 1; done
+	$(BIN)/python -m analysis.figures.solitary $(FORCES:%=runs/impact/force-%) -o figures/solitary.png
 	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
 
 # Published cases of impacts: docs/published-impacts.md. Densities of light spheres beside heavy ones of 10000 kg/m3: the

@@ -182,7 +182,8 @@ def test_the_record_is_in_the_units_of_the_impact(folders: dict[str, Path], tmp_
 
 
 def test_energy_of_what_was_not_recorded_is_refused(tmp_path: Path) -> None:
-    for number, changes in enumerate(({"output.rows": [0, 3]}, {"packing.last": "wall"})):
-        record = run_impact(CHAIN.with_values({"packing.last": "free"} | changes), tmp_path / str(number))
+    scenes = CHAIN.with_values({"output.rows": [0, 3]}), SHEET.with_values({"packing.last": "wall"})
+    for number, scene in enumerate(scenes):
+        record = run_impact(scene, tmp_path / str(number))
         with pytest.raises(RunFolderError, match="the stored energy needs a record of all spheres"):
             record.energy()

@@ -33,9 +33,9 @@ def impact_of(options: Options) -> "ImpactScene | None":
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
-# Change one value:              granular-lmp run {file} --set striker.1.velocity=0.1
+# Change one value:              granular-lmp run {file} --set {change}
 # Every key, with what is allowed: docs/reference/impact.md
-# Tables that may be added:      [disorder], [output], [[striker]], [[inclusion]]
+# Tables that may be added:      [start], [disorder], [output], [[striker]], [[inclusion]]
 
 """
 
@@ -50,7 +50,8 @@ def init(file: str, source: str) -> bool:
     if not is_impact(source):
         return False
     scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
-    write_new(Path(file), _HEAD.format(file=file) + scene.to_toml())
+    change = "striker.1.velocity=0.1" if scene.striker else "time.timestep=0.01"
+    write_new(Path(file), _HEAD.format(file=file, change=change) + scene.to_toml())
     return True
 
 

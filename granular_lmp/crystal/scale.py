@@ -1,8 +1,9 @@
 """The units of length and time in which a scene is measured: those of its spheres at rest, else those of an impact.
 
 Spheres that adhesion or compression holds together have an overlap at rest, Δ0, and the time t0 of their linear waves
-(`granular_lmp.crystal.sphere`). Spheres that just touch have neither. Their scale is made by the velocity v of the
-fastest striker, with the mass m of a sphere and the coefficient A of the Hertz force A δ^{3/2} between two of them:
+(`granular_lmp.crystal.sphere`). Spheres that just touch have neither. The scale of an impact, on spheres that touch or
+on a chain that is pressed together, is made by the velocity v of the fastest striker, with the mass m of a sphere and
+the coefficient A of the Hertz force A δ^{3/2} between two of them:
 
     ℓ = (m v²/A)^{2/5},   t0 = ℓ/v = (m²/(A² v))^{1/5},
 

@@ -1,1 +1,1 @@
-"""Lattices that just touch, and what strikes them: the scene, its spheres, its deck, its run and its record."""
+"""Lattices that just touch, compressed chains, and what strikes them: scene, spheres, deck, run and record."""

@@ -135,16 +135,23 @@ class ImpactProblem:
         return found
 
     @cached_property
-    def residual_force(self) -> float:
-        """Largest force that rounding of the places leaves on a sphere of a chain at rest, m v/t0."""
+    def on_walls(self) -> dict[int, tuple[float, float]]:
+        """Coefficient (A) and overlap at rest (ℓ) of the first (0) and the last (−1) sphere of a chain with a wall."""
         y, radius = self.crystal.positions[:, 1], self.crystal.arrays["radius"]
         unit = self.scene.sphere.radius / self.scene.scale.length
-        force = list(self.rest_force)
-        for name, end, at in (("ylo", 0, 0), ("yhi", -1, len(force) + 1)):
-            if name in self.planes:
-                overlap = float(radius[end]) - abs(float(y[end]) - self.planes[name])
-                force.insert(at, self._on_wall(end) * (overlap * unit) ** 1.5)
-        return float(np.max(np.abs(np.diff(force)), initial=0.0))
+        places = {end: self.planes[name] for end, name in ((0, "ylo"), (-1, "yhi")) if name in self.planes}
+        return {
+            end: (self._on_wall(end), max(float(radius[end]) - abs(float(y[end]) - place), 0.0) * unit)
+            for end, place in places.items()
+            if self.scene.lattice == CHAIN
+        }
+
+    @cached_property
+    def residual_force(self) -> float:
+        """Largest force that rounding of the places leaves on a sphere of a chain at rest, m v/t0."""
+        walls = {end: coefficient * overlap**1.5 for end, (coefficient, overlap) in self.on_walls.items()}
+        low, high = ([walls[end]] if end in walls else [] for end in (0, -1))
+        return float(np.max(np.abs(np.diff([*low, *self.rest_force, *high])), initial=0.0))
 
     @cached_property
     def rest_stiffness(self) -> Floats:

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
@@ -31,7 +32,7 @@ class ImpactRecord:
     tau : (T,) array
         Time in t0.
     displacement, velocity : (T, n, 2) arrays
-        Columns x and y, in ℓ and in v, the velocity of the fastest striker.
+        Columns x and y, in ℓ and in v, as a rule the velocity of the fastest striker (`ImpactScene.scale`).
     spin : (T, n) array
         R ω/v; 0 where spheres do not turn.
     problem : ImpactProblem
@@ -119,32 +120,35 @@ class ImpactRecord:
             V = (2/5) A (δ^{5/2} − d^{5/2}) − A d^{3/2} (δ − d)
 
         with the overlap at rest d. The last term is the share of the loads that press a chain together, so that the sum
-        over all spheres is conserved. Contacts are those of the neighbours at rest; one with a held sphere counts in
-        full for the one that moves.
+        over all spheres is conserved. Contacts are those of the neighbours at rest; one with a held sphere or a
+        wall counts in full for the one that moves.
 
         Raises
         ------
         RunFolderError
-            If not all spheres are recorded, or contacts have friction, whose shear forces store energy too, or a wall.
+            If not all spheres are recorded, contacts have friction, whose shear forces store energy too, or a sheet has
+            walls.
         """
         problem, scene = self.problem, self.scene
-        ends = (scene.packing.first, scene.packing.last, scene.packing.sides)
-        if len(problem.recorded) != len(problem.crystal) or scene.effects.friction or WALL in ends:
+        sides = scene.lattice != CHAIN and WALL in (scene.packing.first, scene.packing.last, scene.packing.sides)
+        if len(problem.recorded) != len(problem.crystal) or scene.effects.friction or sides:
             raise RunFolderError(
                 f"{self!r}: the stored energy needs a record of all spheres (no output.rows or output.spheres), "
-                "effects.friction = 0 and no walls"
+                "effects.friction = 0 and no walls of a sheet"
             )
         i, j, vector, stiffness = problem.contacts
-        radius, rest = problem.crystal.arrays["radius"], problem.rest_overlap
+        radius = problem.crystal.arrays["radius"]
         unit = self.scale.length / scene.sphere.radius
         distance = np.linalg.norm(vector + (self.displacement[:, j] - self.displacement[:, i]) * unit, axis=-1)
-        overlap = (radius[i] + radius[j] - distance) / unit
-        stored = 0.4 * (np.maximum(overlap, 0.0) ** 2.5 - rest**2.5) - rest**1.5 * (overlap - rest)
+        stored = _stored(stiffness, (radius[i] + radius[j] - distance) / unit, problem.rest_overlap)
         moves = ~problem.crystal.arrays["fixed"]
-        shares = stiffness * stored / np.maximum(1 * moves[i] + moves[j], 1)
+        shares = stored / np.maximum(1 * moves[i] + moves[j], 1)
         each = self.kinetic_energy.T.copy()
-        for end in (i, j):
-            np.add.at(each, end, (shares * moves[end]).T)
+        for contact_end in (i, j):
+            np.add.at(each, contact_end, (shares * moves[contact_end]).T)
+        for end, (coefficient, rest) in problem.on_walls.items():
+            inward = self.displacement[:, end, 1] * (1 if end else -1)
+            each[end] += _stored(coefficient, rest + inward, rest)
         return np.asarray(each.T)
 
     def energy(self) -> Floats:
@@ -188,3 +192,9 @@ class ImpactRecord:
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
         return f"<ImpactRecord {self.scene.name}: {len(self.problem.recorded)} spheres, {end}>"
+
+
+def _stored(stiffness: Floats | float, overlap: Floats, rest: Floats | float) -> Floats:
+    """Return the energy of contacts above rest, with the share of the loads that press them together."""
+    change = 0.4 * (np.maximum(overlap, 0.0) ** 2.5 - rest**2.5) - rest**1.5 * (overlap - rest)
+    return np.asarray(stiffness * change)

@@ -5,6 +5,8 @@ from functools import partial
 from math import pi
 
 from analysis.second_harmonic import ModeName
+from tests.hard.breathers import breathes
+from tests.hard.breathers import order as order_of_breathers
 from tests.hard.case import Cases
 from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
@@ -55,6 +57,8 @@ FAST: Mapping[str, Measure] = {
     "sticking speed": sticking,
     "parting velocity": parting,
     "a long chain": partial(long_chain, 10_000, 20.0),
+    "a breather": partial(breathes, 100),
+    "order of a breather": order_of_breathers,
 }
 
 LONG: Mapping[str, Measure] = {
@@ -76,4 +80,5 @@ LONG: Mapping[str, Measure] = {
     "seed of TR on L": instability,
     "energy of a struck chain, a million steps": partial(energy, 50_000.0),
     "a chain of 1e5": partial(long_chain, 100_000, 20.0),
+    "a breather, long": partial(breathes, 2000),
 }

@@ -4,6 +4,8 @@ from functools import partial
 
 import pytest
 
+from tests.hard.breathers import breathes
+from tests.hard.breathers import order as order_of_breathers
 from tests.hard.cases import Measure
 from tests.hard.decomposition import ranks
 from tests.hard.impacts import kept, order
@@ -30,6 +32,7 @@ SLIPPERY = (("friction index $(5.0*v_amplitude:%.17g)", "friction index 0.05"),)
 FAST_CLOCK = (("$(v_sample/v_every*v_t0:", "$(1.01*v_sample/v_every*v_t0:"),)
 FAST_STRIKE = (("equal v_sample/v_every\n", "equal 1.01*v_sample/v_every\n"),)
 WEAKER = ((" 0.34 50.0 ", " 0.34 49.0 "),)  # mJ/m², half of the work of adhesion
+UNLOADED = (("fix          load2", "# fix          load2"),)
 LOSSY_STRIKE = ((" 0.0 0.3 &", " 0.02 0.3 &"),)  # m/t0
 
 # Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
@@ -66,6 +69,9 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),
     "a long chain on a fast clock": (partial(long_chain, 1000, 20.0, FAST_STRIKE), "velocities"),
     "a struck chain of lossy contacts": (partial(energy, 200.0, LOSSY_STRIKE), "energy"),
+    "a breather in a chain that comes loose": (partial(breathes, 20, edits=UNLOADED), "breather"),
+    "a breather of lossy contacts": (partial(breathes, 20, edits=LOSSY_STRIKE), "energy"),
+    "a breather on a fast clock": (partial(order_of_breathers, FAST_STRIKE), "order"),
     "a law of noise ten times too large": (partial(floor, 16, 0.01, scale=10.0), "noise of p"),
     "a law of noise ten times too small": (partial(floor, 16, 0.01, scale=0.1), "noise of"),
     "a law far from the origin ten times too large": (partial(origin, scale=10.0), "noise of p"),

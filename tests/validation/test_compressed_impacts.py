@@ -1,12 +1,15 @@
 """Impacts on chains that are pressed together, in LAMMPS through their scenes, against theories of their own code."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.figures import solitary as figure
 from analysis.measure.norms import slope
 from analysis.theory.chain import Chain, End, compressed, energies, spheres
 from analysis.theory.chain_motion import integrate, march, peak
@@ -85,10 +88,10 @@ def test_unequal_spheres_are_at_rest_and_have_the_forces_of_the_theory(run: Runs
     v = np.eye(13)[6]
     us, vs = march(chain, 0 * v, scale.velocity * v, record.scene.time.step * scale.time, 1000, every=10)
     assert record.velocity[1:, :, 1] == pytest.approx(vs / scale.velocity, abs=1e-8)
-    if "wall" not in ends:
-        each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
-        # The energy at rest is 0.06, of which differences are taken
-        assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
+    each = energies(chain, us, vs) / (scale.mass * scale.velocity**2)
+    # Energies above rest of 0.5 in all, with the errors of the displacements
+    assert record.energies()[1:] == pytest.approx(each, abs=1e-9)
+    assert np.max(np.abs(record.energies()[1:] - 1.001 * each)) > 1e-4
     # Rounding of the places, 1e-15 of 26 radii, over the overlap of 1e-3 of one: 1e-11 of the force
     rest = record.info["at_rest"]
     assert rest["residual_force_over_impact"] < 1e-10 * rest["contact_force_over_impact"]
@@ -154,7 +157,7 @@ def front(run: Runs, force: float, rows: int, velocity: float = 1.0) -> tuple[fl
     return float(speed), float(one), float(other)
 
 
-@pytest.mark.parametrize(("force", "rows"), [(1.0, 160), (10.0, 160), (60.0, 300)])
+@pytest.mark.parametrize(("force", "rows"), [(1.0, 160), (60.0, 300)])
 def test_a_struck_chain_carries_the_exact_wave_of_its_compression(run: Runs, force: float, rows: int) -> None:
     speed, one, other = front(run, force, rows)
     assert one == pytest.approx(other, rel=1e-6)  # it does not change any more
@@ -198,3 +201,35 @@ def test_a_wave_close_to_sound_runs_unchanged(run: Runs) -> None:
     # The fourth order of the step: 1.4e-5 with half as many
     assert velocity == pytest.approx(expected, abs=3e-6 * float(v.max()))
     assert np.max(np.abs(velocity - wave.start(rows, crest=80.1)[1])) > 1e-2 * float(v.max())
+
+
+def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    spots = [[at, 0] for at in (59, 60, 79, 80)]
+    changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
+    record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
+    found = figure.front(record)
+    rest = float(record.problem.rest_overlap[0])
+    wave = solitary_wave(found.speed * sound(1.0, 1.0, rest), rest=rest)
+    # The error of one step of 0.03
+    assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)
+    assert found.steady
+    assert not figure.Front(1.0, 1.01, 1.1).steady
+    monkeypatch.setattr(figure, "MASSES", np.array([0.5, 2.0]))  # the lines of the theory take 5 s
+    monkeypatch.setattr(figure, "RATIOS", np.array([1.01, 1.5, 3.0]))
+    assert figure.main([str(record.folder), "-o", str(tmp_path / "a.png")]) == 0
+    assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"packing.contact_force": 0.0}, "must be a chain of equal spheres with packing.contact_force above 0"),
+        ({"disorder.density": 0.1}, "must be a chain of equal spheres"),
+        ({"output.spheres": [[3, 0], [4, 0]]}, "rows [3, 4] are recorded: must be two neighbours, and two others"),
+    ],
+)
+def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    spots = {"packing.contact_force": 10.0, "output.spheres": [[3, 0], [4, 0], [8, 0], [9, 0]]}
+    record = run(CHAIN, spots | {"time.duration": 1.0} | changes)
+    with pytest.raises(SystemExit, match=re.escape(message)):
+        figure.main([str(record.folder), "-o", str(tmp_path / "a.png")])

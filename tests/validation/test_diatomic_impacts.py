@@ -123,7 +123,7 @@ def test_a_kicked_chain_is_silent_in_the_gap(tmp_path: Path) -> None:
     assert share(1.05 * low, 0.97 * high) < 1e-5
     assert share(0.9 * low, 0.97 * high) > 1e-2  # a gap that began below the edge is seen
     assert share(-1.0, 1.05 * low) + share(0.97 * high, 1.05 * top) == pytest.approx(1, abs=1e-5)
-    # Edges to two lines of the spectrum: where a line first has 1e-4 of all power
+    # Hann's window spreads each mode over two lines on either side, and the modes next to an edge are a line from it
     loud, line = frequency[power > 1e-4 * power.sum()], float(frequency[1])
     assert loud[loud < (low + high) / 2].max() == pytest.approx(low, abs=3 * line)
     assert loud[loud > (low + high) / 2].min() == pytest.approx(high, abs=3 * line)
