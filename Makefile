@@ -240,11 +240,18 @@ impact: .venv/ready
 # Published cases of impacts: docs/published-impacts.md. Densities of light spheres beside heavy ones of 10000 kg/m3: the
 # resonances, the antiresonances and some between
 DIMERS = 450 615.03 760 901.28 1225 1547.5 2000 2399 3000 3428.46 4500 5300 5782 6500 7500 9000
+# Angle of an interface and density beyond it, with 7800 kg/m3 before
+INTERFACES = 0:15600 15:15600 30:15600 45:15600 0:31200 15:31200 30:31200 45:31200 0:3900 10:3900 20:3900 30:3900 40:3900 \
+    0:1950 10:1950 15:1950
 
 published: .venv/ready
 	for density in $(DIMERS); do $(BIN)/granular-lmp run dimer_chain -o runs/published/dimer_$$density --force \
 	    --set inclusion.1.density=$$density --set time.sample=0.15 --set time.duration=110 --set output.rows=[30,76] || exit 1; done
 	$(BIN)/python -m analysis.figures.dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
+	rm -rf runs/published/refraction
+	for each in $(INTERFACES); do $(BIN)/granular-lmp run refraction -o runs/published/refraction/$$(echo $$each | tr : _) \
+	    --set inclusion.1.half_plane=[36,20,$${each%:*}] --set inclusion.1.density=$${each#*:} --set output.rows=[22,50] || exit 1; done
+	$(BIN)/python -m analysis.figures.refraction runs/published/refraction/* -o figures/refraction.png
 
 
 # Two spheres that meet with 0.2 to 4 m/s. They stick below 0.438 m/s

@@ -30,6 +30,7 @@ SCRIPTS = {
     "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
     "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
+    "refraction": "a plane front of an impact at an interface of two hexagonal crystals: angles, and what passes",
     "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",
     "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",

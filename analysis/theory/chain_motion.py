@@ -202,3 +202,20 @@ def peak(times: ArrayLike, values: ArrayLike, around: int = 4) -> tuple[float, f
     turns = slopes[np.isreal(slopes)].real
     turn = float(turns[np.argmin(np.abs(turns))])
     return float(curve(turn)), float(times[top]) + turn
+
+
+def first_peak(times: ArrayLike, values: ArrayLike, least: float) -> tuple[float, float]:
+    """Return the height and the time of the crest of the first pulse that is higher than `least`, as `peak` does.
+
+    A pulse ends where it has fallen to half of its height, so that it may have two tops.
+
+    Raises ValueError if no pulse has ended, or its crest is too near to an end.
+    """
+    times, values = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    highest = np.maximum.accumulate(values)
+    over = np.flatnonzero((values < highest / 2) & (highest > least))
+    if not len(over):
+        raise ValueError(f"no pulse above {least:g} has passed")
+    top = int(np.argmax(values[: over[0]]))
+    near = slice(max(top - 4, 0), top + 5)
+    return peak(times[near], values[near])

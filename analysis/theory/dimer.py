@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from analysis.theory.chain import Chain, compressed
-from analysis.theory.chain_motion import SIXTH, march, peak
+from analysis.theory.chain_motion import SIXTH, first_peak, march
 
 Floats = NDArray[np.float64]
 # A third of it changes resonances by 2e-5 at most, and λ by 4e-6 or, at ε below 0.06, by 1 %
@@ -32,8 +32,7 @@ CELLS = (15, 35)  # The front has one shape there, and no later pulse has overta
 BEHIND = 3  # cells from a light sphere to the front, when its velocity is read
 LOWEST, HIGHEST = 0.03, 1.0  # ε
 SLOWEST = 1.7  # time in which a front passes a sphere, at most, in the cells that are watched
-SILENCE = 1e-4  # a crest below it is rounding ahead of the front
-AROUND = 4  # samples on each side of a crest, for the polynomial through them
+SILENCE = 1e-4  # a pulse below it is rounding ahead of the front
 RESOLUTION = 1e-4  # of an antiresonance, where λ hardly changes
 
 
@@ -54,22 +53,6 @@ def dimer(ratio: float, cells: int) -> Chain:
     return compressed(np.tile([1.0, ratio], cells), stiffness)
 
 
-def crest(velocity: Floats) -> tuple[float, float]:
-    """Return the height of the first pulse of a velocity (T,), and the sample, not a whole number, where its crest is.
-
-    A pulse ends where it has fallen to half of its height; between light spheres its crest may have two tops.
-
-    Raises ValueError if no pulse has passed.
-    """
-    highest = np.maximum.accumulate(velocity)
-    over = np.flatnonzero((velocity < highest / 2) & (highest > SILENCE))
-    if not len(over):
-        raise ValueError("the front has not passed a sphere in the time of the run")
-    top = int(np.argmax(velocity[: over[0]]))
-    near = np.arange(top - AROUND, top + AROUND + 1)
-    return peak(near, velocity[near], AROUND)
-
-
 def decay_of(velocity: Floats) -> float:
     """Return λ of a struck chain, by least squares on the logarithms of h_n in the cells 15 to 35.
 
@@ -78,7 +61,8 @@ def decay_of(velocity: Floats) -> float:
     Raises ValueError if the front has not passed these cells.
     """
     first, last = CELLS
-    heights = [crest(velocity[:, 2 * cell])[0] for cell in range(first, last + 1)]
+    times = np.arange(len(velocity))
+    heights = [first_peak(times, velocity[:, 2 * cell], SILENCE)[0] for cell in range(first, last + 1)]
     return -float(np.polyfit(np.arange(len(heights)), np.log(heights), 1)[0])
 
 
@@ -88,8 +72,9 @@ def rattle_of(velocity: Floats) -> float:
     velocity, Raises : as for `decay_of`.
     """
     cell = CELLS[1]
-    height, moment = crest(velocity[:, 2 * (cell + BEHIND)])
-    return float(np.interp(moment, np.arange(len(velocity)), velocity[:, 2 * cell + 1])) / height
+    times = np.arange(len(velocity))
+    height, moment = first_peak(times, velocity[:, 2 * (cell + BEHIND)], SILENCE)
+    return float(np.interp(moment, times, velocity[:, 2 * cell + 1])) / height
 
 
 def decay(ratio: float) -> float:

@@ -1,4 +1,4 @@
-"""A solitary wave meets another one, a wall or an impurity, in equal spheres that just touch.
+"""A solitary wave meets another one, a wall, an impurity or an interface, among spheres that just touch.
 
 The waves start as exact ones (`analysis.theory.solitary`), so that nothing else moves, and run by `chain_motion.SIXTH`.
 Shares are of the energy of the incoming wave. No unit enters: every wave of such spheres is one wave but for its scale.
@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from analysis.theory.chain import Chain, compressed, energies, uniform
-from analysis.theory.chain_motion import SIXTH, march, peak
+from analysis.theory.chain_motion import SIXTH, first_peak, march, peak
 from analysis.theory.solitary import solitary_wave
 
 WAVE = solitary_wave(1.0)
@@ -22,6 +22,8 @@ STEP = 0.05  # share of the time in which the wave moves by one sphere; the shar
 HALF = 15  # spheres to each side of a crest that hold all of a wave; it starts so far from the end
 AWAY = 30, 45  # spheres away from an event, where waves are measured: those of different speed have parted there
 DURATION = 105.0  # a run with an impurity: 45 to it, and until the reflected wave is back at the end
+PASSED = 20  # spheres from an interface, where the first waves are measured
+WEAKEST = 0.01  # share of the incoming velocity: a lower crest is no wave of its own
 NEAR = 5  # spheres on each side that count as the place of an impurity
 Meeting = Literal["contact", "sphere"]
 
@@ -121,6 +123,65 @@ def impurity(mass: float, stiffness: float = 1.0) -> Scattered:
         float(shares[:before].sum()),
         float(shares[before:beyond].sum()),
         velocity / WAVE.largest_velocity,
+    )
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A wave after an interface.
+
+    Attributes
+    ----------
+    transmitted, reflected : shares of the energy beyond and before it.
+    momentum : that of all spheres beyond, over that of the incoming wave; what is before has the rest.
+    velocity : largest velocity of the first transmitted wave over that of the incoming one.
+    velocity_back : that of the first reflected wave; 0 if there is none.
+    """
+
+    transmitted: float
+    reflected: float
+    momentum: float
+    velocity: float
+    velocity_back: float
+
+
+def interface(mass: float) -> Interface:
+    """Return what follows when a solitary wave comes to spheres of another mass, with contacts of the same A.
+
+    Spheres of density and modulus of their own have another A; equal spheres of another density have this one. Heavier
+    spheres take one wave, and throw one back. Into lighter ones the last sphere before them sends one wave after the
+    other, and nothing comes back.
+
+    Parameters
+    ----------
+    mass : of a sphere beyond, over that of one before, from 0.1 to 10.
+
+    Raises ValueError for another mass.
+
+    `quasi_particle` in `analysis.theory.refraction` is the rule for it.
+    """
+    if not 0.1 <= mass <= 10:
+        raise ValueError(f"mass must be from 0.1 to 10 times that of a sphere before the interface, not {mass:g}")
+    place = HALF + AWAY[1]
+    # The first wave moves by PASSED spheres and its own length, and a light sphere lets it come farther
+    slowest = mass**-0.4 * (2 / (1 + mass)) ** 0.2
+    duration = AWAY[1] + HALF + 1.5 * PASSED / min(slowest, 0.7)
+    count = place + round(duration * max(slowest, 1.0))
+    masses = np.where(np.arange(count) < place, 1.0, mass)
+    chain = compressed(masses, uniform(count).stiffness)
+    u, v = WAVE.start(count, HALF)
+    step = STEP * min(mass, 1.0) ** 0.4
+    us, vs = march(chain, u, v, step, round(duration / step), SIXTH, every=1)
+    shares = energies(chain, us[-1], vs[-1]) / energies(chain, u, v).sum()
+    times, least = step * np.arange(len(vs)), WEAKEST * WAVE.largest_velocity
+    forth, _ = first_peak(times, vs[:, place + PASSED], least)
+    back = first_peak(times, -vs[:, place - PASSED], least)[0] if mass > 1 else 0.0
+    return Interface(
+        float(shares[place:].sum()),
+        float(shares[:place].sum()),
+        float(np.sum(masses[place:] * vs[-1, place:]) / np.sum(masses * v)),
+        forth / WAVE.largest_velocity,
+        back / WAVE.largest_velocity,
     )
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.theory.chain import Chain, End, compressed, energies, spheres, uniform
-from analysis.theory.chain_motion import march, peak
+from analysis.theory.chain_motion import first_peak, march, peak
 from analysis.theory.network import Material, Network, start
 from analysis.theory.network_motion import integrate
-from analysis.theory.scattering import crossing, impurity
+from analysis.theory.scattering import Meeting, crossing, impurity
 from analysis.theory.solitary import solitary_wave
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
@@ -136,6 +136,32 @@ def test_a_wall_throws_the_wave_back_as_two_waves_meet_at_a_contact(run: Runs) -
     # Steps of 0.05 shift velocities by 1e-5, at both passages alike
     assert back / forth == pytest.approx(crossing("contact").velocity, abs=5e-5)
     assert back / forth != pytest.approx(crossing("sphere").velocity, abs=5e-4)
+
+
+@pytest.mark.parametrize(("count", "meeting"), [(200, "contact"), (201, "sphere")])
+def test_two_waves_that_collide_are_ahead_and_lower_as_the_theory_says(
+    tmp_path: Path, count: int, meeting: Meeting
+) -> None:
+    # Watched where the secondary waves are left behind, and far from the wake of the other striker
+    watched = np.array([count // 2 + 28, count // 2 + 43])
+    changes = {"packing.rows": count, "time.timestep": 0.05, "time.sample": 0.1, "time.duration": 190.0}
+    alone = CHAIN.with_values(changes | {"output.spheres": [[int(sphere), 0] for sphere in watched]})
+    other = {"rows": [count - 1, count - 1], "velocity": 1.0, "direction": "-y"}
+    both = ImpactScene.from_dict(alone.to_dict() | {"striker": [*alone.to_dict()["striker"], other]})
+    heights, times = np.zeros((2, 2)), np.zeros((2, 2))
+    for number, scene in enumerate((alone, both)):
+        record = run_impact(scene, tmp_path / str(number))
+        for each in (0, 1):
+            heights[number, each], times[number, each] = first_peak(record.tau, record.velocity[:, each, 1], 0.1)
+    found = crossing(meeting)
+    assert heights[1, 1] / heights[0, 1] == pytest.approx(found.velocity, abs=1e-5)  # a wave made by a striker
+    # Each on its line back to the middle: the wave alone gives the moment, the other wave its place then
+    speed, faster = np.diff(watched) / np.diff(times, axis=1).ravel()
+    moment = times[0, 1] - (watched[1] - (count - 1) / 2) / speed
+    lead = watched[1] - faster * (times[1, 1] - moment) - (count - 1) / 2
+    assert lead == pytest.approx(found.lead, abs=5e-4)  # steps of 0.05 have 4e-4, and of half of it 2e-4
+    wrong = crossing("sphere" if meeting == "contact" else "contact")
+    assert lead != pytest.approx(wrong.lead, abs=2e-3)
 
 
 @pytest.mark.parametrize("mass", [0.125, 2.0])
