@@ -109,7 +109,6 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
     ("scene", "key", "value", "message"),
     [
         (CHAIN_SCENE, "wave.mode", "L", "wave.mode: unknown key"),
-        (CHAIN_SCENE, "time.tolerance", 1e-3, "time.tolerance: must be time.timestep beside [[striker]]"),
         (CHAIN_SCENE, "time.allow_echo", True, "time.allow_echo: must be left out"),
         (CHAIN_SCENE, "packing.contact_force", 1.0, "packing.contact_force: spheres of an impact just touch"),
         (CHAIN_SCENE, "packing.ends", "fixed", "packing.ends: must be packing.first and packing.last"),

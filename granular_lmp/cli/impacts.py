@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import Options, changes_of
-from granular_lmp.cli.output import interruptible, say, say_json
+from granular_lmp.cli.output import interruptible, remark, say, say_json
 from granular_lmp.errors import LaunchError
 
 if TYPE_CHECKING:
@@ -60,9 +60,10 @@ def build(scene: "ImpactScene", options: Options) -> int:
 
     from granular_lmp.impact.deck import deck_of
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned
     from granular_lmp.runs.folder import clear, locked
 
-    deck = deck_of(prepare(scene))
+    deck = deck_of(prepare(planned(scene)))
     folder = options.output or f"decks/{scene.name}"
     with locked(Path(folder).absolute(), make=True, force=options.force):
         clear(Path(folder).absolute())
@@ -104,20 +105,27 @@ def _say_how_it_went(folder: str, record: "ImpactRecord") -> int:
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records of "
         f"{info['recorded']} spheres in {info['wall_seconds']['total']:.2f} s"
     )
+    for sentence in info.get("refinements", []):
+        remark(f"note: {sentence}")
+    if "tolerance" in info:
+        found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items())
+        say(f"error over the velocity of the fastest striker, estimated: {found} (tolerance {info['tolerance']:g})")
     return 0
 
 
 def check(scene: "ImpactScene", options: Options) -> int:
     """Say what a run would take and do."""
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned, planned_steps
 
+    scene, steps = planned(scene), planned_steps(scene)  # with a tolerance the finest of the planned runs
     problem, scale, time = prepare(scene), scene.scale, scene.time
     said = {
         "name": scene.name,
         "description": scene.description,
         "spheres": len(problem.crystal),
         "recorded": len(problem.recorded),
-        "steps": time.steps,
+        "steps": steps,
         "records": time.samples + 1,
         "t0_s": scale.time,
         "length_m": scale.length,
@@ -165,6 +173,7 @@ def export(folder: str, path: str, monitor: str | None) -> bool:
 def effects(scene: "ImpactScene", options: Options) -> int:
     """Say which physics the deck carries, and why."""
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned_steps
 
     problem = prepare(scene)
     if options.json:
@@ -172,9 +181,9 @@ def effects(scene: "ImpactScene", options: Options) -> int:
             each.name: {"on": each.on, "reason": each.finding, "guard": each.guard, "key": each.switch}
             for each in problem.effects
         }
-        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": scene.time.steps, "effects": found})
+        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": planned_steps(scene), "effects": found})
         return 0
-    say(f"{scene.name}: {len(problem.crystal)} spheres, {scene.time.steps} steps")
+    say(f"{scene.name}: {len(problem.crystal)} spheres, {planned_steps(scene)} steps")
     say(f"{'effect':17}{'':5}{'guard':17}why")
     for each in problem.effects:
         say(f"{each.name:17}{'on' if each.on else 'off':5}{each.guard or '-':17}{each.finding}")

@@ -77,6 +77,8 @@ class ImpactProblem:
         law = f"by the {effects.shear_law} law" if rubs else smooth
         turns = smooth if not rubs else "shear forces turn spheres" if effects.rotation else "effects.rotation is off"
         slides, closed = "is the coefficient of friction", f"held or rigid: {', '.join(ends)}"
+        time = scene.time
+        step = (time.step, "t0 is the step") if time.tolerance is None else (time.tolerance, "chooses the step")
         table = (
             ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres just touch, and part without a pull", ""),
             ("contact_opening", "striker", True, inf, "no force holds the contacts together", ""),
@@ -86,7 +88,7 @@ class ImpactProblem:
             ("damping", "effects.restitution", loses, effects.restitution, "is the restitution of a collision", ""),
             ("walls", "packing", bool(ends), inf, closed if ends else "all ends are free", ""),
             ("deep_overlap", "striker", False, inf, "Hertz's law is one of small overlaps", "largest_overlap"),
-            ("long_step", "time.timestep", False, scene.time.step, "t0 is the step", "step_in_contact"),
+            ("long_step", "time.timestep", False, *step, "step_in_contact"),
         )
         return tuple(
             Chosen(name, key, on, on, value, reason, guard=guard, cost="-", loss="nothing")
@@ -137,7 +139,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
     most = problem.shortest_collision / STEPS_IN_COLLISION
-    if scene.time.step > most:
+    if scene.time.tolerance is None and scene.time.step > most:
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: leaves the shortest collision of two neighbours, "
             f"{problem.shortest_collision:.4g} t0, fewer than {STEPS_IN_COLLISION:g} steps; must be at most "

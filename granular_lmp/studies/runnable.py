@@ -13,6 +13,7 @@ from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
 from granular_lmp.impact.scene import ImpactScene, is_impact
+from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import Options
@@ -48,7 +49,7 @@ def decided(scene: Runnable) -> Runnable:
 
 def spheres_and_steps(scene: Runnable) -> float:
     """Return spheres times steps of all runs of a scene."""
-    steps = scene.time.steps if isinstance(scene, ImpactScene) else planned_steps(scene)
+    steps = planned_impact_steps(scene) if isinstance(scene, ImpactScene) else planned_steps(scene)
     return float(scene.shape.spheres * steps)
 
 
