@@ -1,6 +1,6 @@
 """Commands on an impact (`granular_lmp.impact`): init, run, resume, build, check, effects and export."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import Options, changes_of
 from granular_lmp.cli.output import interruptible, remark, say, say_json
@@ -34,7 +34,7 @@ _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
 # Change one value:              granular-lmp run {file} --set striker.1.velocity=0.1
-# Every key, with what is allowed: docs/reference/impact.md
+# Every key, with what is allowed: docs/reference/impact.md, and granular-lmp schema impact for editors
 # Tables that may be added:      [disorder], [output], [[striker]], [[inclusion]]
 
 """
@@ -45,13 +45,21 @@ def init(file: str, source: str) -> bool:
     from pathlib import Path
 
     from granular_lmp.impact.scene import ImpactScene, is_impact
-    from granular_lmp.scene.starter import write_new
+    from granular_lmp.scene.starter import starter, write_new
 
     if not is_impact(source):
         return False
     scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
-    write_new(Path(file), _HEAD.format(file=file) + scene.to_toml())
+    write_new(Path(file), starter(scene, file, _HEAD))
     return True
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of the file of an impact."""
+    from granular_lmp.impact.scene import ImpactScene
+    from granular_lmp.scene.json_schema import json_schema
+
+    return json_schema(ImpactScene)
 
 
 def build(scene: "ImpactScene", options: Options) -> int:

@@ -165,6 +165,8 @@ class ImpactScene(Document):
     repeated = {"striker": Striker, "inclusion": Inclusion}
     optional = ("disorder", "output")
     exclusive = STEP_OR_TOLERANCE
+    given = {"sphere.work_of_adhesion": 0.0}
+    marks = ("striker",)
     rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     named = "the files of the run"
 
@@ -209,7 +211,8 @@ class ImpactScene(Document):
         """Return the tables with spheres without adhesion where it is not declared; a step excludes a tolerance."""
         refuse_step_beside_tolerance(tables)
         if isinstance(tables.get("sphere"), Mapping):
-            return {**tables, "sphere": {"work_of_adhesion": 0.0, **tables["sphere"]}}
+            adhesion = cls.given["sphere.work_of_adhesion"]
+            return {**tables, "sphere": {"work_of_adhesion": adhesion, **tables["sphere"]}}
         return tables
 
     def to_dict(self) -> dict[str, Any]:
@@ -368,6 +371,6 @@ def is_impact(source: str | Path) -> bool:
     if found is None:
         return False
     try:
-        return "striker" in tomllib.loads(file_text(found))
+        return not tomllib.loads(file_text(found)).keys().isdisjoint(ImpactScene.marks)
     except NOT_TOML:
         return False  # the reader of scenes says what is wrong

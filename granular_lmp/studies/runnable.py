@@ -26,14 +26,14 @@ Steps = Callable[[int, int], None]
 
 
 def scene_of(tables: Mapping[str, Any]) -> Runnable:
-    """Return the scene of nested mappings: that of an impact if it has a striker.
+    """Return the scene of nested mappings: that of an impact if it has a table that marks one.
 
     Raises
     ------
     SceneError
         If a key is unknown or a value is not allowed.
     """
-    return ImpactScene.from_dict(tables) if "striker" in tables else Scene.from_dict(tables)
+    return (Scene if tables.keys().isdisjoint(ImpactScene.marks) else ImpactScene).from_dict(tables)
 
 
 def scene_in(folder: Path) -> Runnable:
