@@ -7,8 +7,8 @@ the centre sphere::
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
 
-The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `impact`,
-`accuracy`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
+The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
+`impact`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
 table). A notebook's view of a scene, from the first of them, is drawn by the last: each asks for `html` here, by this
 package.
 """

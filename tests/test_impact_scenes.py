@@ -110,7 +110,6 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
     ("scene", "key", "value", "message"),
     [
         (CHAIN_SCENE, "wave.mode", "L", "wave.mode: unknown key"),
-        (CHAIN_SCENE, "time.tolerance", 1e-3, "time.tolerance: must be time.timestep beside [[striker]]"),
         (CHAIN_SCENE, "time.allow_echo", True, "time.allow_echo: must be left out"),
         (CHAIN_SCENE, "packing.contact_force", 1e6, "striker: velocity = 1: two spheres would overlap by 0.26"),
         (SHEET, "packing.contact_force", 1.0, "packing.contact_force = 1.0: must be 0 in a sheet"),

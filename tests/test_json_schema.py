@@ -9,19 +9,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from granular_lmp import ImpactScene
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import ArrayRule
 
 SCHEMA = json_schema()
-SCENES = sorted((Path(__file__).parents[1] / "lammps_inputs").glob("*/scene.toml"))
+IMPACT = json_schema(ImpactScene)
+INPUTS = Path(__file__).parents[1] / "lammps_inputs"
+SCENES = sorted(INPUTS.glob("*/scene.toml"))
+IMPACTS = sorted(INPUTS.glob("impacts/*/scene.toml"))
 KEYS = list(keys())
+IMPACT_KEYS = list(keys(ImpactScene))
 
 
-def fits(key: Key, value: Any) -> bool:
+def fits(key: Key, value: Any, schema: dict[str, Any] = SCHEMA) -> bool:
     """Return whether the schema allows a value of a key."""
-    table = SCHEMA["properties"][key.section]
+    table = schema["properties"][key.section]
     part = table.get("items", table)["properties"][key.name]
     return bool(jsonschema.Draft202012Validator(part).is_valid(value))
 
@@ -34,8 +39,47 @@ def is_read(key: Key, value: Any) -> bool:
     return True
 
 
-def test_the_schema_is_one() -> None:
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+@pytest.mark.parametrize("schema", [SCHEMA, IMPACT], ids=["wave", "impact"])
+def test_the_schema_is_one(schema: dict[str, Any]) -> None:
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("path", IMPACTS, ids=lambda path: path.parent.name)
+def test_a_shipped_impact_fits_its_schema_and_not_that_of_waves(path: Path) -> None:
+    scene = tomllib.loads(path.read_text(encoding="utf-8"))
+    jsonschema.validate(scene, IMPACT)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"striker": []},
+        {"striker": [{"rows": [0, 0]}]},
+        {"striker": [{"rows": [0, 0], "velocity": 0.0}]},
+        {"striker": [{"rows": [0, 0], "velocity": 1.0, "direction": "up"}]},
+        {"wave": {"mode": "TR"}},
+        {"time": {"duration": 3.0, "tau": 1.0}},
+        {"packing": {"lattice": "chain"}},
+        {"output": {"particles": 1.0}},
+    ],
+    ids=str,
+)
+def test_an_impact_that_is_refused_does_not_fit(change: dict[str, Any]) -> None:
+    scene = tomllib.loads(IMPACTS[0].read_text(encoding="utf-8")) | change
+    with pytest.raises(SceneError):
+        ImpactScene.from_dict(scene)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, IMPACT)
+
+
+def test_defaults_are_allowed_and_a_key_without_one_must_be_given() -> None:
+    for key in [*KEYS, *IMPACT_KEYS]:
+        assert key.default in (None, (), "") or is_read(key, key.default)
+    must = {f"{key.section}.{key.name}" for key in IMPACT_KEYS if key.required}
+    assert {"striker.velocity", "packing.rows", "sphere.density"} <= must
+    assert "sphere.work_of_adhesion" not in must  # spheres of an impact do not adhere
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
@@ -80,6 +124,13 @@ VALUES = st.one_of(
     st.lists(st.integers(-3, 10**8), max_size=4),
     st.lists(st.lists(st.integers(-3, 10**8), max_size=3), max_size=2),
 )
+
+
+@given(st.sampled_from(IMPACT_KEYS), VALUES)
+def test_the_schema_of_impacts_lets_pass_what_the_reader_takes(key: Key, value: Any) -> None:
+    if key.rule.kind is int and isinstance(value, float):
+        return
+    assert fits(key, value, IMPACT) == is_read(key, value)
 
 
 @given(st.sampled_from(KEYS), VALUES)

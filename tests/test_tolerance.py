@@ -15,9 +15,9 @@ from analysis.measure.norms import relative_error
 from analysis.theory import wave as theory
 from analysis.theory.timestep import extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
+from granular_lmp.accuracy.halving import MOST_RUNGS
 from granular_lmp.accuracy.ladder import (
     COARSEST,
-    MOST_RUNGS,
     RUNGS,
     deciding_frequency,
     finest_step,

@@ -22,7 +22,6 @@ from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
 RUNGS = 4  # runs of the planned ladder: the last two answers then rest on three runs each
-MOST_RUNGS = 8  # four more halvings are tried before the tolerance is refused
 MOST_STEPS = 10**9
 # A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large
 COARSEST = 0.7

@@ -9,20 +9,20 @@ The folder holds a run folder for each step, ``N_per_sample``, and the extrapola
 ``scene.toml`` and ``run.json``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.accuracy.ladder import MOST_RUNGS, RUNGS, first_step, with_step
+from granular_lmp.accuracy.halving import Plan, halved
+from granular_lmp.accuracy.ladder import RUNGS, first_step
 from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, ToleranceError
+from granular_lmp.errors import RunFolderError, ToleranceError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CHECKPOINTS, PER_SAMPLE, SWEEP, replace_text, writable
+from granular_lmp.lammps.outputs import CHECKPOINTS, SWEEP, replace_text, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
@@ -215,43 +215,14 @@ def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | 
     ToleranceError
         As in `run`.
     """
-    tolerance = scene.time.tolerance
-    assert tolerance is not None
-    per_sample = round(scene.time.sample / first_step(scene))
-    records: list[Record] = []
-    refinements: list[str] = []
-    found: dict[str, float] = {}
-    with writable(folder):
-        write_status(folder, info | {"status": "running", "message": "started"})
-    try:
-        for rung in range(MOST_RUNGS):
-            count = per_sample << rung
-            stepped = with_step(scene, scene.time.sample / count)
-            # The earlier runs made count − per_sample steps per sample
-            before, all_ = count - per_sample, (per_sample << max(rung + 1, RUNGS)) - per_sample
-            part = _offset(progress, before * scene.time.samples, all_ * scene.time.samples)
-            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part))
-            if rung == 0:
-                check_floor(scene, records[0].signals, ToleranceError)
-                continue
-            found = estimate(records)
-            if all(error <= tolerance for error in found.values()):  # false for a nan
-                break
-            if rung + 1 >= RUNGS:
-                refinements.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
-        else:
-            raise ToleranceError(
-                f"time.tolerance = {tolerance!r}: not met with steps down to {records[-1].scene.time.step!r} tau, "
-                f"{_worst(found)}; the runs are kept in {folder}"
-            )
-    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
-        if isinstance(error, RunInterrupted | KeyboardInterrupt):
-            resumed_by = f"granular-lmp resume {quote(str(folder))}"
-            error = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; continue with: {resumed_by}")
-        message = str(error) if isinstance(error, GranularError) else type(error).__name__
-        status = "interrupted" if isinstance(error, RunInterrupted) else "failed"
-        write_status(folder, info | {"status": status, "message": message})
-        raise error from None
+    plan = Plan(round(scene.time.sample / first_step(scene)), RUNGS)
+
+    def judged(records: Sequence[Record]) -> dict[str, float]:
+        if len(records) == 1:
+            check_floor(scene, records[0].signals, ToleranceError)
+        return estimate(records)
+
+    records, found, refinements = halved(scene, folder, plan, one, judged, progress, info)
     record = answer(records)
     runs = [run.info for run in records]
     outcome = {
@@ -278,13 +249,3 @@ def _all_seconds(runs: list[dict[str, Any]]) -> dict[str, Any]:
     for run in runs:
         together = wall_seconds(together, run["wall_seconds"].get("phases", {}))
     return together
-
-
-def _worst(found: dict[str, float]) -> str:
-    name = max(found, key=lambda key: found[key])
-    return f"estimated error {found[name]:.2g} of {name}"
-
-
-def _offset(progress: launch.Progress | None, before: int, total: int) -> launch.Progress | None:
-    """Return a progress callback for one run that counts the steps of all runs."""
-    return None if progress is None else lambda step, _: progress(before + step, total)

@@ -1,9 +1,9 @@
 """Commands on an impact (`granular_lmp.impact`): init, run, resume, build, check, effects and export."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import Options, changes_of
-from granular_lmp.cli.output import interruptible, say, say_json
+from granular_lmp.cli.output import interruptible, remark, say, say_json
 from granular_lmp.errors import LaunchError
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def impact_of(options: Options) -> "ImpactScene | None":
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
-# Change one value:              granular-lmp run {file} --set {change}
-# Every key, with what is allowed: docs/reference/impact.md
+# Change one value:              granular-lmp run {file} --set time.duration=50.0
+# Every key, with what is allowed: docs/reference/impact.md, and granular-lmp schema impact for editors
 # Tables that may be added:      [start], [disorder], [output], [[striker]], [[inclusion]]
 
 """
@@ -45,14 +45,21 @@ def init(file: str, source: str) -> bool:
     from pathlib import Path
 
     from granular_lmp.impact.scene import ImpactScene, is_impact
-    from granular_lmp.scene.starter import write_new
+    from granular_lmp.scene.starter import starter, write_new
 
     if not is_impact(source):
         return False
     scene = ImpactScene.load(source).with_values({"name": Path(file).stem, "description": ""})
-    change = "striker.1.velocity=0.1" if scene.striker else "time.timestep=0.01"
-    write_new(Path(file), _HEAD.format(file=file, change=change) + scene.to_toml())
+    write_new(Path(file), starter(scene, file, _HEAD))
     return True
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema of the file of an impact."""
+    from granular_lmp.impact.scene import ImpactScene
+    from granular_lmp.scene.json_schema import json_schema
+
+    return json_schema(ImpactScene)
 
 
 def build(scene: "ImpactScene", options: Options) -> int:
@@ -61,9 +68,10 @@ def build(scene: "ImpactScene", options: Options) -> int:
 
     from granular_lmp.impact.deck import deck_of
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned
     from granular_lmp.runs.folder import clear, locked
 
-    deck = deck_of(prepare(scene))
+    deck = deck_of(prepare(planned(scene)))
     folder = options.output or f"decks/{scene.name}"
     with locked(Path(folder).absolute(), make=True, force=options.force):
         clear(Path(folder).absolute())
@@ -105,20 +113,27 @@ def _say_how_it_went(folder: str, record: "ImpactRecord") -> int:
         f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records of "
         f"{info['recorded']} spheres in {info['wall_seconds']['total']:.2f} s"
     )
+    for sentence in info.get("refinements", []):
+        remark(f"note: {sentence}")
+    if "tolerance" in info:
+        found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items())
+        say(f"error over the velocity of the fastest striker, estimated: {found} (tolerance {info['tolerance']:g})")
     return 0
 
 
 def check(scene: "ImpactScene", options: Options) -> int:
     """Say what a run would take and do."""
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned, planned_steps
 
+    scene, steps = planned(scene), planned_steps(scene)  # with a tolerance the finest of the planned runs
     problem, scale, time = prepare(scene), scene.scale, scene.time
     said = {
         "name": scene.name,
         "description": scene.description,
         "spheres": len(problem.crystal),
         "recorded": len(problem.recorded),
-        "steps": time.steps,
+        "steps": steps,
         "records": time.samples + 1,
         "t0_s": scale.time,
         "length_m": scale.length,
@@ -171,6 +186,7 @@ def export(folder: str, path: str, monitor: str | None) -> bool:
 def effects(scene: "ImpactScene", options: Options) -> int:
     """Say which physics the deck carries, and why."""
     from granular_lmp.impact.problem import prepare
+    from granular_lmp.impact.tolerance import planned_steps
 
     problem = prepare(scene)
     if options.json:
@@ -178,9 +194,9 @@ def effects(scene: "ImpactScene", options: Options) -> int:
             each.name: {"on": each.on, "reason": each.finding, "guard": each.guard, "key": each.switch}
             for each in problem.effects
         }
-        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": scene.time.steps, "effects": found})
+        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": planned_steps(scene), "effects": found})
         return 0
-    say(f"{scene.name}: {len(problem.crystal)} spheres, {scene.time.steps} steps")
+    say(f"{scene.name}: {len(problem.crystal)} spheres, {planned_steps(scene)} steps")
     say(f"{'effect':17}{'':5}{'guard':17}why")
     for each in problem.effects:
         say(f"{each.name:17}{'on' if each.on else 'off':5}{each.guard or '-':17}{each.finding}")

@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
-    run = add(commands, "run", _run, "build the deck, run it, and write the trajectory of the centre sphere")
+    run = add(
+        commands,
+        "run",
+        _run,
+        "build the deck, run it, and write what it recorded: a wave its centre sphere, an impact its spheres",
+    )
     scene_arguments(run)
     folder_arguments(run, "run folder (default: runs/NAME)")
     run.add_argument("--np", type=positive, default=1, metavar="N", help="MPI ranks (default: 1)")

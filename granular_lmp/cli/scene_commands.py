@@ -37,7 +37,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     )
 
     add(commands, "list", _list, "list the scenes and collisions that are shipped, a line each")
-    add(commands, "schema", _schema, "print the JSON Schema of a scene file, for editors")
+    schema = add(commands, "schema", _schema, "print the JSON Schema of a scene file, for editors")
+    schema.add_argument("kind", nargs="?", choices=("wave", "impact"), default="wave", help="of which (default: wave)")
 
     check = add(commands, "check", _check, "say what a run would take and do, without doing it")
     scene_arguments(check)
@@ -88,7 +89,7 @@ def _list(options: Options) -> int:
 def _schema(options: Options) -> int:
     from granular_lmp.scene.json_schema import json_schema
 
-    say_json(json_schema())
+    say_json(impacts.schema() if options.kind == "impact" else json_schema())
     return 0
 
 

@@ -39,8 +39,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         "--output",
         metavar="FILE",
         required=True,
-        help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; .xyz: extended XYZ of the snapshots; "
-        ".h5md: the snapshots as HDF5",
+        help=".csv: trajectory in SI units, the one format of an impact; .nc: netCDF with units, for xarray; "
+        ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5",
     )
     export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
 

@@ -212,6 +212,8 @@ class ImpactProblem:
         holds = scene.packing.contact_force or inf
         opens = "N press the contacts together" if holds < inf else "no force holds the contacts together"
         slides, closed = "is the coefficient of friction", f"held or rigid: {', '.join(ends)}"
+        time = scene.time
+        step = (time.step, "t0 is the step") if time.tolerance is None else (time.tolerance, "chooses the step")
         table = (
             ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres part without a pull", ""),
             ("contact_opening", "packing.contact_force", True, holds, opens, ""),
@@ -221,7 +223,7 @@ class ImpactProblem:
             ("damping", "effects.restitution", loses, effects.restitution, "is the restitution of a collision", ""),
             ("walls", "packing", bool(ends), inf, closed if ends else "all ends are free", ""),
             ("deep_overlap", "striker", False, inf, "Hertz's law is one of small overlaps", "largest_overlap"),
-            ("long_step", "time.timestep", False, scene.time.step, "t0 is the step", "step_in_contact"),
+            ("long_step", "time.timestep", False, *step, "step_in_contact"),
         )
         return tuple(
             Chosen(name, key, on, on, value, reason, guard=guard, cost="-", loss="nothing")
@@ -281,7 +283,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.start.state:
         _check_start(problem, struck)
     most = problem.shortest_collision / STEPS_IN_COLLISION
-    if scene.time.step > most:
+    if scene.time.tolerance is None and scene.time.step > most:
         raise SceneError(
             f"time.timestep = {scene.time.timestep!r}: leaves the shortest collision of two neighbours, "
             f"{problem.shortest_collision:.4g} t0, fewer than {STEPS_IN_COLLISION:g} steps; must be at most "

@@ -81,8 +81,9 @@ class ImpactRecord:
         scene = problem.scene
         length = units_of(problem).number(scene.scale.length, length=1)
         still = np.zeros_like(table["vx"])
+        step = scene.time.step if scene.time.tolerance is None else (info or {})["timestep_used"]
         return cls(
-            tau=table["step"] * scene.time.step,
+            tau=table["step"] * step,
             displacement=np.stack([table["Displacement.X"], table["Displacement.Y"]], axis=-1) / length,
             velocity=np.stack([table["vx"], table["vy"]], axis=-1) / length,
             spin=table.get("omegaz", still) / length,

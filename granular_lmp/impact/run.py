@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
-from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
+from granular_lmp.accuracy.halving import halved
+from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
     LONGEST_STEP,
@@ -24,19 +25,22 @@ from granular_lmp.impact.deck import (
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, write_dump
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
     LOG,
     SCENE,
     SNAPSHOTS,
+    STATUS,
     mend_dump,
     mend_log,
     read_log,
+    replace_text,
     writable,
     write_files,
 )
-from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import Options, Progress
@@ -44,6 +48,7 @@ from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.routes import Job, Route, log_tail, route_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
+OneRun = Callable[[ImpactScene, Path, Progress | None], ImpactRecord]
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
 LIMITS = {
     "largest_overlap": (
@@ -79,6 +84,8 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
         As in `granular_lmp.run`.
     """
     options = options or Options()
+    if isinstance(what, ImpactScene) and what.time.tolerance is not None:
+        return _to_tolerance(what, Path(folder).absolute(), options)
     began = perf_counter()
     deck = what if isinstance(what, ImpactDeck) else deck_of(prepare(what))
     info = description(deck.problem, "lmp" if options.program else "module", options.ranks)
@@ -109,7 +116,9 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
     """
     folder = Path(folder).absolute()
     began = perf_counter()
-    read_status(folder)  # raises if the folder holds no run
+    status = read_status(folder)
+    if "tolerance" in status:
+        return _resumed(folder, status, progress)
     with locked(folder) as lock:
         info = read_start(folder)
         problem = prepare(ImpactScene.load(folder / SCENE))
@@ -124,6 +133,78 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
         report = _step_reporter(progress, problem)
         job = Job(folder, name, "none", lock, report, variables=_on_ranks(problem, info["ranks"]))
         return _execute(problem, job, route, info, began)
+
+
+def _to_tolerance(scene: ImpactScene, folder: Path, options: Options) -> ImpactRecord:
+    problem = prepare(scene)
+    plan(problem)  # raises before anything is written
+
+    def one(stepped: ImpactScene, place: Path, part: Progress | None) -> ImpactRecord:
+        # Forced, because the folder may exist and hold files of the user
+        return run_impact(stepped, place, replace(options, force=True, progress=part))
+
+    with locked(folder, make=True, force=options.force):
+        clear(folder)
+        with writable(folder):
+            replace_text(folder / SCENE, scene.to_toml())
+        info = {
+            "name": scene.name,
+            "scene_sha256": scene_digest(scene.to_toml()),
+            "tolerance": scene.time.tolerance,
+            "launcher": "lmp" if options.program else "module",
+            "ranks": options.ranks,
+        }
+        return _refined(problem, folder, one, options.progress, info)
+
+
+def _resumed(folder: Path, info: dict[str, Any], progress: Progress | None) -> ImpactRecord:
+    """Continue the runs of an impact with a tolerance."""
+    if info.get("status") == "finished":
+        raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+    refuse_other_scene(folder, info)
+    started = Options(info["launcher"], info["ranks"], force=True)
+
+    def one(stepped: ImpactScene, place: Path, part: Progress | None) -> ImpactRecord:
+        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
+            return ImpactRecord.load(place)
+        if any((place / name).is_file() for name in CHECKPOINTS):
+            return resume_impact(place, progress=part)
+        return run_impact(stepped, place, replace(started, progress=part))
+
+    with locked(folder):
+        return _refined(prepare(ImpactScene.load(folder / SCENE)), folder, one, progress, info)
+
+
+def _refined(
+    problem: ImpactProblem, folder: Path, one: OneRun, progress: Progress | None, info: dict[str, Any]
+) -> ImpactRecord:
+    """Run with smaller and smaller steps to the tolerance; write the dump of the answer and ``run.json`` of all."""
+    records, found, refinements = halved(problem.scene, folder, plan(problem), one, estimate, progress, info)
+    p, runs = order(records), [each.info for each in records]
+    coarse, fine = (each.folder for each in records[-2:])
+    assert p is not None  # `estimate` has met the tolerance
+    assert coarse is not None
+    assert fine is not None
+    outcome = (
+        records[-1].info
+        | info
+        | {
+            "error_estimate": found,
+            "order": p,
+            "extrapolated_from": [each.scene.time.step for each in records[-RUNS:]],
+            "refinements": refinements,
+            "steps": sum(each["steps"] for each in runs),
+            "wall_seconds": {
+                name: sum(each["wall_seconds"][name] or 0.0 for each in runs) for name in ("total", "loop")
+            },
+            "status": "finished",
+            "message": "",
+        }
+    )
+    with writable(folder):
+        write_dump(folder, coarse, fine, p)
+        write_status(folder, outcome)
+    return replace(answer(records), problem=problem, info=outcome, folder=folder)
 
 
 def _step_reporter(progress: Progress | None, problem: ImpactProblem) -> Callable[[int], None]:

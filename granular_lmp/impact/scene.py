@@ -37,8 +37,10 @@ from granular_lmp.scene.sections import (
     INCLUSION_RULES,
     SHEAR_LAWS,
     SPHERE_RULES,
+    STEP_OR_TOLERANCE,
     Sampled,
     checkpoint_field,
+    refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
@@ -55,7 +57,6 @@ _NOT_HERE = {
     **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
     "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
     "packing.ends": "must be packing.first and packing.last beside [[striker]]",
-    "time.tolerance": "must be time.timestep beside [[striker]], as it is of the p, q and phi of a linear wave",
     "time.allow_echo": "must be left out beside [[striker]], where every echo belongs to the answer",
     "effects.adhesion": "must be left out beside [[striker]], as adhesive spheres overlap at rest",
 }
@@ -105,7 +106,7 @@ class Striker:
 
 @dataclass(frozen=True)
 class Time(Sampled):
-    """Duration and sampling of the run in t0 of the impact; the step is rounded down to fit a sample.
+    """Duration and sampling of the run in t0 of the impact, and either its time step or the required accuracy.
 
     Good values: a step of 0.03, T/80 for the collision time T = 2.439 t0 of two spheres, leaves an error of 1.4e-4 in
     the velocities after 12 collision times, which falls with the square of the step; with friction and the law
@@ -114,6 +115,9 @@ class Time(Sampled):
 
     duration: float = number("t0", "of the run", 1e-3, 1e8)
     timestep: float = number("t0", "at most", FINEST, 1, default=0.03)
+    tolerance: float | None = number(
+        "", "error of each velocity over the fastest striker's, in place of a timestep", 1e-9, 0.1, default=None
+    )
     sample: float = number("t0", "between records", FINEST, 1e8, default=0.5)
 
 
@@ -164,6 +168,9 @@ class ImpactScene(Document):
     }
     repeated = {"striker": Striker, "inclusion": Inclusion}
     optional = ("start", "disorder", "output")
+    exclusive = STEP_OR_TOLERANCE
+    given = {"sphere.work_of_adhesion": 0.0}
+    marks = ("striker", "start")
     rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     named = "the files of the run"
 
@@ -211,14 +218,17 @@ class ImpactScene(Document):
 
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the tables with spheres without adhesion where it is not declared."""
+        """Return the tables with spheres without adhesion where it is not declared; a step excludes a tolerance."""
+        refuse_step_beside_tolerance(tables)
         if isinstance(tables.get("sphere"), Mapping):
-            return {**tables, "sphere": {"work_of_adhesion": 0.0, **tables["sphere"]}}
+            adhesion = cls.given["sphere.work_of_adhesion"]
+            return {**tables, "sphere": {"work_of_adhesion": adhesion, **tables["sphere"]}}
         return tables
 
     def to_dict(self) -> dict[str, Any]:
-        """Return nested plain values with every default, without a list of recorded spheres where all are."""
+        """Return nested plain values with every default, without those of [output]; the step or the tolerance."""
         tables = super().to_dict()
+        del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
         if "output" in tables:
             written = {name: value for name, value in tables["output"].items() if value != getattr(Output(), name)}
             tables["output"] = written
@@ -405,6 +415,6 @@ def is_impact(source: str | Path) -> bool:
     if found is None:
         return False
     try:
-        return not tomllib.loads(file_text(found)).keys().isdisjoint({"striker", "start"})
+        return not tomllib.loads(file_text(found)).keys().isdisjoint(ImpactScene.marks)
     except NOT_TOML:
         return False  # the reader of scenes says what is wrong

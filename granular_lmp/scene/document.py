@@ -48,6 +48,10 @@ class Document:
         Sections that are written only if they differ from their defaults.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
+    given : mapping
+        Dotted key → default of a key whose record has none; `completed` fills it in.
+    marks : tuple of str
+        Tables by which a document of this kind is known: it has at least one of them.
     named : str
         The files that are called after the name, for error messages.
     """
@@ -60,6 +64,8 @@ class Document:
     repeated: ClassVar[Mapping[str, type]] = {}
     optional: ClassVar[tuple[str, ...]] = ()
     exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    given: ClassVar[Mapping[str, Any]] = {}
+    marks: ClassVar[tuple[str, ...]] = ()
     named: ClassVar[str]
 
     @classmethod

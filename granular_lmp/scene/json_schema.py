@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 from typing import Any
 
+from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.scene import Scene, note
@@ -38,6 +39,7 @@ class Key:
     default : Any
         None where the key must be given, and for those that take the place of another, as ``time.tolerance`` does.
     required : bool
+        The key has no default, or one that the reader refuses.
     """
 
     section: str
@@ -51,37 +53,49 @@ def keys(document: type[Document] = Scene) -> Iterator[Key]:
     """Yield every key of a kind of file, section by section."""
     for section, kind in {**document.sections, **document.repeated}.items():
         for item, rule in declared_fields(kind, document.rules.get(section)):
-            required = item.default is MISSING
-            yield Key(section, item.name, rule, None if required else item.default, required)
+            default = document.given.get(f"{section}.{item.name}", item.default)
+            required = default is MISSING or (default not in _NOTHING and not _allowed(rule, default))
+            yield Key(section, item.name, rule, None if required else default, required)
 
 
-def json_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a scene file."""
+def _allowed(rule: Rule, value: Any) -> bool:
+    try:
+        rule.value(value, "")
+    except SceneError:
+        return False
+    return True
+
+
+def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a kind of scene file."""
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
-    sections: dict[str, dict[str, Any]] = {section: {} for section in (*Scene.sections, *Scene.repeated)}
+    sections: dict[str, dict[str, Any]] = {section: {} for section in (*document.sections, *document.repeated)}
     needed: dict[str, list[str]] = {section: [] for section in sections}
-    for key in keys():
+    for key in keys(document):
         sections[key.section][key.name] = _value(key)
         if key.required:
             needed[key.section].append(key.name)
     for section, inner in sections.items():
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
-        if section == "wave":  # a wave vector replaces wave number and direction
+        if document is Scene and section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
             inner["wavevector"] = pair | {"description": note("wave.wavevector")}
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         table |= {"required": needed[section]} if needed[section] else {}
-        properties[section] = {"type": "array", "items": table} if section in Scene.repeated else table
+        array = {"type": "array", "items": table} | ({"minItems": 1} if section in document.marks else {})
+        properties[section] = array if section in document.repeated else table
+    marked = {"anyOf": [{"required": [mark]} for mark in document.marks]} if document.marks else {}
     return {
         "$schema": DIALECT,
         "title": "A scene of granular-lmp",
         "type": "object",
         "properties": properties,
-        "required": [section for section in Scene.sections if needed[section]],
+        "required": [section for section in document.sections if needed[section]],
+        **marked,
         "additionalProperties": False,
     }
 

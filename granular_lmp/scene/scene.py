@@ -26,11 +26,12 @@ from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, witho
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.schema import declared_fields, first_file, shown
+from granular_lmp.scene.schema import declared_fields, first_file
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
     LATTICE_SPHERE_RULES,
+    STEP_OR_TOLERANCE,
     Absorb,
     Effects,
     Envelope,
@@ -38,6 +39,7 @@ from granular_lmp.scene.sections import (
     Packing,
     Time,
     Wave,
+    refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.shipped import SHIPPED
@@ -82,8 +84,7 @@ class Scene(Document):
     rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
     exclusive = {
-        "time.tolerance": ("time.timestep",),
-        "time.timestep": ("time.tolerance",),
+        **STEP_OR_TOLERANCE,
         "wave.wavevector": ("wave.wavenumber", "wave.frequency", "wave.direction"),
         "wave.wavenumber": ("wave.frequency",),
         "wave.frequency": ("wave.wavenumber",),
@@ -137,12 +138,7 @@ class Scene(Document):
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
-        time = tables.get("time")
-        if isinstance(time, Mapping) and {"timestep", "tolerance"} <= set(time):
-            raise SceneError(
-                f"time.tolerance = {shown(time['tolerance'])}: excludes time.timestep = {shown(time['timestep'])}; "
-                "give one of the two"
-            )
+        refuse_step_beside_tolerance(tables)
         return with_placeholder(without_wavevector(tables))
 
     @classmethod

@@ -4,6 +4,7 @@ Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units 
 `granular_lmp.scene.scene` checks combinations of values.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import ceil, floor, hypot, pi
 from typing import Any
@@ -15,7 +16,7 @@ from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import rows_rule, spheres_rule
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, switch
+from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
@@ -118,15 +119,24 @@ FINEST = 1e-9  # τ of a step and between records: 1e7 τ are 1e16 of them, and 
 
 
 class Sampled:
-    """A duration in samples, and a sample in time steps."""
+    """A duration in samples, and a sample in time steps; a scene with a `tolerance` has no step until one is chosen."""
 
     duration: float
     timestep: float
+    tolerance: float | None
     sample: float
 
     @property
     def steps_per_sample(self) -> int:
-        """Number of steps between two records; the step is rounded down to fit."""
+        """Number of steps between two records; the step is rounded down to fit.
+
+        Raises
+        ------
+        SceneError
+            If the scene has a tolerance; one with a step is ``scene.with_values({"time.timestep": step})``.
+        """
+        if self.tolerance is not None:
+            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
         return ceil(self.sample / self.timestep - 1e-9)  # the same rule, with the same slack, is written in the deck
 
     @property
@@ -145,6 +155,20 @@ class Sampled:
         return self.samples * self.steps_per_sample
 
 
+# Either of the two keys replaces the other
+STEP_OR_TOLERANCE = {"time.tolerance": ("time.timestep",), "time.timestep": ("time.tolerance",)}
+
+
+def refuse_step_beside_tolerance(tables: Mapping[str, Any]) -> None:
+    """Raise SceneError if tables of a scene hold both a time step and a tolerance."""
+    time = tables.get("time")
+    if isinstance(time, Mapping) and {"timestep", "tolerance"} <= set(time):
+        raise SceneError(
+            f"time.tolerance = {shown(time['tolerance'])}: excludes time.timestep = {shown(time['timestep'])}; "
+            "give one of the two"
+        )
+
+
 @dataclass(frozen=True)
 class Time(Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
@@ -159,19 +183,6 @@ class Time(Sampled):
     )
     sample: float = number("tau", "between records", FINEST, 1e7, default=0.5)
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)
-
-    @property
-    def steps_per_sample(self) -> int:
-        """Number of steps between two records; the step is rounded down to fit.
-
-        Raises
-        ------
-        SceneError
-            If the scene has a tolerance: `granular_lmp.accuracy.ladder.with_step` returns the scene with a step.
-        """
-        if self.tolerance is not None:
-            raise SceneError(f"time.tolerance = {self.tolerance!r}: the scene has no time step until one is chosen")
-        return super().steps_per_sample
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.scene.document import Document
 from granular_lmp.scene.scene import Scene, note
 
 _HEAD = """\
@@ -15,20 +16,24 @@ _HEAD = """\
 """
 
 
-def starter(scene: Scene, file: str) -> str:
-    """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
-    lines, section = [], ""
+def starter(scene: Document, file: str, head: str = _HEAD) -> str:
+    """Return the text of a scene file; keys that take the place of another one stand in it as comments.
+
+    `head` is its first lines, in which ``{file}`` stands for the file.
+    """
+    kind, section = type(scene), ""
+    lines = []
     for line in scene.to_toml().splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
-        others = [other for other, excluded in Scene.exclusive.items() if excluded[0] == key]
-        lines += [line, *(_commented(other) for other in others)]
-    return _HEAD.format(file=file) + "\n".join(lines) + "\n"
+        others = [other for other, excluded in kind.exclusive.items() if excluded[0] == key]
+        lines += [line, *(_commented(other, kind) for other in others)]
+    return head.format(file=file) + "\n".join(lines) + "\n"
 
 
-def _commented(key: str) -> str:
+def _commented(key: str, kind: type[Document]) -> str:
     line = f"# {key.rpartition('.')[2]} = ..."
-    return f"{line:30} # {note(key)}"
+    return f"{line:30} # {note(key, kind)}"
 
 
 def write_starter(path: str | Path, source: str) -> None:

@@ -13,6 +13,7 @@ from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
 from granular_lmp.impact.scene import ImpactScene, is_impact
+from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import Options
@@ -25,14 +26,14 @@ Steps = Callable[[int, int], None]
 
 
 def scene_of(tables: Mapping[str, Any]) -> Runnable:
-    """Return the scene of nested mappings: that of an impact if it has a striker.
+    """Return the scene of nested mappings: that of an impact if it has a table that marks one.
 
     Raises
     ------
     SceneError
         If a key is unknown or a value is not allowed.
     """
-    return ImpactScene.from_dict(tables) if "striker" in tables else Scene.from_dict(tables)
+    return (Scene if tables.keys().isdisjoint(ImpactScene.marks) else ImpactScene).from_dict(tables)
 
 
 def scene_in(folder: Path) -> Runnable:
@@ -48,7 +49,7 @@ def decided(scene: Runnable) -> Runnable:
 
 def spheres_and_steps(scene: Runnable) -> float:
     """Return spheres times steps of all runs of a scene."""
-    steps = scene.time.steps if isinstance(scene, ImpactScene) else planned_steps(scene)
+    steps = planned_impact_steps(scene) if isinstance(scene, ImpactScene) else planned_steps(scene)
     return float(scene.shape.spheres * steps)
 
 

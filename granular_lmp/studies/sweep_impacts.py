@@ -15,11 +15,11 @@ from granular_lmp.impact.record import ImpactRecord
 # Units of the impact in SI; the far sphere, its largest speed, in units of the fastest striker, and the time, in t0, at
 # which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
 # over that of the strikers: kinetic, of the recorded spheres, and with the contacts, where the record holds what that
-# takes; the largest overlap in diameters, as the guard measures it
+# takes; the largest overlap in diameters, as the guard measures it; with a tolerance the estimated error of velocities
 COLUMNS = (
     *("t0_s", "velocity_m_s"),
     *("far_row", "far_column", "far_speed", "far_tau"),
-    *("kinetic_kept", "energy_kept", "largest_overlap"),
+    *("kinetic_kept", "energy_kept", "largest_overlap", "velocity_error"),
 )
 _ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
 _RISING = 1e-3  # of the largest speed, in the last sample: the wave has not passed yet
@@ -30,6 +30,7 @@ def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, An
     found: dict[str, Any] = dict.fromkeys(COLUMNS)
     found |= {name: info.get(name) for name in ("t0_s", "velocity_m_s")}
     found["largest_overlap"] = info.get("guards", {}).get("largest_overlap", {}).get("value")
+    found["velocity_error"] = info.get("error_estimate", {}).get("velocity")
     if record is None:
         return found
     return found | _of_far_sphere(record) | _of_energy(record)

@@ -1,0 +1,145 @@
+"""Runs of one scene with the steps h, h/2, h/4, … until their estimated error meets ``time.tolerance``.
+
+The scene may be of a wave or of an impact: what estimates the error of its runs is given. The folder holds a run folder
+for each step, ``N_per_sample``.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from shlex import quote
+from typing import Any, Protocol, Self, TypeVar
+
+from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
+from granular_lmp.lammps.outputs import PER_SAMPLE, writable
+from granular_lmp.runs.launch import Progress
+from granular_lmp.runs.record import write_status
+from granular_lmp.scene.sections import Sampled
+
+MOST_RUNGS = 8  # runs that are tried before the tolerance is refused
+
+
+class Scene(Protocol):
+    """A scene with ``time.timestep`` or ``time.tolerance``."""
+
+    @property
+    def time(self) -> Sampled:
+        """Duration and sampling."""
+        ...
+
+    def with_values(self, changes: Mapping[str, Any]) -> Self:
+        """Return a copy with some values changed."""
+        ...
+
+
+AnyScene = TypeVar("AnyScene", bound=Scene)
+AnyRecord = TypeVar("AnyRecord")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The first step of a ladder and the runs that are expected to be enough.
+
+    Attributes
+    ----------
+    per_sample : int
+        Steps per sample of the first run.
+    runs : int
+        More of them are said in ``run.json``.
+    """
+
+    per_sample: int
+    runs: int
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Steps per sample of all planned runs together."""
+        return self.per_sample * ((1 << self.runs) - 1)
+
+
+def halved(
+    scene: AnyScene,
+    folder: Path,
+    plan: Plan,
+    one: Callable[[AnyScene, Path, Progress | None], AnyRecord],
+    estimate: Callable[[Sequence[AnyRecord]], dict[str, float]],
+    progress: Progress | None,
+    info: dict[str, Any],
+) -> tuple[list[AnyRecord], dict[str, float], list[str]]:
+    """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says if that fails.
+
+    Parameters
+    ----------
+    scene : scene with ``time.tolerance``
+    folder : Path
+        Existing folder for the runs and ``run.json``.
+    plan : Plan
+    one : callable
+        Function of scene, folder and progress callback that makes one run of a scene with a time step.
+    estimate : callable
+        Errors by name of the answer of some runs, inf where they are not known.
+    progress : callable, optional
+        Callback ``progress(step, steps)``.
+    info : dict
+        Entries of ``run.json`` that are known before the runs.
+
+    Returns
+    -------
+    records : list
+        The runs, from the longest step.
+    found : dict of str to float
+        The estimate.
+    refinements : list of str
+        A sentence for each step that was halved beyond the plan.
+
+    Raises
+    ------
+    ToleranceError
+        If the shortest step misses the tolerance.
+    RunInterrupted
+        If a run is stopped.
+    """
+    tolerance, samples = scene.time.tolerance, scene.time.samples
+    assert tolerance is not None
+    records: list[AnyRecord] = []
+    refinements: list[str] = []
+    found: dict[str, float] = {}
+    with writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
+    try:
+        for rung in range(MOST_RUNGS):
+            count = plan.per_sample << rung
+            stepped = scene.with_values({"time.timestep": scene.time.sample / count})
+            # The earlier runs made count − per_sample steps per sample
+            before, all_ = count - plan.per_sample, (plan.per_sample << max(rung + 1, plan.runs)) - plan.per_sample
+            part = _offset(progress, before * samples, all_ * samples)
+            records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part))
+            found = estimate(records)
+            if rung and all(error <= tolerance for error in found.values()):  # false for a nan
+                break
+            if rung and rung + 1 >= plan.runs:
+                refinements.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
+        else:
+            raise ToleranceError(
+                f"time.tolerance = {tolerance!r}: not met with steps down to {stepped.time.step!r} tau, "
+                f"{_worst(found)}; the runs are kept in {folder}"
+            )
+    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
+        if isinstance(error, RunInterrupted | KeyboardInterrupt):
+            resumed_by = f"granular-lmp resume {quote(str(folder))}"
+            error = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; continue with: {resumed_by}")
+        message = str(error) if isinstance(error, GranularError) else type(error).__name__
+        status = "interrupted" if isinstance(error, RunInterrupted) else "failed"
+        write_status(folder, info | {"status": status, "message": message})
+        raise error from None
+    return records, found, refinements
+
+
+def _worst(found: dict[str, float]) -> str:
+    name = max(found, key=lambda key: found[key])
+    return f"estimated error {found[name]:.2g} of {name}"
+
+
+def _offset(progress: Progress | None, before: int, total: int) -> Progress | None:
+    """Return a progress callback for one run that counts the steps of all runs."""
+    return None if progress is None else lambda step, _: progress(before + step, total)

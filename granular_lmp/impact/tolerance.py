@@ -1,0 +1,138 @@
+"""An impact to a tolerance: which steps are tried, the extrapolation of their runs, and the estimate of its error.
+
+The error of every velocity and of R times every spin, over the velocity of the fastest striker, is at most
+``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the one before, show the order p of
+their error by the L2 norms of their differences,
+
+    |a − b|/|b − c| = 2^p,
+
+2 for spheres that slide on nothing, and 1 with damping or with friction and the law "incremental", whose forces LAMMPS
+takes at half steps. The answer is (2^p c − b)/(2^p − 1), and its estimated error the largest difference from the same
+answer of a and b, times `SAFETY`. Contacts that close and open inside a step leave an error of order 5/2 at no fixed
+phase of the step, which no extrapolation removes; the difference holds it. Runs that do not converge are not
+extrapolated: their error is not known, and counts as infinite.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from itertools import islice
+from math import ceil, inf, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.accuracy.halving import Plan
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.problem import ImpactProblem, prepare
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.lammps.outputs import SNAPSHOTS
+
+SAFETY = 2.0
+RUNS = 3  # the fewest that show an order
+MOST_STEPS = 10**9
+# Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest. The answer of three runs is
+# then estimated to err by 3e-5 to 2e-4 after 12 collision times
+_STEPS_AT = (36.0, 1e-4)
+_FEWEST = 16.0
+_POWER = 2.5  # of the step in the error of the answer
+_MOVED = ("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz")  # columns of a dump
+_HEAD = 9  # lines of a snapshot before its spheres
+
+
+def plan(problem: ImpactProblem) -> Plan:
+    """Return the steps of a scene with a tolerance.
+
+    Raises
+    ------
+    SceneError
+        If they are more than 1e9.
+    """
+    time = problem.scene.time
+    assert time.tolerance is not None
+    steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
+    found = Plan(max(1, ceil(time.sample * steps / problem.shortest_collision)), RUNS)
+    if found.steps_per_sample * time.samples > MOST_STEPS:
+        raise SceneError(f"time.tolerance = {time.tolerance!r}: would take more than {MOST_STEPS} steps in this scene")
+    return found
+
+
+def planned(scene: ImpactScene) -> ImpactScene:
+    """Return the scene of the last planned run, with its time step: the scene itself if it has no tolerance."""
+    if scene.time.tolerance is None:
+        return scene
+    return scene.with_values({"time.timestep": scene.time.sample / (plan(prepare(scene)).per_sample << RUNS - 1)})
+
+
+def planned_steps(scene: ImpactScene) -> int:
+    """Return the number of time steps of all planned runs of a scene."""
+    if scene.time.tolerance is None:
+        return scene.time.steps
+    return plan(prepare(scene)).steps_per_sample * scene.time.samples
+
+
+def order(runs: Sequence[ImpactRecord]) -> int | None:
+    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge."""
+    if len(runs) < RUNS:
+        return None
+    coarse, middle, fine = map(_signals, runs[-RUNS:])
+    first, second = (
+        sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in a)) for a, b in ((coarse, middle), (middle, fine))
+    )
+    if second == 0 or first >= 2**1.5 * second:
+        return 2
+    return 1 if first >= 2**0.5 * second else None
+
+
+def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
+    """Return the largest errors of velocities and spins, over the fastest striker's velocity, of the answer.
+
+    inf where the order of the error is not known.
+    """
+    p = order(runs)
+    names = _signals(runs[-1])
+    if p is None:
+        return dict.fromkeys(names, inf)
+    a, b, c = map(_signals, runs[-RUNS:])
+    older, newer = _combined(a, b, p), _combined(b, c, p)
+    return {name: SAFETY * float(np.max(np.abs(newer[name] - older[name]))) for name in names}
+
+
+def answer(runs: Sequence[ImpactRecord]) -> ImpactRecord:
+    """Return the extrapolation of the last two runs, of the order that the last three show."""
+    p, (coarse, fine) = order(runs), runs[-2:]
+    assert p is not None
+    names = ("displacement", "velocity", "spin")
+    a, b = ({name: getattr(each, name) for name in names} for each in (coarse, fine))
+    return replace(fine, **_combined(a, b, p))
+
+
+def _signals(record: ImpactRecord) -> dict[str, Any]:
+    return {"velocity": record.velocity} | ({"spin": record.spin} if record.problem.on["rotation"] else {})
+
+
+def _combined(coarse: dict[str, Any], fine: dict[str, Any], p: int) -> dict[str, Any]:
+    return {name: (2**p * fine[name] - coarse[name]) / (2**p - 1) for name in coarse}
+
+
+def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
+    """Write ``dump.particles`` of an answer into a folder, from those in the run folders of two runs.
+
+    What does not move, and the steps, are those of the finer run.
+    """
+    with ExitStack() as files:
+        one, two = (files.enter_context((each / SNAPSHOTS).open(encoding="utf-8")) for each in (coarse, fine))
+        out = files.enter_context((folder / SNAPSHOTS).open("w", encoding="utf-8"))
+        while head := list(islice(two, _HEAD)):
+            list(islice(one, _HEAD))
+            out.writelines(head)
+            names = head[-1].split()[2:]
+            moved = [name in _MOVED for name in names]
+            for a, b in zip(islice(one, int(head[3])), islice(two, int(head[3])), strict=True):
+                words = [
+                    repr((2**p * float(y) - float(x)) / (2**p - 1)) if moves else y
+                    for x, y, moves in zip(a.split(), b.split(), moved, strict=True)
+                ]
+                out.write(" ".join(words) + "\n")

@@ -1,0 +1,241 @@
+"""Impacts to a tolerance: the order is measured; the estimate is above the error against theory, on other scenes."""
+
+import json
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.theory.chain import spheres
+from analysis.theory.chain_motion import integrate as chain_motion
+from analysis.theory.network import Material, Network, start
+from analysis.theory.network_motion import integrate as network_motion
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.accuracy import halving
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.impact.problem import prepare
+from granular_lmp.impact.run import resume_impact
+from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
+from granular_lmp.runs.launch import Options
+from granular_lmp.studies.sweep import sweep
+
+CHAIN = ImpactScene.load("solitary_chain").with_values(
+    {"packing.rows": 15, "packing.last": "free", "time.duration": 25.0, "time.sample": 1.0, "time.tolerance": 1e-3}
+)
+SHEET = ImpactScene.load("point_impact").with_values(
+    {
+        "packing.rows": 7,
+        "packing.columns": 7,
+        "striker.1.spheres": [[0, 3]],
+        "time.duration": 5.0,
+        "time.sample": 1.0,
+        "time.tolerance": 1e-3,
+    }
+)
+
+
+def exact_chain(record: ImpactRecord) -> np.ndarray:
+    """Velocities (T, n) along a chain by DOP853, over the striker's; the spheres and their ends as declared."""
+    scene, arrays = record.scene, record.problem.crystal.arrays
+    ball, ends = scene.sphere, (scene.packing.first, scene.packing.last)
+    chain = spheres(
+        arrays["radius"] * ball.radius,
+        arrays["density"],
+        ball.youngs_modulus,
+        ball.poisson_ratio,
+        ends=ends,  # type: ignore[arg-type]
+    )
+    v = record.velocity[0, :, 1] * record.scale.velocity
+    _, found = chain_motion(chain, 0 * v, v, record.tau[1:] * record.scale.time, 1e-11)
+    return np.vstack([record.velocity[:1, :, 1], found / record.scale.velocity])
+
+
+def exact_sheet(record: ImpactRecord) -> np.ndarray:
+    """Velocities (T, n, 2) in a sheet by DOP853 of the network, over the striker's."""
+    scene, crystal = record.scene, record.problem.crystal
+    ball, count = scene.sphere, len(crystal)
+    network = Network(
+        crystal.positions[:, :2] * ball.radius,
+        np.full(count, ball.radius),
+        crystal.arrays["density"],
+        (Material(ball.youngs_modulus, ball.poisson_ratio),),
+        law=scene.effects.shear_law,
+        friction=scene.effects.friction,
+    )
+    # Sliding is resolved to second order in the step: 1e-6 with 400 of them in t0, 2e-5 with 80
+    longest = record.scale.time / (80 if scene.effects.friction else 5)
+    moving = start(network, 0.0, record.velocity[0] * record.scale.velocity)
+    found = network_motion(network, moving, record.tau[1:] * record.scale.time, rtol=1e-9, longest_step=longest)
+    return np.concatenate([record.velocity[:1], found.velocity / record.scale.velocity])
+
+
+RANDOM = {"disorder.density": 0.2, "disorder.radius": 0.03, "disorder.seed": 11}
+
+
+@pytest.mark.parametrize(
+    ("changes", "tolerance"),
+    [
+        (RANDOM | {"packing.last": "wall"}, 1e-3),
+        (RANDOM | {"packing.last": "held", "disorder.seed": 12}, 1e-4),
+        ({"packing.first": "held", "packing.last": "held", "striker.1.rows": [4, 4], "packing.rows": 9}, 1e-3),
+        ({"packing.rows": 8, "packing.last": "wall", "time.duration": 40.0}, 1e-5),
+    ],
+    ids=["wall", "held", "between", "fine"],
+)
+def test_the_estimate_of_a_chain_is_above_its_error(changes: dict[str, Any], tolerance: float, tmp_path: Path) -> None:
+    record = run_impact(CHAIN.with_values(changes | {"time.tolerance": tolerance}), tmp_path / "run")
+    error = np.max(np.abs(record.velocity[..., 1] - exact_chain(record)))
+    said = record.info["error_estimate"]["velocity"]
+    assert record.info["order"] == 2
+    assert error < said <= tolerance
+    assert np.max(np.abs(1.01 * record.velocity[..., 1] - exact_chain(record))) > said  # what an error would do
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"disorder.density": 0.2, "disorder.seed": 7},
+        {"effects.friction": 0.25, "effects.shear_law": "secant"},
+        {"effects.friction": 0.25, "effects.shear_law": "incremental", "disorder.density": 0.15},
+    ],
+    ids=["smooth", "secant", "incremental"],
+)
+def test_the_estimate_of_a_sheet_is_above_its_error(changes: dict[str, Any], tmp_path: Path) -> None:
+    record = run_impact(SHEET.with_values(changes), tmp_path / "run")
+    error = np.max(np.abs(record.velocity - exact_sheet(record)))
+    said = record.info["error_estimate"]
+    assert error < said["velocity"] <= 1e-3
+    assert ("spin" in said) == ("effects.friction" in changes)
+
+
+def stepped(scene: ImpactScene, steps: list[float], folder: Path) -> list[ImpactRecord]:
+    return [run_impact(scene.with_values({"time.timestep": each}), folder / f"{each}") for each in steps]
+
+
+@pytest.mark.parametrize(
+    ("scene", "expected"),
+    [
+        (CHAIN, 2),
+        (CHAIN.with_values({"effects.restitution": 0.7, "packing.last": "wall"}), 1),
+        (SHEET.with_values({"effects.friction": 0.3, "effects.shear_law": "incremental"}), 1),
+    ],
+    ids=["smooth", "damping", "friction"],
+)
+def test_the_order_is_measured(scene: ImpactScene, expected: int, tmp_path: Path) -> None:
+    # Ratios of differences there: 4.0, 2.1 and 2.1; the limits are 2.8 and 1.4
+    runs = stepped(scene, [0.05, 0.025, 0.0125], tmp_path)
+    assert order(runs) == expected
+    assert order(runs[:2]) is None
+    assert answer(runs).tau.tolist() == runs[-1].tau.tolist()
+
+
+def test_what_does_not_converge_is_not_extrapolated(tmp_path: Path) -> None:
+    runs = stepped(CHAIN, [0.1, 0.05, 0.025], tmp_path)
+    wrong = [replace(each, velocity=each.velocity * factor) for each, factor in zip(runs, (1, 1.01, 0.99), strict=True)]
+    assert order(wrong) is None
+    assert estimate(wrong) == {"velocity": inf}
+    lost = [*runs[:2], replace(runs[2], velocity=runs[2].velocity * nan)]
+    assert order(lost) is None
+    assert estimate(lost) == {"velocity": inf}
+    # A finest run that errs by 1e-3 makes the estimate as large
+    shifted = [*runs[:2], replace(runs[2], velocity=runs[2].velocity * 1.001)]
+    assert estimate(shifted)["velocity"] > 1e-3 > estimate(runs)["velocity"]
+    # What nothing disturbs is exact
+    still = [runs[2]] * RUNS
+    assert (order(still), estimate(still)) == (2, {"velocity": 0.0})
+
+
+def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(halving, "MOST_RUNGS", 3)
+    scene = CHAIN.with_values({"time.tolerance": 1e-5, "packing.first": "held", "striker.1.rows": [2, 2]})
+    scene = scene.with_values({"packing.rows": 5, "packing.last": "held", "time.duration": 60.0})
+    with pytest.raises(
+        ToleranceError, match=r"time.tolerance = 1e-05: not met with steps down to .* the runs are kept"
+    ):
+        run_impact(scene, tmp_path / "run")
+    info = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert info["status"] == "failed"
+    assert len([*(tmp_path / "run").glob("*_per_sample")]) == 3
+    with pytest.raises(RunFolderError, match="not a finished run"):
+        ImpactRecord.load(tmp_path / "run")
+
+
+def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
+    scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 4.0})
+    record = run_impact(scene, tmp_path / "run")
+    again = ImpactRecord.load(tmp_path / "run")
+    # The text has all digits; the sums of positions and displacements are rounded otherwise
+    for name in ("tau", "velocity", "displacement", "spin"):
+        assert getattr(again, name) == pytest.approx(getattr(record, name), abs=1e-10)
+    assert again.scene == record.scene == scene
+    per_sample = plan(prepare(scene)).per_sample
+    folders = [tmp_path / "run" / f"{per_sample << rung}_per_sample" for rung in range(RUNS)]
+    runs = [ImpactRecord.load(folder) for folder in folders]
+    assert record.info["steps"] >= sum(each.info["steps"] for each in runs)
+    if record.info["timestep_used"] == runs[-1].scene.time.step:
+        assert answer(runs).velocity == pytest.approx(record.velocity, abs=1e-12)
+    assert main(["export", str(tmp_path / "run"), "-o", str(tmp_path / "run.csv")]) == 0
+    assert main(["view", str(tmp_path / "run"), "-o", str(tmp_path / "run.png")]) == 0
+    with pytest.raises(RunFolderError, match="is there already"):
+        run_impact(scene, tmp_path / "run")
+    assert planned(scene).time.steps_per_sample == per_sample << RUNS - 1
+
+
+def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: None) -> None:
+    scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 40.0, "output.checkpoint": 3e-5})
+    whole = run_impact(scene, tmp_path / "whole")
+
+    def stop(step: int, steps: int) -> None:
+        if steps / 2 < step < steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted, match="continue with: granular-lmp resume"):
+        run_impact(scene, tmp_path / "cut", Options(progress=stop))
+    first = min((tmp_path / "cut").glob("*_per_sample"), key=lambda path: int(path.name.split("_")[0]))
+    written = (first / "run.json").stat().st_mtime_ns
+    record = resume_impact(tmp_path / "cut")
+    assert (first / "run.json").stat().st_mtime_ns == written  # what was finished is not run again
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert record.info["error_estimate"] == whole.info["error_estimate"]
+    with pytest.raises(RunFolderError, match="the run is finished"):
+        resume_impact(tmp_path / "cut")
+
+
+def test_a_step_beside_a_tolerance_is_refused_and_one_replaces_the_other() -> None:
+    tables = CHAIN.to_dict()
+    assert "timestep" not in tables["time"]
+    with pytest.raises(SceneError, match=r"time.tolerance = 0.001: excludes time.timestep = 0.03; give one of the two"):
+        ImpactScene.from_dict(tables | {"time": tables["time"] | {"timestep": 0.03}})
+    assert ImpactScene.loads(CHAIN.to_toml()) == CHAIN
+    assert CHAIN.with_values({"time.timestep": 0.03}).time.tolerance is None
+    with pytest.raises(SceneError, match="has no time step until one is chosen"):
+        _ = CHAIN.time.step
+    with pytest.raises(SceneError, match="would take more than 1000000000 steps"):
+        plan(prepare(CHAIN.with_values({"time.tolerance": 1e-9, "time.duration": 1e6})))
+
+
+def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = CHAIN.with_values({"packing.rows": 6, "time.duration": 10.0})
+    done = sweep(scene, {"time.tolerance": [1e-2, 1e-3]}, tmp_path / "sweep")
+    assert [row["status"] for row in done.rows] == ["finished"] * 2
+    assert all(row["velocity_error"] <= row["time.tolerance"] for row in done.rows)
+    (tmp_path / "mine.toml").write_text(scene.to_toml())
+    file = str(tmp_path / "mine.toml")
+    steps = planned(scene).time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
+    assert main(["check", file]) == 0
+    assert f"steps     {steps}; 11 records of 6 spheres" in capsys.readouterr().out
+    assert main(["effects", file]) == 0
+    assert "chooses the step" in capsys.readouterr().out
+    assert main(["build", file, "-o", str(tmp_path / "deck")]) == 0
+    assert (
+        f"variable timestep index {planned(scene).time.timestep!r}"
+        in (tmp_path / "deck" / "in.solitary_chain").read_text()
+    )
+    capsys.readouterr()
+    assert main(["run", file, "-o", str(tmp_path / "run")]) == 0
+    assert "error over the velocity of the fastest striker, estimated: velocity " in capsys.readouterr().out
