@@ -57,6 +57,10 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "less friction": (partial(kept, 2, edits=SLIPPERY), "sliding force"),
     "another law at all steps but the finest": (partial(order, 0.9, edits=ANOTHER_LAW), "order"),
     "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
+    "another law next to pull-off at all steps but the finest": (
+        partial(order, 2.1, edits=ANOTHER_LAW, law="jkr"),
+        "order",
+    ),
     "a struck chain on a fast clock": (partial(order_of_strikes, FAST_STRIKE), "order"),
     "a slow striker on a fast clock": (partial(velocities, 1e-6, FAST_STRIKE), "velocities"),
     "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),
