@@ -12,6 +12,7 @@
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make published (published cases of impacts, two minutes: docs/published-impacts.md),
 # make pull-off (snap-in and pull-off in collisions, by JKR and in LAMMPS, half a minute: docs/collisions.md),
+# make adhesion (the second harmonic by the DMT and by the JKR law, ten minutes of processor time: docs/adhesion-laws.md),
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
@@ -40,7 +41,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
 test processors: export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published pull-off onset witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published pull-off onset adhesion witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -277,6 +278,17 @@ onset: .venv/ready
 	    --over effects.friction=0.01,0.02,0.03,0.05,0.07,0.1,0.15,0.2,0.25,0.3,0.35,0.4,0.5,0.7,1
 	$(BIN)/python -m analysis.figures.onset runs/onset/plane runs/onset/pulse runs/onset/friction -o figures/onset.png
 
+# The same crystal by either law, from pairs of runs. The cell of 400 rows carries the wave numbers around both resonances,
+# 2π·80/400 to 2π·97/400, and both antiresonances, 2π·133/400 to 2π·138/400 and 2π·159/400 to 2π·164/400
+LAWS = $(SPECTRUM) --over sphere.adhesion_law=dmt,jkr
+
+adhesion: .venv/ready
+	$(BIN)/granular-lmp sweep tr_periodic $(LAWS) --set packing.rows=80 -o runs/adhesion/zone \
+	    --over wave.wavenumber=0.1570796327:3.0630528372:38
+	$(BIN)/granular-lmp sweep tr_periodic $(LAWS) --set packing.rows=400 -o runs/adhesion/close \
+	    --over wave.wavenumber=1.2566370614:1.5236724369:18,2.0891591146:2.1676989309:6,2.4975661596:2.5761059759:6
+	$(BIN)/python -m analysis.figures.adhesion_laws runs/adhesion/zone runs/adhesion/close -o figures/adhesion_laws.png
+
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost
 	$(BIN)/python -m analysis.figures.accuracy runs/cost -o figures/accuracy.png
@@ -324,7 +336,7 @@ rooms: .venv/ready
 	touch $@
 
 clean:
-	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/impact runs/published runs/pull_off runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
+	rm -rf runs/paper runs/effects runs/cost runs/spectrum runs/dispersion runs/waves runs/quiet runs/scattering runs/onset runs/adhesion runs/impact runs/published runs/pull_off runs/witness runs/disorder build dist site .venv .pytest_cache .mypy_cache .ruff_cache
 
 # A sheet whose radii spread by 0.2 static overlaps
 witness: .venv/ready

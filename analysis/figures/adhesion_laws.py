@@ -42,7 +42,7 @@ def force(law: Adhesion, overlap: Floats) -> Floats:
 
 
 def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
-    """Return the runs of each law, pairs of steps extrapolated.
+    """Return the runs of each law by wave number, pairs of steps extrapolated; of two cells with one wave the last.
 
     Raises
     ------
@@ -58,7 +58,14 @@ def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
         groups.setdefault(wave_of(record).contact.adhesion_law, []).append(record)
     for runs in groups.values():
         one_crystal(runs)
-    return {law: extrapolated(runs) for law, runs in sorted(groups.items())}
+    return {
+        law: sorted({round(each.scene.wavenumber, 9): each for each in extrapolated(runs)}.values(), key=_wavenumber)
+        for law, runs in sorted(groups.items())
+    }
+
+
+def _wavenumber(record: Record) -> float:
+    return record.scene.wavenumber
 
 
 def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
@@ -98,7 +105,7 @@ def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     contacts = {law: [Contact(SILICA, adhesion_law=law, prestress=each) for each in share] for law in COLOURS}
     _draw_places(pressed, share, contacts)
     pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
-    ratios.legend(frameon=False, fontsize="small", loc="lower left")
+    ratios.legend(frameon=False, fontsize="small", loc="upper left")
     return figure
 
 

@@ -32,4 +32,4 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"normal": scene.sphere.adhesion_law if on else "hertz"}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1.00", loss=loss, law=law, in_all=False)
+ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, law=law, in_all=False)

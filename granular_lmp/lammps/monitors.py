@@ -45,10 +45,12 @@ def is_whole(path: Path, records: int, last: int) -> bool:
 
 def lines(problem: Problem) -> str:
     """Return the blocks of all monitors of a problem; their slots are those of `granular_lmp.lammps.blocks`."""
-    return "\n\n".join("\n".join(_block(number, each)) for number, each in enumerate(problem.monitors, 1))
+    # By radii LAMMPS leaves out contacts that adhere beyond an overlap of 0, which only equal spheres have
+    cutoff = "type" if problem.scene.sphere.pull_off_distance else "radius"
+    return "\n\n".join("\n".join(_block(number, each, cutoff)) for number, each in enumerate(problem.monitors, 1))
 
 
-def _block(number: int, placed: PlacedMonitor) -> list[str]:
+def _block(number: int, placed: PlacedMonitor, cutoff: str) -> list[str]:
     name, tag = f"monitor{number}", str(number)
     file = MONITOR.format(f"{placed.monitor.name}<continued>")
     lines = [
@@ -64,8 +66,8 @@ def _block(number: int, placed: PlacedMonitor) -> list[str]:
         lines += [
             "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
             f"group        around{tag} id {id_ranges(placed.around)}",
-            f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff radius",
-            f"compute      push{tag} around{tag} pair/local {_VALUES} cutoff radius",
+            f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
+            f"compute      push{tag} around{tag} pair/local {_VALUES} cutoff {cutoff}",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
             f'dump_modify  contacts{tag} format line "{_FORMAT}" {names}<append>',
         ]

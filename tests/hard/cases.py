@@ -38,6 +38,7 @@ FAST: Mapping[str, Measure] = {
     **{f"degenerate {mode}, nu = {nu}": partial(degenerate, mode, nu) for mode, nu in DEGENERATE},
     **{f"a = {a}": partial(kept, a) for a in (0.9, 2, 20)},
     **{f"order at a = {a}": partial(order, a) for a in (0.9, 5)},
+    **{f"order at a = {a}, jkr": partial(order, a, law="jkr") for a in (2.1, 2.3)},
     "noise of a short cell": partial(floor, 16, 0.01),
     "noise of a long cell": partial(floor, 96, 0.01),
     "noise far from the origin": origin,

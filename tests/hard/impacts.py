@@ -12,7 +12,9 @@ CELL = (2, 8)  # ξ = π/2: the largest amplitudes stretch neighbouring rows to 
 DURATION = 20.0  # τ: five periods, in which every contact has opened and closed several times
 STEPS = (0.05, 0.025, 0.0125, 0.00625)
 FINEST = 0.05 / 64
-OPENING = 1.0  # a from which contacts open, D0 ≥ Δ0 over the largest stretch of a contact
+# a from which contacts open by the adhesion law: D0 ≥ Δ0 over the largest stretch of a contact. In the JKR law contacts
+# hold to an overlap of −0.397 Δ0, which the exact lattice does not reach by τ = 20 at a = 2.13
+OPENING = {"dmt": 1.0, "jkr": 2.13}
 
 
 def kept(amplitude: float, step: float = 0.0125, edits: Edits = ()) -> Cases:
@@ -69,16 +71,19 @@ def opening_error(amplitude: float, step: float, energy: float, spheres: int) ->
     return float(np.sqrt(jumps) * (2 / 3) * 2 * amplitude * step / 2 / energy)
 
 
-def order(amplitude: float, steps: tuple[float, ...] = STEPS, edits: Edits = ()) -> Cases:
+def order(amplitude: float, steps: tuple[float, ...] = STEPS, edits: Edits = (), law: str = "dmt") -> Cases:
     """Order in the step of the error of all displacements, against a run of a far smaller step."""
-    finest = _trajectory(amplitude, FINEST)
-    errors = [np.sqrt(np.mean((_trajectory(amplitude, step, edits) - finest) ** 2)) for step in steps]
+    finest = _trajectory(amplitude, FINEST, law=law)
+    errors = [np.sqrt(np.mean((_trajectory(amplitude, step, edits, law) - finest) ** 2)) for step in steps]
     found = slope(steps, errors)
-    smooth = amplitude <= OPENING
+    smooth = amplitude <= OPENING[law]
+    label = f"a = {amplitude:g}" + (f", {law}" if law != "dmt" else "")
     return [
         Case(
-            f"order of the error in Δτ, a = {amplitude:g} (error {errors[0]:.1e} → {errors[-1]:.1e} D0)",
-            "contacts stay closed" if smooth else "the force jumps by F where a contact opens, at no time of a step's",
+            f"order of the error in Δτ, {label} (error {errors[0]:.1e} → {errors[-1]:.1e} D0)",
+            "contacts stay closed" + ", next to pull-off" * (law == "jkr")
+            if smooth
+            else "the force jumps by F where a contact opens, at no time of a step's",
             found,
             "Verlet's 2 while the force is smooth"
             if smooth
@@ -89,9 +94,9 @@ def order(amplitude: float, steps: tuple[float, ...] = STEPS, edits: Edits = ())
     ]
 
 
-def _trajectory(amplitude: float, step: float, edits: Edits = ()) -> Floats:
+def _trajectory(amplitude: float, step: float, edits: Edits = (), law: str = "dmt") -> Floats:
     """Displacements (T, 3, N) in D0 every τ."""
-    wave = scene("TR", *CELL, amplitude, step, DURATION)
+    wave = scene("TR", *CELL, amplitude, step, DURATION).with_values({"sphere.adhesion_law": law})
     places = []
     with running(wave, edits) as cell:
         for _ in range(round(DURATION)):

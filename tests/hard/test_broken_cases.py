@@ -64,6 +64,10 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "another law with open contacts at all steps but the finest": (partial(order, 5, edits=ANOTHER_LAW), "order"),
     "weaker adhesion that sticks": (partial(sticking, WEAKER), ""),
     "weaker adhesion that parts": (partial(parting, WEAKER), "pull-off"),
+    "another law next to pull-off at all steps but the finest": (
+        partial(order, 2.1, edits=ANOTHER_LAW, law="jkr"),
+        "order",
+    ),
     "a struck chain on a fast clock": (partial(order_of_strikes, FAST_STRIKE), "order"),
     "a slow striker on a fast clock": (partial(velocities, 1e-6, FAST_STRIKE), "velocities"),
     "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),
