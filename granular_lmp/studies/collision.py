@@ -14,6 +14,7 @@ from math import ceil, gamma, pi, sqrt
 from pathlib import Path
 from typing import Any, Self
 
+from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
@@ -32,8 +33,7 @@ LONGEST_PATH = 100.0  # radii; LAMMPS cuts the box into bins of a radius, 8e6 of
 _SHIPPED_COLLISIONS = SHIPPED / "collisions"
 # ∫₀¹ dx/√(1 − x^{5/2}) = √π Γ(7/5)/Γ(9/10): half of a Hertz contact time, in units of depth over speed
 _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
-# Pull-off force over π w Rc, and the work of adhesion from first touch to the overlap at rest Δ0 over F Δ0
-_PULL_OFF = {"dmt": 2.0, "hertz": 0.0, "jkr": 1.5}
+# Work of adhesion from first touch to the overlap at rest Δ0, over F Δ0
 _WORK = {"dmt": 3 / 5, "hertz": 0.0, "jkr": 6 / 5 * (1 - (2 / 3) ** (4 / 3))}
 
 
@@ -159,21 +159,29 @@ class Collision(Document):
         return self.sphere.radius * (1.0 if self.on_plane else 0.5)
 
     @property
+    def law(self) -> AdhesionLaw:
+        """Law of the contact; a rigid plane doubles E* and G* of two spheres."""
+        sphere, bodies = self.sphere, 2 if self.on_plane else 1
+        adhesion = 0.0 if self.contact.normal == "hertz" else sphere.work_of_adhesion
+        kind = ADHESION_LAWS["dmt" if self.contact.normal == "hertz" else self.contact.normal]
+        return kind(
+            bodies * sphere.effective_modulus, bodies * sphere.effective_shear_modulus, self.effective_radius, adhesion
+        )
+
+    @property
     def normal_coefficient(self) -> float:
-        """A = (4/3) E* √Rc, N/m^{3/2}; a rigid plane has twice the E* of two spheres."""
-        return 4 / 3 * self.sphere.effective_modulus * sqrt(self.effective_radius) * (2 if self.on_plane else 1)
+        """A = (4/3) E* √Rc, N/m^{3/2}."""
+        return float(self.law.normal_coefficient)
 
     @property
     def pull_off_force(self) -> float:
         """Largest pull F, N: 2π w Rc by the law "dmt", (3/2) π w Rc by "jkr", 0 by "hertz"."""
-        return _PULL_OFF[self.contact.normal] * pi * self.sphere.work_of_adhesion * self.effective_radius
+        return float(self.law.pull_off_force)
 
     @property
     def static_overlap(self) -> float:
-        """Overlap Δ0 without an outer force, m: (F/A)^{2/3} by the law "dmt", (4F/A)^{2/3}/3 by "jkr"."""
-        if self.contact.normal == "jkr":
-            return (4 * self.pull_off_force / self.normal_coefficient) ** (2 / 3) / 3
-        return (self.pull_off_force / self.normal_coefficient) ** (2 / 3)
+        """Overlap Δ0 without an outer force, m."""
+        return float(self.law.overlap_under(0.0))
 
     @property
     def pull_off_distance(self) -> float:
@@ -183,7 +191,7 @@ class Collision(Document):
         part the bodies. The published loss of a collision takes the contact to 6^{−4/3} 9 Δ0, twice as far, where it
         ends if the distance is prescribed (`analysis.theory.jkr`).
         """
-        return 2 ** (-4 / 3) * self.static_overlap * (self.contact.normal == "jkr")
+        return -float(self.law.pull_off_overlap)
 
     @property
     def elastic_overlap(self) -> float:
