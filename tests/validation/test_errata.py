@@ -34,6 +34,7 @@ def vanishes(expression: sp.Expr) -> bool:
     return sp.together(sp.expand(expression)).expand() == 0
 
 
+@cache
 def agrees(coefficients: Coefficients) -> bool:
     """Return whether `eqp`, `eqq`, `eqr` with these factors are the rows derived for the same time scale."""
     scale = coefficients.time_scale_squared / CORRECT.time_scale_squared
