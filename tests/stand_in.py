@@ -89,7 +89,7 @@ def run_of_rows(
     def read() -> Any:
         if not snapshots:
             raise RunFolderError("run: holds no snapshots of all spheres")
-        return SimpleNamespace(tau=tau, stack=fields.__getitem__)
+        return SimpleNamespace(tau=tau, stacks=lambda *names: [fields[name] for name in names])
 
     scene = Changed(
         PAPER,

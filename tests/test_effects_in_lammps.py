@@ -1,6 +1,5 @@
 """LAMMPS held by compression, damped, or without shear, against the exact lattice with the same physics."""
 
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -14,7 +13,7 @@ from analysis.measure.norms import relative_error
 from analysis.theory import lattice
 from analysis.theory.contact import Contact
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.runs.launch import run_files
 
 DECK = Path(__file__).parents[1] / "lammps_inputs/in.plane_wave"
 DMT = "dmt ${young} 0.0 ${poisson} $(v_adhesion/2:%.17g)"
@@ -63,15 +62,13 @@ def lammps(tmp_path_factory: pytest.TempPathFactory) -> Lammps:
         for old, new in replacements.items():
             assert text.count(old) == 1
             text = text.replace(old, new)
-        (folder / "in.wave").write_text(text)
-        command = [*lmp_command(1), "-in", "in.wave", "-log", "none", "-screen", "none"]
         # The walls of 91 rows are heard after τ = 60
         values = {"xi": XI, "timestep": step, "phase": PHASE, "amp": AMPLITUDE, "adhesion": adhesion}
         values |= {"duration": 60, "rows": 91}
-        for name, value in values.items():
-            command += ["-var", name, str(value)]
-        subprocess.run(command, cwd=folder, check=True, timeout=60)
-        tau, *displacements = np.loadtxt(folder / "trajectory.csv", delimiter=",", skiprows=1).T
+        # As -var sets them, before the deck's own
+        given = "".join(f"variable {name} index {value}\n" for name, value in values.items())
+        run_files(folder / "run", {"in.wave": [given + text]}, "in.wave", force=True)
+        tau, *displacements = np.loadtxt(folder / "run/trajectory.csv", delimiter=",", skiprows=1).T
         return tau, np.stack(displacements)
 
     return run

@@ -42,8 +42,8 @@ Fields = np.ndarray
 
 def fields_of(record: Record) -> Fields:
     """Return displacement x, y and Rθ of all spheres at every record, (T, N, 3), in D0."""
-    found = record.snapshots()
-    return np.concatenate([found.stack("displacement"), found.stack("rotation")[:, :, None]], axis=2)
+    displacement, rotation = record.snapshots().stacks("displacement", "rotation")
+    return np.concatenate([displacement, rotation[:, :, None]], axis=2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,11 +44,13 @@ def test_the_centre_sphere_is_the_same_in_both_dumps_to_the_last_bit(seen: Scene
             assert float(values[ours]) == alone[theirs][2 * snapshot]
     snapshots = Snapshots.load(tmp_path / "run")
     np.testing.assert_array_equal(snapshots.tau, record.tau[::2])
-    assert snapshots.stack("displacement").shape == (3, 24, 2)
+    moved, turned = snapshots.stacks("displacement", "rotation")
+    np.testing.assert_array_equal(moved, snapshots.stack("displacement"))
+    assert moved.shape == (3, 24, 2)
     # The record divides in metres, the snapshots in the deck's nanometres: a few roundings
-    np.testing.assert_allclose(snapshots.stack("displacement")[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
-    np.testing.assert_allclose(-snapshots.stack("displacement")[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
-    np.testing.assert_allclose(snapshots.stack("rotation")[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(moved[:, centre, 1], record.p[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(-moved[:, centre, 0], record.q[::2], rtol=1e-14, atol=1e-18)
+    np.testing.assert_allclose(turned[:, centre], record.phi[::2], rtol=1e-14, atol=1e-18)
 
 
 def test_the_first_snapshot_is_the_wave_that_was_asked_for(seen: Scene, tmp_path: Path) -> None:

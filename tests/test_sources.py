@@ -55,8 +55,8 @@ def crystal_of(snapshots: Snapshots) -> Crystal:
 
 def fields_of(snapshots: Snapshots) -> np.ndarray:
     """Displacements and velocities (2, T, N, 3) of a run."""
-    parts = [("displacement", "rotation"), ("velocity", "spin")]
-    return np.array([np.concatenate([snapshots.stack(a), snapshots.stack(b)[..., None]], axis=-1) for a, b in parts])
+    moved, turned, velocity, spin = snapshots.stacks("displacement", "rotation", "velocity", "spin")
+    return np.array([np.concatenate([a, b[..., None]], axis=-1) for a, b in ((moved, turned), (velocity, spin))])
 
 
 def extrapolated(scene: Scene, folder: Path) -> tuple[np.ndarray, Snapshots]:
@@ -185,7 +185,7 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
     changes = {"packing.rows": 6, "packing.columns": 8, "time.duration": 20.0, "source": sources}
     scene = SHEET.with_values(changes | {"output.particles": 1.0})
     snapshots = run(scene, tmp_path / "run").snapshots()
-    moved, turned = snapshots.stack("displacement"), snapshots.stack("rotation")
+    moved, turned = snapshots.stacks("displacement", "rotation")
     for k, (_, signal) in enumerate(signals.values()):
         sphere = 16 + 2 * k
         # Rounding of positions 4 µm from the origin, 1e-12 nm of D0 = 2.5e-4 nm

@@ -3,18 +3,26 @@
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
+from analysis.cli import main as analysis_main
+from granular_lmp.cli import main
 from tests.test_site import loaded
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 BLOCK = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[ \t]*\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
+PROGRAMS: dict[str, Callable[[list[str]], int | None]] = {"granular-lmp": main, "granular-analysis": analysis_main}
 # Two digits are shown of what depends on the time step or on last digits; half a unit of the second is at most 5 %
 SHOWN = 0.05
 
@@ -34,8 +42,7 @@ def follow(text: str, folder: Path) -> list[str]:
             (folder / "script.py").write_text(block, encoding="utf-8")
             printed = output([sys.executable, "script.py"], folder)
         elif kind == "console":
-            commands = [line[2:] for line in block.splitlines() if line.startswith("$ ")]
-            printed = "".join(output(["bash", "-c", command], folder) for command in commands)
+            printed = "".join(command(line[2:], folder) for line in block.splitlines() if line.startswith("$ "))
         missing += [line for line in shown(kind, block) if not any(says(other, line) for other in printed.splitlines())]
     return missing
 
@@ -43,6 +50,21 @@ def follow(text: str, folder: Path) -> list[str]:
 def shown(kind: str, block: str) -> list[str]:
     """Return the lines of a block that are answers."""
     return [line for line in block.splitlines() if not line.startswith("$ ")] if kind in ("console", "text") else []
+
+
+def command(line: str, folder: Path) -> str:
+    """Return what a command prints: of our programs in this process, which has imported what each would import."""
+    program, *words = shlex.split(line)
+    if program not in PROGRAMS or ">" in words:
+        return output(["bash", "-c", line], folder)
+    out, err = StringIO(), StringIO()
+    with chdir(folder), redirect_stdout(out), redirect_stderr(err), patch.object(sys, "argv", [program]):
+        try:
+            status = PROGRAMS[program](words)
+        except SystemExit as end:
+            status = end.code  # type: ignore[assignment]  # of the parser, and in one line of a script
+    assert not status, f"{line}: {err.getvalue()} {status}"
+    return out.getvalue()
 
 
 def output(command: list[str], folder: Path) -> str:

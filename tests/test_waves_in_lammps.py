@@ -91,10 +91,11 @@ def rows_of(record: Record) -> dict[str, Any]:
     """Displacements (T, rows, columns, 2) and rotations (T, rows, columns) of all spheres, in D0."""
     snapshots, shape = record.snapshots(), record.scene.shape
     grid = (len(snapshots), shape.rows, shape.columns)
+    displacement, rotation = snapshots.stacks("displacement", "rotation")
     return {
         "tau": snapshots.tau,
-        "displacement": snapshots.stack("displacement").reshape(*grid, 2),
-        "rotation": snapshots.stack("rotation").reshape(grid),
+        "displacement": displacement.reshape(*grid, 2),
+        "rotation": rotation.reshape(grid),
     }
 
 

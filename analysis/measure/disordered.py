@@ -158,8 +158,8 @@ def fundamentals(records: Iterable[Record]) -> dict[Key, Waves]:
             run = runs[0]
             moved = 0 if key.mode == "L" else 1
             particles = run.snapshots()
-            shape = coherent(run, particles.stack("displacement"))[:, moved]
-            rate = coherent(run, particles.stack("velocity"))[:, moved]
+            displacement, velocity = particles.stacks("displacement", "velocity")
+            shape, rate = (coherent(run, each)[:, moved] for each in (displacement, velocity))
             parts.append((shape + 1j * rate / _frequency(run)) / 2)
         found[key] = _waves(run, parts)
     return found

@@ -55,8 +55,9 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
 def rows_of(record: Record) -> Rows:
     """The snapshots of a run, row by row; GranularError where there are none."""
     particles, shape = record.snapshots(), record.scene.shape
-    moved = particles.stack("displacement").reshape(-1, shape.rows, shape.columns, 2).mean(axis=2)
-    turned = particles.stack("rotation").reshape(-1, shape.rows, shape.columns).mean(axis=2)
+    displacement, rotation = particles.stacks("displacement", "rotation")
+    moved = displacement.reshape(-1, shape.rows, shape.columns, 2).mean(axis=2)
+    turned = rotation.reshape(-1, shape.rows, shape.columns).mean(axis=2)
     return Rows(particles.tau, moved[..., 1], -moved[..., 0], turned)
 
 

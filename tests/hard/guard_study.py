@@ -27,9 +27,9 @@ from granular_lmp.effects import selection as effects
 from granular_lmp.effects.effect import Case, Finding
 from granular_lmp.effects.guard import BETWEEN
 from granular_lmp.errors import EffectError
+from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import GUARDS
-from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
@@ -37,7 +37,7 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 Floats = NDArray[np.float64]
 BEGIN, END = "<!-- guards: begin -->", "<!-- guards: end -->"
 RUN = "run ${steps}"
-SNAPSHOTS = "steps.all"
+SNAPSHOTS = "steps.bin"  # the name makes LAMMPS write it as binary
 FAMILIES = ("running", "standing", "walled", "driven", "packet", "beam", "pulse", "imperfect")
 STEEL = {"youngs_modulus": 210e9, "poisson_ratio": 0.3, "density": 7850.0}
 NEAR = 0.01  # radii: the largest gap between spheres that may meet
@@ -206,8 +206,8 @@ def _near(deck: Deck) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
 
 def _snapshots(path: Path) -> tuple[Floats, Floats]:
     """Return steps (T,) and ux, uy, angle (T, N, 3) of a dump of all spheres."""
-    steps, _, tables = zip(*read_snapshots(path), strict=True)
-    values = np.array(tables)[:, :, 1:]
+    snapshots = list(binary_snapshots(path))
+    steps, values = [each.step for each in snapshots], np.array([each.table[:, 1:] for each in snapshots])
     if values.shape[2] == 2:
         return np.array(steps, dtype=float), np.pad(values, ((0, 0), (0, 0), (0, 1)))
     angle = np.unwrap(np.arctan2(values[..., 3], values[..., 2]), axis=0)
@@ -248,7 +248,7 @@ def compared(scene: Scene, folder: Path) -> tuple[Comparison, Comparison]:
         dump = "compute everyone all property/atom mux muy\n" if tracked else ""
         dump += f"dump everyone all custom 1 {SNAPSHOTS} id c_u[1] c_u[2]"
         dump += " c_everyone[1] c_everyone[2]" if tracked else ""
-        dump += "\ndump_modify everyone sort id format float %.13g\n"
+        dump += "\ndump_modify everyone sort id\n"
         watched = replace(deck, input_text=deck.input_text.replace(RUN, dump + RUN))
         with suppress(EffectError):  # what the guards said stands in run.json
             run(watched, folder)

@@ -110,8 +110,8 @@ def opening_time(wave: Scene) -> float:
         (0.0, wave.time.duration),
         start.ravel(),
         method="DOP853",
-        rtol=1e-10,
-        atol=1e-11,
+        rtol=1e-7,
+        atol=1e-8,
         max_step=lattice.longest_step(contact),
         events=closed,
     )

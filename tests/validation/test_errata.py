@@ -34,6 +34,7 @@ def vanishes(expression: sp.Expr) -> bool:
     return sp.together(sp.expand(expression)).expand() == 0
 
 
+@cache
 def agrees(coefficients: Coefficients) -> bool:
     """Return whether `eqp`, `eqq`, `eqr` with these factors are the rows derived for the same time scale."""
     scale = coefficients.time_scale_squared / CORRECT.time_scale_squared
@@ -43,6 +44,7 @@ def agrees(coefficients: Coefficients) -> bool:
 # ---------------------------------------------------------------- equations of motion
 
 
+@cache
 def projection_error() -> tuple[float, float]:
     """Largest relative error of a weight of `equ`, `eqv` against virtual work."""
 
@@ -65,6 +67,7 @@ def test_projection_factor_is_half_root_three() -> None:
     assert correct < 1e-15  # round-off of float(√3/2)
 
 
+@cache
 def sixth_shear_error() -> tuple[float, float]:
     """Shear at contact 6 when the crystal turns as one body by θ, over Rθ; a rigid rotation strains nothing."""
     theta = sp.Symbol("theta")
@@ -119,6 +122,7 @@ def test_stiffness_ratio_of_hertz_mindlin() -> None:
 # ---------------------------------------------------------------- reduced equations
 
 
+@cache
 def time_scale_error() -> tuple[float, float]:
     """Relative error of the cut-off frequency of L, which `Ldisp` sets to one."""
 
@@ -143,11 +147,16 @@ SINGLE_TERMS = {
 }
 
 
+@cache
+def row_functions(coefficients: Coefficients) -> Callable[..., list[float]]:
+    rows = [row.subs(paper.HERTZ_MINDLIN) for row in paper.paper_rows(coefficients)]
+    found: Callable[..., list[float]] = sp.lambdify([paper.kappa, paper.D0, *paper.UNKNOWNS], rows)
+    return found
+
+
 def numeric_rows(coefficients: Coefficients, state: np.ndarray, amplitude: float) -> np.ndarray:
     """The paper's p'', q'', φ'' for three rows, `state` of shape (3 unknowns, 3 rows)."""
-    numbers = {paper.kappa: KAPPA, paper.D0: amplitude} | dict(zip(paper.UNKNOWNS, state.ravel(), strict=True))
-    rows = [float(row.subs(paper.HERTZ_MINDLIN).subs(numbers)) for row in paper.paper_rows(coefficients)]
-    return np.array(rows) / (1, 1, 0.4)
+    return np.array(row_functions(coefficients)(KAPPA, amplitude, *state.ravel())) / (1, 1, 0.4)
 
 
 def exact_rows(state: np.ndarray, amplitude: float) -> np.ndarray:
@@ -155,6 +164,7 @@ def exact_rows(state: np.ndarray, amplitude: float) -> np.ndarray:
     return paper.exact_acceleration(ahead, here, behind, amplitude, KAPPA)[:, 0]
 
 
+@cache
 def quadratic_error(name: str) -> tuple[float, float]:
     """Relative error of one quadratic term against the even part of the exact acceleration at a = 1e-4."""
     equation, rows = SINGLE_TERMS[name]
@@ -238,6 +248,7 @@ def test_dispersion_matrix_and_l_branch_are_right() -> None:
     assert all(vanishes(entry) for entry in printed - bloch_matrix())
 
 
+@cache
 def shape_ratio_error() -> tuple[float, float]:
     """Relative error of Φ̃/Q̃ against the eigenvector of the derived matrix, TR at ξ = 0.802."""
     numbers = {paper.k1: 1, paper.g1: KAPPA, z: np.exp(0.5j * ORDINARY)}
@@ -259,6 +270,7 @@ def test_shape_ratio_has_twice_omega_squared() -> None:
     assert correct < 1e-12  # round-off of a 2×2 eigenproblem
 
 
+@cache
 def normalisation_error() -> tuple[float, float]:
     """|Q̃²+Φ̃²−1| and ||Q̃|²+|Φ̃|²−1| of a unit RT vector at ξ = 0.802, the wave of Fig. 2(b)."""
     shape_q, shape_f = paper.transverse_shape(ORDINARY, KAPPA, float(paper.transverse_branches(ORDINARY, KAPPA)[1]))
@@ -306,6 +318,7 @@ def numerator(prefactor: sp.Expr) -> sp.Expr:
     return prefactor * SIN_XI * Q * bracket
 
 
+@cache
 def complex_prefactor_error() -> tuple[float, float]:
     """Relative error of the prefactor of `P1TR` for complex fields in the equation derived here."""
     prefactor = sp.cancel(sp.together(complex_forcing(CORRECT) / numerator(sp.Integer(1))))
@@ -329,6 +342,7 @@ def test_real_fields_give_prefactor_one_half() -> None:
     assert vanishes(harmonic(forcing, 0, 0))
 
 
+@cache
 def real_prefactor_error() -> tuple[float, float]:
     """Error of p(τ≤60) over its maximum in the exact lattice at ξ = 0.802, a = 1e-3, for the prefactors 4/3 and ½."""
     amplitude, times = 1e-3, np.linspace(0, 60, 121)
