@@ -1,5 +1,6 @@
 """Contacts by the JKR law: its constants, the crystal that it holds, LAMMPS's runs, theory, and what is refused."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import cbrt, pi
 from pathlib import Path
@@ -28,6 +29,7 @@ from analysis.theory.timestep import phase_error, stepped
 from analysis.theory.wave import Wave
 from granular_lmp import ImpactScene, Record, Scene, build, run
 from granular_lmp.accuracy.rounding import noise_floor
+from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.equilibrium import relax
 from granular_lmp.crystal.lattices import Shape, packed, unit_cell
@@ -35,10 +37,11 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import CrystalError, LaunchError, SceneError
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.outputs import LOG, read_log
 from granular_lmp.lammps.units import NANO
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.studies.kick import run_kicked
 from tests.instance import silent_lammps
+from tests.validation.test_contact_law import touch
 
 PERIODIC = Scene.load("tr_periodic")
 DMT = PERIODIC.sphere
@@ -162,6 +165,21 @@ def test_lammps_has_the_law_until_the_pull_off_and_counts_the_contact_until_then
     assert counts[12] == 0
 
 
+@pytest.mark.parametrize("overlap", [0.125, -0.0625])  # nm; pulled off at −0.0687
+def test_lammps_shears_and_slides_by_the_radius_and_the_force_of_the_law(overlap: float) -> None:
+    nano, metres = NANO.number(1.0, mass=1, length=1, time=-2), overlap / NANO.number(1.0, length=1)
+    formed = 0.125  # where the contact forms, before it is pulled to the overlap
+    moves = [(0.0, 0.0), (0.0, overlap - formed), (2.0**-10, 0.0)]
+    sticking, sliding = (
+        touch(contact.pair(contact.model(JKR, NANO, normal="jkr", friction=mu)), JKR, formed, *moves)
+        for mu in (10.0, 1e-4)
+    )
+    assert sticking.normal / nano == pytest.approx(float(LAW.force(metres)), rel=1e-9)
+    slip = 2.0**-10 / NANO.number(1.0, length=1)
+    assert abs(sticking.shear) / nano == pytest.approx(float(LAW.shear_stiffness(metres)) * slip, rel=1e-9)
+    assert abs(sliding.shear) / nano == pytest.approx(1e-4 * float(LAW.sliding_force(metres)), rel=1e-9)
+
+
 def test_the_neighbour_list_reaches_beyond_the_pull_off_of_any_crystal_that_is_allowed() -> None:
     reach = JKR.pull_off_distance / JKR.static_overlap * LARGEST_OVERLAP_RATIO * 2  # in radii; the deck's skin is 0.1
     assert reach < 0.1
@@ -252,18 +270,12 @@ def test_the_deck_of_a_compressed_crystal_is_that_of_theory(tmp_path: Path) -> N
 def test_contacts_that_hold_beyond_their_end_do_not_trigger_the_guard_and_those_that_part_do(tmp_path: Path) -> None:
     both = {"wave_mode": "L", "effects_contact_opening": False, "effects_sliding": False, "time_duration": 12.0}
     held = waves(tmp_path / "held", 6, **both, wave_amplitude=0.9)
-    assert -0.3 < smallest_overlap(held) < -0.05
+    assert -0.3 < held.info["smallest_overlap"] < -0.05
     assert held.info["guards"]["open_contacts"]["value"] == 0
     parted = waves(tmp_path / "parted", 6, **both, wave_amplitude=1.3)
     # The rule, which knows the linear wave, says so before; forced off, the guard reports and does not fail the run
     assert parted.info["effects"]["contact_opening"]["called_for"]
     assert parted.info["guards"]["open_contacts"]["value"] > 0
-
-
-def smallest_overlap(record: Record) -> float:
-    """Smallest overlap of all contacts at all looks, in Δ0."""
-    assert record.folder is not None
-    return float(read_log(record.folder / LOG).table["v_overlap"].min())
 
 
 def test_a_monitor_records_contacts_that_hold_beyond_their_end(tmp_path: Path) -> None:
@@ -275,6 +287,17 @@ def test_a_monitor_records_contacts_that_hold_beyond_their_end(tmp_path: Path) -
     assert overlap.min() < -0.05 * sphere.static_overlap
     # The overlap is what is left of a distance of 1000 nm, rounded to 1e-13 nm
     np.testing.assert_allclose(force, LAW.force(overlap), rtol=0, atol=1e-9 * sphere.pull_off_force)
+
+
+def test_a_run_that_is_resumed_while_contacts_hold_beyond_their_end_is_the_same(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
+    values = {"sphere.adhesion_law": "jkr", "packing.rows": 24, "wave.wavenumber": pi / 2, "wave.mode": "L"}
+    scene = PERIODIC.with_values(values | {"wave.amplitude": 0.9, "time.duration": 100.0, "time.timestep": 0.02})
+    whole = run(scene, tmp_path / "whole")
+    assert whole.info["smallest_overlap"] < -0.05
+    stop(scene, tmp_path / "parts")
+    np.testing.assert_array_equal(resume(tmp_path / "parts").p, whole.p)
 
 
 def test_the_bound_of_the_sliding_force_is_below_it_for_all_overlaps_up_to_rest() -> None:
@@ -394,6 +417,11 @@ def test_restitution_is_refused_as_with_any_adhesive_law() -> None:
 def test_impacts_have_no_adhesion_law() -> None:
     with pytest.raises(SceneError, match="sphere.adhesion_law: unknown key"):
         ImpactScene.load("solitary_chain").with_values({"sphere.adhesion_law": "jkr"})
+
+
+def test_a_sheet_that_is_kicked_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="record does not name the law"):
+        run_kicked(PERIODIC.with_values({"sphere.adhesion_law": "jkr"}), tmp_path / "run")
 
 
 def test_the_kernel_refuses_the_law_before_a_file_is_written(tmp_path: Path) -> None:
