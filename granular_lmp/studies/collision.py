@@ -34,7 +34,7 @@ _HALF_CONTACT = sqrt(pi) * gamma(7 / 5) / gamma(9 / 10)
 class Contact:
     """Contact law with the arguments of `granular_lmp.lammps.contact.model`."""
 
-    normal: str = choice("with adhesion, or without", contact.NORMAL_LAWS, default="dmt")
+    normal: str = choice("with adhesion, or without", ("dmt", "hertz"), default="dmt")
     shear: str = choice("what the shear force follows", contact.TANGENTIAL_LAWS, default="secant")
     friction: float = number("", "mu", 0.0, 1e4, default=0.0)
     restitution: float = number("", "e of an impact along the normal", 0.01, 1.0, default=1.0)
