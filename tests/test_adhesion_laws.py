@@ -200,8 +200,19 @@ def test_resonance_and_antiresonance_move_by_a_sixth() -> None:
     # Numbers of docs/adhesion-laws.md, to their last digit
     assert [closed.resonance(dmt), closed.antiresonance(dmt)] == pytest.approx([1.476255, 2.128060], abs=5e-7)
     assert [closed.resonance(jkr), closed.antiresonance(jkr)] == pytest.approx([1.308278, 2.531049], abs=5e-7)
-    pressed = Contact(0.17, adhesion_law="jkr", prestress=1 - 1e-12).ratios
-    assert closed.resonance(pressed) == pytest.approx(closed.resonance(dmt), abs=1e-5)  # √(1−s) of adhesion is left
+    for force, place in ((1, 2.439478), (10, 2.276128), (100, 2.178044)):
+        pressed = Contact(0.17, adhesion_law="jkr", prestress=force / (1 + force)).ratios
+        assert closed.antiresonance(pressed) == pytest.approx(place, abs=5e-7)
+    hertz = Contact(0.17, adhesion_law="jkr", prestress=1 - 1e-12).ratios
+    assert closed.resonance(hertz) == pytest.approx(closed.resonance(dmt), abs=1e-5)  # √(1−s) of adhesion is left
+
+
+def test_antiresonance_and_resonance_of_the_law_are_in_the_zone_for_every_poisson_ratio_and_do_not_cross() -> None:
+    for nu in np.linspace(-1, 0.5, 61):
+        ratios = Contact(float(nu), adhesion_law="jkr").ratios
+        zero = closed.antiresonance(ratios)
+        assert zero is not None
+        assert 0 < closed.resonance(ratios) + 0.5 < zero < pi
 
 
 def test_a_contact_opens_where_it_is_pulled_off() -> None:
