@@ -123,7 +123,7 @@ def test_the_wave_decks_write_the_commands_of_the_contact_module() -> None:
     assert deck_commands(PAPER) == contact.pair(contact.model(SILICA, NANO, friction="${friction}"))
 
 
-@pytest.mark.parametrize("options", [{"normal": "maugis"}, {"shear": "cundall"}])
+@pytest.mark.parametrize("options", [{"normal": "mdr"}, {"shear": "cundall"}])
 def test_a_law_that_is_not_there_is_refused(options: dict[str, str]) -> None:
     with pytest.raises(ValueError, match="must be one of"):
         model(**options)
