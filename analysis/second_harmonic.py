@@ -168,12 +168,6 @@ def ratios(
     )
 
 
-def refuse_other_laws(ratios: Ratios) -> None:
-    """Raise ValueError for constants of another contact law than the paper's, of which only two orders are known."""
-    if ratios.law != HERTZ_MINDLIN:
-        raise ValueError(f"law = {ratios.law} of the ratios is not {HERTZ_MINDLIN}: its third order is not known here")
-
-
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
     """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a·unit/(4(κ+3)), negative: contacts soften when pulled.
 

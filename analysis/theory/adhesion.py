@@ -30,7 +30,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import HERTZ_MINDLIN, Expansion
+from analysis.second_harmonic import HERTZ_MINDLIN, Expansion, Ratios
 
 Floats = NDArray[np.float64]
 Adhesion = Literal["dmt", "jkr"]
@@ -109,6 +109,12 @@ class Jkr:
         """Return −f_N of overlaps and their radii."""
         root = radius * np.sqrt(radius)
         return root * (self.adhesive - root) / (1.5 * self._scale)
+
+
+def refuse_other_laws(ratios: Ratios) -> None:
+    """Raise ValueError for constants of another contact law than the paper's, of which only two orders are known."""
+    if ratios.law != HERTZ_MINDLIN:
+        raise ValueError(f"law = {ratios.law} of the ratios is not {HERTZ_MINDLIN}: its third order is not known here")
 
 
 _STEPS = 8  # to rounding, from each such start

@@ -31,7 +31,8 @@ class Contact:
     law : of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or "potential"
         (conservative); see `analysis.theory.laws`.
     overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres in LAMMPS.
-    prestress : F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does.
+    prestress : F0/(F0 + F) in [0, 1], F the pull that parts a contact, which is the adhesive force in the DMT law: 0 if
+        adhesion holds the lattice, 1 if compression does.
     shear : whether contacts resist shear.
     rotation : whether the spheres turn, which they do only if contacts resist shear.
     viscosity : c ≥ 0 of a dashpot in every closed contact, in m/t0 (LAMMPS damping velocity).

@@ -21,7 +21,6 @@ long on a resonance. Where two branches touch (middle and upper at K) a single m
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis import second_harmonic as closed
 from analysis.second_harmonic import Mode, ModeName
 from analysis.theory.bloch import frame, real_modes, unit, wavevector_of
 from analysis.theory.contact import Contact
@@ -34,8 +33,14 @@ Complexes = NDArray[np.complex128]
 
 
 def nonlinearity(amplitude: float, contact: Contact) -> float:
-    """Return ε of `analysis.second_harmonic.nonlinearity` for the amplitude a = D0/Δ0."""
-    return closed.nonlinearity(contact.secant_ratios, amplitude)
+    """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a(κm+3n)/(κ+3) for the amplitude a = D0/Δ0.
+
+    n = ¼ and m = ½ of the paper's contacts (`analysis.theory.springs`). The paper prints 3/2 for √3; its equations hold
+    with √3.
+    """
+    spring = springs(contact)
+    unit = 4.0 * (spring.shear_softening * spring.kappa + 3.0 * spring.normal_softening)
+    return -np.sqrt(3.0) * amplitude * unit / (4.0 * (spring.kappa + 3.0))
 
 
 def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:

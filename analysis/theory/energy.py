@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.second_harmonic import refuse_other_laws
+from analysis.theory.adhesion import refuse_other_laws
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours

@@ -38,7 +38,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, Ratios, doubled_frequency, nonlinearity, refuse_other_laws, second_harmonic
+from analysis.second_harmonic import Mode, Ratios, doubled_frequency, nonlinearity, second_harmonic
+from analysis.theory.adhesion import refuse_other_laws
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

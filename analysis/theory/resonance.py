@@ -45,8 +45,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj
 
-from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency, refuse_oblique, refuse_other_laws
+from analysis.second_harmonic import Mode, ModeName, Ratios, doubled_frequency, refuse_oblique
 from analysis.second_harmonic import mode as linear_mode
+from analysis.theory.adhesion import refuse_other_laws
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

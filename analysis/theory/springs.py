@@ -54,7 +54,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Expansion
 from analysis.theory.contact import Contact, Law
 
 Floats = NDArray[np.float64]
@@ -72,7 +71,7 @@ class Springs:
     """Constants of a contact, by the terms of this module: made by `springs`.
 
     kappa is the spheres' own κ, which sets the units; shear is κ too, or 0 where contacts do not resist shear.
-    inertia is Ĩ/(1−η); turns says whether spheres turn; expansion holds n and m.
+    inertia is Ĩ/(1−η); turns says whether spheres turn; normal_softening is n, shear_softening m.
     """
 
     kappa: float
@@ -82,7 +81,8 @@ class Springs:
     inertia: float
     turns: bool
     law: Law
-    expansion: Expansion
+    normal_softening: float
+    shear_softening: float
 
     @property
     def mass(self) -> Floats:
@@ -135,7 +135,8 @@ def springs(contact: Contact) -> Springs:
         inertia=contact.inertia / (1.0 - contact.overlap_ratio),
         turns=contact.turns,
         law=contact.law,
-        expansion=contact.adhesion.expansion,
+        normal_softening=contact.adhesion.expansion.normal,
+        shear_softening=contact.adhesion.expansion.shear,
     )
 
 
@@ -190,10 +191,10 @@ def quadratic_forces(
         return 0.5 * ((1.0 - first_share) * x[0] * y[1] + first_share * x[1] * y[0])
 
     slid, rolled = contact.memory * (product(n, s) - gathered(n, s)), h * gathered(t, n)
-    running = -kappa * (contact.expansion.shear * (product(n, s) - slid) + rolled)
-    left = -kappa * (contact.expansion.shear * slid + h * product(t, n) - rolled)
+    running = -kappa * (contact.shear_softening * (product(n, s) - slid) + rolled)
+    left = -kappa * (contact.shear_softening * slid + h * product(t, n) - rolled)
     normal = 0.5 * h * (1.0 + contact.chi) * t[0] * t[1] - h * kappa * product(t, s)
-    normal -= contact.expansion.normal * n[0] * n[1]
+    normal -= contact.normal_softening * n[0] * n[1]
     return (
         Elongations(normal, running + h * (1.0 + contact.chi) * product(t, n), running + h * kappa * product(n, s)),
         Elongations(np.zeros_like(left), left, left),

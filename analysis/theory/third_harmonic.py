@@ -23,7 +23,7 @@ Source: the contact laws of the paper (springN, springS), expanded to products o
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import refuse_other_laws
+from analysis.theory.adhesion import refuse_other_laws
 from analysis.theory.bloch import real_modes, select
 from analysis.theory.contact import Contact
 from analysis.theory.mixing import Pair, Tone, forced_amplitude, rates, response

@@ -102,7 +102,7 @@ class Sphere:
     @property
     def pull_off_distance(self) -> float:
         """Distance of the surfaces at which a contact parts that is pulled, m: 0 by the DMT law."""
-        return -float(self.contact_law.pull_off_overlap)
+        return abs(float(self.contact_law.pull_off_overlap))
 
     @property
     def normal_coefficient(self) -> float:

@@ -4,8 +4,7 @@ Two equal spheres at an overlap δ and a shear displacement ξ push each other w
 
     f_N = A δ^{3/2} − F,   f_S = −B ξ δ^{1/2},   |f_S| ≤ μ (f_N + 2F),   F = 2π w Rc
 
-(`granular_lmp.crystal.sphere`), or as the JKR law has it (`granular_lmp.crystal.adhesion_laws`). The torque of f_S on
-each sphere has the lever arm R − δ/2. Without adhesion F = 0.
+(`granular_lmp.crystal.sphere`). The torque of f_S on each sphere has the lever arm R − δ/2. Without adhesion F = 0.
 LAMMPS 22Jul2025 differs from these equations as follows, measured in ``tests/validation/test_contact_law.py``:
 
 * ``coeff_restitution`` yields the requested restitution e to the error of the step. ``tsuji`` does not (0.616 for a
@@ -51,8 +50,8 @@ def model(
         Material and radius.
     units : AnyUnits
         Unit style of the deck.
-    normal : "dmt", "jkr" or "hertz"
-        Normal law with the work of adhesion w, with adhesion that acts beyond contact too, or without it.
+    normal : "dmt", "hertz" or "jkr"
+        Normal law with the work of adhesion w, without it, or with adhesion that acts beyond contact too.
     shear : "secant", "incremental", "rescaled" or "none"
         Shear law.
     friction : float or str

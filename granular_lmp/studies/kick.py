@@ -126,6 +126,11 @@ def _refuse_unfit(scene: Scene) -> None:
         raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
     if scene.wave.form == "none":
         raise SceneError('wave.form = "none": must be another for a sheet that is kicked, which has no sources')
+    if scene.sphere.adhesion_law != "dmt":
+        raise SceneError(
+            f'sphere.adhesion_law = "{scene.sphere.adhesion_law}": must be "dmt" for a sheet that is kicked, as its '
+            "record does not name the law"
+        )
     if scene.monitor:
         raise SceneError("monitor: must be left out for a sheet that is kicked, all of whose spheres are recorded")
     if shape.columns % 3:  # the rows of a periodic cell are even
