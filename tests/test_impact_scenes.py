@@ -229,7 +229,7 @@ def test_the_scenes_of_waves_and_of_impacts_are_told_apart(tmp_path: Path) -> No
         Scene.load("solitary_chain")
 
 
-@pytest.mark.parametrize("command", ["modes", "cost"])
+@pytest.mark.parametrize("command", ["modes", "kick"])
 def test_commands_of_a_linear_wave_refuse_an_impact(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "solitary_chain"]) == 2
     assert "a file with [[striker]] is an impact" in capsys.readouterr().err
