@@ -234,7 +234,7 @@ def test_the_scenes_of_waves_and_of_impacts_are_told_apart(tmp_path: Path) -> No
 
 
 def test_commands_of_a_linear_wave_refuse_an_impact(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["cost", "solitary_chain"]) == 2
+    assert main(["kick", "solitary_chain"]) == 2
     assert "a file with [[striker]] or [start] is an impact" in capsys.readouterr().err
 
 

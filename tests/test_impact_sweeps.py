@@ -66,7 +66,7 @@ def test_the_last_sphere_of_a_free_chain_flies_off_with_the_energy_of_the_wave(s
     row, record = swept.rows[1], swept.record(swept.rows[1])
     assert isinstance(record, ImpactRecord)
     assert row["far_speed"] == np.linalg.norm(record.velocity[:, 11], axis=1).max()
-    assert row["kinetic_kept"] == record.kinetic_energy[-1].sum() / 0.5
+    assert row["kinetic_kept"] == pytest.approx(record.kinetic_energy[-1].sum() / 0.5)
     # Steps of 0.03 t0 leave 1e-4 of the energy; without the energy of contacts percents of it would be missing
     assert row["energy_kept"] == pytest.approx(1, abs=5e-4)
     middle = read_outs({}, _until(record, 7.0))

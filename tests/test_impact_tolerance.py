@@ -144,8 +144,10 @@ def test_what_does_not_converge_is_not_extrapolated(tmp_path: Path) -> None:
     # A finest run that errs by 1e-3 makes the estimate as large
     shifted = [*runs[:2], replace(runs[2], velocity=runs[2].velocity * 1.001)]
     assert estimate(shifted)["velocity"] > 1e-3 > estimate(runs)["velocity"]
+    with pytest.raises(ValueError, match="must each be half of the one before"):
+        order([runs[0], runs[2], runs[2]])
     # What nothing disturbs is exact
-    still = [runs[2]] * RUNS
+    still = [replace(each, velocity=runs[2].velocity) for each in runs]
     assert (order(still), estimate(still)) == (2, {"velocity": 0.0})
 
 

@@ -1,9 +1,9 @@
-"""Commands on an impact (`granular_lmp.impact`): init, run, resume, build, check, effects and export."""
+"""Commands on an impact (`granular_lmp.impact`): init, schema, run, resume, cost, build, check, effects, export."""
 
 from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import Options, changes_of
-from granular_lmp.cli.output import interruptible, remark, say, say_json
+from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say, say_json
 from granular_lmp.errors import LaunchError
 
 if TYPE_CHECKING:
@@ -118,6 +118,21 @@ def _say_how_it_went(folder: str, record: "ImpactRecord") -> int:
     if "tolerance" in info:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items())
         say(f"error over the velocity of the fastest striker, estimated: {found} (tolerance {info['tolerance']:g})")
+    return 0
+
+
+def cost(scene: "ImpactScene", options: Options) -> int:
+    """Find out what the step of an impact costs."""
+    from granular_lmp.studies.impact_cost import cost_of_impact
+
+    for name in ("repeats", "budget"):
+        if getattr(options, name) is not None:
+            raise LaunchError(f"--{name}: is for the scene of a wave; must be left out")
+    folder = options.output or f"costs/{scene.name}"
+    with interruptible() as bar:
+        found = cost_of_impact(scene, folder, progress=bar and progress_of_runs)
+    say(found.text())
+    say(f"{folder}: cost.csv, sweep.csv")
     return 0
 
 

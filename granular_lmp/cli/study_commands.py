@@ -55,13 +55,12 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
     scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
-    cost.add_argument("--repeats", type=positive, default=5, metavar="N", help="rounds (default: 5)")
+    cost.add_argument("--repeats", type=positive, metavar="N", help="rounds of a wave (default: 5)")
     cost.add_argument(
         "--budget",
         type=_seconds,
-        default=inf,
         metavar="SECONDS",
-        help="leave out what takes longest until this is met; it is that of one call, another call has its own",
+        help="of a wave: leave out what takes longest until this is met; that of one call, another call has its own",
     )
 
     kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
@@ -135,9 +134,11 @@ def _cost(options: Options) -> int:
     from granular_lmp.studies.cost import measure, plan
     from granular_lmp.studies.tally import failed, text
 
+    if impact := impacts.impact_of(options):
+        return impacts.cost(impact, options)
     scene = scene_of(options)
     folder = options.output or f"costs/{scene.name}"
-    planned = plan(scene, folder, repeats=options.repeats, budget=options.budget)
+    planned = plan(scene, folder, repeats=options.repeats or 5, budget=options.budget or inf)
     say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
     for setting, reason in planned.left_out.items():
         remark(f"left out: {setting}: {reason}")

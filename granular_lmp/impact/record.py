@@ -81,7 +81,12 @@ class ImpactRecord:
         scene = problem.scene
         length = units_of(problem).number(scene.scale.length, length=1)
         still = np.zeros_like(table["vx"])
-        step = scene.time.step if scene.time.tolerance is None else (info or {})["timestep_used"]
+        if scene.time.tolerance is None:
+            step = scene.time.step
+        elif len(table["step"]) > 1:  # the steps are those of the shortest run, of which it made these in a sample
+            step = scene.time.sample / table["step"][1]
+        else:
+            raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
         return cls(
             tau=table["step"] * step,
             displacement=np.stack([table["Displacement.X"], table["Displacement.Y"]], axis=-1) / length,

@@ -16,8 +16,8 @@ extrapolated: their error is not known, and counts as infinite.
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from itertools import islice
-from math import ceil, inf, sqrt
+from itertools import islice, pairwise
+from math import ceil, inf, isclose, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -74,9 +74,15 @@ def planned_steps(scene: ImpactScene) -> int:
 
 
 def order(runs: Sequence[ImpactRecord]) -> int | None:
-    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge."""
+    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge.
+
+    Raises ValueError if a run has not half the step of the one before.
+    """
     if len(runs) < RUNS:
         return None
+    steps = [each.scene.time.step for each in runs[-RUNS:]]
+    if not all(isclose(longer, 2 * shorter, rel_tol=1e-9) for longer, shorter in pairwise(steps)):
+        raise ValueError(f"the steps {steps} must each be half of the one before")
     coarse, middle, fine = map(_signals, runs[-RUNS:])
     first, second = (
         sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in a)) for a, b in ((coarse, middle), (middle, fine))

@@ -1,7 +1,8 @@
 """What the table of a sweep says of an impact: what arrives at the sphere farthest from the strikers, and the energy.
 
-The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers;
-of several the first, by row and then column. ``[output] spheres`` of a scene chooses another.
+The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers
+and from what else moves at the beginning; of several the first, by row and then column. ``[output] spheres`` of a scene
+chooses another.
 """
 
 from typing import Any
@@ -37,13 +38,17 @@ def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, An
 
 
 def far_sphere(record: ImpactRecord) -> int | None:
-    """Return the place of the far sphere among the recorded ones; None if all of them are held."""
+    """Return the place of the far sphere among the recorded ones; None if all of them are held, or nothing moves."""
     problem = record.problem
-    strikers = problem.crystal.positions[np.concatenate(problem.strikers), :2]
-    from_strikers = np.array([np.min(np.linalg.norm(strikers - place, axis=1)) for place in record.rest])
-    from_strikers[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
-    farthest = float(from_strikers.max())
-    return None if farthest < 0 else int(np.argmax(from_strikers >= farthest * (1 - _ALIKE)))
+    struck = [sphere for spheres in problem.strikers for sphere in spheres.tolist()]
+    moves = (record.velocity[0] != 0).any(axis=1) | (record.displacement[0] != 0).any(axis=1)
+    origins = problem.crystal.positions[struck + problem.recorded[moves].tolist(), :2]
+    if not len(origins):
+        return None
+    distance = np.array([np.min(np.linalg.norm(origins - place, axis=1)) for place in record.rest])
+    distance[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
+    farthest = float(distance.max())
+    return None if farthest < 0 else int(np.argmax(distance >= farthest * (1 - _ALIKE)))
 
 
 def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | None:
@@ -71,13 +76,14 @@ def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
 
 
 def _of_energy(record: ImpactRecord) -> dict[str, Any]:
-    problem, scene = record.problem, record.scene
-    given = sum(
-        float(problem.mass[spheres].sum()) * (striker.velocity / scene.scale.velocity) ** 2 / 2
-        for striker, spheres in zip(scene.striker, problem.strikers, strict=True)
-    )
-    kept = {"kinetic_kept": float(record.kinetic_energy[-1].sum()) / given}
+    kinetic = float(record.kinetic_energy[-1].sum())
     try:
-        return kept | {"energy_kept": float(record.energy()[-1]) / given}
+        energy = record.energy()
     except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
-        return kept
+        problem, scene = record.problem, record.scene
+        given = sum(
+            float(problem.mass[spheres].sum()) * (striker.velocity / scene.scale.velocity) ** 2 / 2
+            for striker, spheres in zip(scene.striker, problem.strikers, strict=True)
+        )
+        return {"kinetic_kept": kinetic / given} if given else {}
+    return {"kinetic_kept": kinetic / float(energy[0]), "energy_kept": float(energy[-1] / energy[0])}
