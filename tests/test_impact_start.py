@@ -10,6 +10,7 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
+from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import is_impact
 
@@ -172,3 +173,10 @@ def test_a_state_in_a_vacancy_is_refused() -> None:
     scene = with_state(SHEET, [[3, 3, 0, 0, 0, 1.0, 0]], **empty)
     with pytest.raises(SceneError, match=re.escape("sphere [3, 3]: is a vacancy")):
         prepare(scene)
+
+
+def test_numbers_of_numpy_are_written_as_any_other() -> None:
+    sample = np.float64(0.5)
+    scene = with_state(CHAIN.with_values({"time.sample": sample}), [[0, 0, 0, 0, 0, np.float64(1.0), 0]])
+    assert type(scene.time.sample) is float
+    assert "np." not in deck_of(prepare(scene)).input_text + scene.to_toml()
