@@ -271,6 +271,14 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.output != Output():
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
+    i, j, _, _ = problem.contacts
+    smaller = np.minimum(crystal.arrays["radius"][i], crystal.arrays["radius"][j]) * scene.sphere.radius
+    rest = float((problem.rest_overlap * scene.scale.length / (2 * smaller)).max(initial=0.0))
+    if rest > LARGEST_OVERLAP_RATIO:
+        raise SceneError(
+            f"packing.contact_force = {scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of the "
+            f"diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
+        )
     if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, scene.rest_rate):
         raise SceneError(
             f"packing.contact_force = {scene.packing.contact_force!r}: rounding of the places leaves a force of "
