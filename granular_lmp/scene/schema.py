@@ -113,7 +113,7 @@ class Rule:
             right = isfinite(value)
         if not right or (self.interval is not None and value not in self.interval):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
-        return float(value) if self.kind is float else value  # a number of NumPy would write its type into a deck
+        return self.kind(value)  # numpy's floats write themselves into a deck with their type
 
 
 @dataclass(frozen=True)
