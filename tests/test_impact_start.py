@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -13,6 +14,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import is_impact
+from granular_lmp.impact.start import Start
+from granular_lmp.scene.schema import declared_fields
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 6.0})
 SHEET = ImpactScene.load("point_impact").with_values(
@@ -183,3 +186,20 @@ def test_numbers_of_numpy_are_written_as_any_other() -> None:
     scene = with_state(CHAIN.with_values({"time.sample": sample}), [[0, 0, 0, 0, 0, np.float64(1.0), 0]])
     assert type(scene.time.sample) is float
     assert "np." not in deck_of(prepare(scene)).input_text + scene.to_toml()
+
+
+@pytest.mark.parametrize(
+    ("state", "fits"),
+    [
+        ("state.csv", True),
+        ([[0, 0, 0.0, 1e-6, 0.0, 0.0, 0.0]], True),
+        ("state.txt", False),
+        ([[0, 0, 0.0, 1e-6, 0.0, 0.0]], False),
+        ([[0.5, 0, 0.0, 1e-6, 0.0, 0.0, 0.0]], False),
+        ([[0, 0, "x", 1e-6, 0.0, 0.0, 0.0]], False),
+    ],
+)
+def test_the_schema_of_a_state_is_that_of_its_reader(state: Any, fits: bool) -> None:
+    ((_, rule),) = declared_fields(Start, None)
+    schema = jsonschema.Draft202012Validator(rule.own_schema())
+    assert schema.is_valid(state) == fits

@@ -34,6 +34,15 @@ class StateRule(Rule):
         """Allowed values in words."""
         return f'a file "NAME.csv" with the columns {",".join(COLUMNS)}, or a list of [{", ".join(COLUMNS)}]'
 
+    def own_schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a state."""
+        places = [{"type": "integer", "minimum": 0}] * 2
+        numbers = [{"type": "number", "minimum": -LARGEST, "maximum": LARGEST}] * (len(COLUMNS) - 2)
+        sphere = {"type": "array", "prefixItems": [*places, *numbers], "minItems": 7, "maxItems": 7, "items": False}
+        return {
+            "anyOf": [{"type": "string", "pattern": r"\.csv$"}, {"type": "array", "items": sphere, "maxItems": MOST}]
+        }
+
     def value(self, value: Any, key: str) -> State:
         """Return a file or a list as tuples of numbers, one for each sphere.
 
