@@ -75,7 +75,7 @@ def test_spins_are_those_of_the_state(tmp_path: Path) -> None:
 
 def test_spheres_that_are_let_go_from_rest_have_their_largest_displacement_as_the_unit(tmp_path: Path) -> None:
     pressed = CHAIN.with_values({"packing.contact_force": 10.0})
-    record = run_impact(with_state(pressed, [[4, 0, 0, 1e-6, 0, 0, 0], [5, 0, 0, -2e-6, 0, 0, 0]]), tmp_path / "run")
+    record = run_impact(with_state(pressed, [[5, 0, 0, -2e-6, 0, 0, 0], [4, 0, 0, 1e-6, 0, 0, 0]]), tmp_path / "run")
     assert record.scale.length == pytest.approx(2e-6, rel=1e-12)
     assert record.displacement[0, 4:6, 1] == pytest.approx([0.5, -1.0], abs=1e-9)
     assert not record.velocity[0].any()

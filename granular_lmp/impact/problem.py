@@ -68,9 +68,11 @@ class ImpactProblem:
     @cached_property
     def start(self) -> Floats:
         """Displacements (m), velocities (m/s) and spin (rad/s) of ``[start]``, (N, 5); without the strikers."""
-        motion = np.zeros((len(self.crystal), 5))
-        for place, values in zip(self.scene.start.places, self.scene.start.motion, strict=True):
-            motion[spheres_at((), (place,), self.crystal, "sphere that moves")] = values
+        motion, start = np.zeros((len(self.crystal), 5)), self.scene.start
+        if start.state:
+            row, column = np.array(start.places).T
+            ascending = np.lexsort((column, row))  # as the spheres of a crystal
+            motion[spheres_at((), start.places, self.crystal, "sphere that moves")] = start.motion[ascending]
         return motion
 
     @cached_property
