@@ -12,6 +12,7 @@ from granular_lmp.cli import main
 from granular_lmp.crystal.chain_bands import cell_of, edges, frequencies, gaps
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.problem import prepare
+from granular_lmp.scene.at_rest import chain_cell
 
 BREATHER = ImpactScene.load("breather")
 
@@ -94,6 +95,22 @@ def test_chains_without_bands_are_refused(capsys: pytest.CaptureFixture[str]) ->
     assert "do not repeat in any order from end to end" in capsys.readouterr().err
     with pytest.raises(SceneError, match="spheres that just touch have no modes"):
         _ = prepare(ImpactScene.load("point_impact")).cell
+
+
+def test_a_wave_in_a_chain_of_two_kinds_in_turn_has_their_bands(capsys: pytest.CaptureFixture[str]) -> None:
+    chain = Scene.load("l_chain")
+    heavy = {"rows": [0, chain.shape.rows - 1], "every": 2, "density": 3 * chain.sphere.density}
+    values = {"packing.rows": chain.shape.rows, "packing.columns": 1, "packing.ends": chain.shape.ends}
+    scene = Scene.from_dict(chain.with_values(values).to_dict() | {"inclusion": [heavy]})
+    cell = chain_cell(scene)
+    assert cell is not None
+    # Adhesion presses every contact as in the chain of equal spheres: stiffness in m/t0² is that of the sphere
+    ball = scene.sphere
+    own = ball.normal_stiffness * ball.time_scale**2 / ball.mass
+    assert edges(*cell)[:, 1] == pytest.approx(np.array(bands((1.0, 3.0), own))[[0, 2]], rel=1e-6)
+    assert chain_cell(chain) is None
+    once = Scene.from_dict(chain.with_values(values).to_dict() | {"inclusion": [heavy | {"rows": [4, 6]}]})
+    assert chain_cell(once) is None
 
 
 def test_the_modes_of_a_wave_say_that_they_are_of_the_perfect_lattice(capsys: pytest.CaptureFixture[str]) -> None:

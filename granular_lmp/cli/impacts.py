@@ -221,31 +221,18 @@ def effects(scene: "ImpactScene", options: Options) -> int:
 
 def modes(scene: "ImpactScene", options: Options) -> int:
     """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
-    from math import pi
-
-    from granular_lmp.crystal.chain_bands import edges, gaps
+    from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.impact.problem import prepare
 
-    problem = prepare(scene)
-    mass, stiffness = problem.cell
-    bands, hertz = edges(mass, stiffness), 1 / (2 * pi * scene.scale.time)
-    ranges = [("band", *each) for each in bands.tolist()] + [("gap", *each) for each in gaps(bands)]
+    problem, t0 = prepare(scene), scene.scale.time
+    found, count = ranges(problem.cell), len(problem.cell[0])
     if options.json:
-        said = {
-            kind: [
-                {"from": low, "to": high, "from_Hz": low * hertz, "to_Hz": high * hertz}
-                for name, low, high in ranges
-                if name == kind
-            ]
-            for kind in ("band", "gap")
-        }
-        say_json({"cell": len(mass), "t0_s": scene.scale.time, "sound_m_s": problem.sound} | said)
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.sound} | as_json(found, t0))
     else:
-        many = f"{len(mass)} spheres" if len(mass) > 1 else "1 sphere"
-        say(f"{scene.name}: {many} to a cell; sound {problem.sound:.6g} m/s; t0 = {scene.scale.time:.6g} s")
-        say(f"{'':5}{'from (rad/t0)':>18}{'to (rad/t0)':>18}{'from (Hz)':>14}{'to (Hz)':>14}")
-        for kind, low, high in sorted(ranges, key=lambda each: each[1:]):
-            say(f"{kind:5}{low:18.12f}{high:18.12f}{low * hertz:14.6g}{high * hertz:14.6g}")
+        many = f"{count} sphere{'s' * (count > 1)}"
+        say(f"{scene.name}: {many} to a cell; sound {problem.sound:.6g} m/s; t0 = {t0:.6g} s")
+        for line in as_text(found, t0):
+            say(line)
     if options.plot:
         from granular_lmp.plot.impact import bands_figure
         from granular_lmp.plot.signals import save

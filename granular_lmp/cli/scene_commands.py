@@ -189,7 +189,9 @@ def _effects(options: Options) -> int:
 
 
 def _modes(options: Options) -> int:
+    from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.crystal.modes import bloch_mode, restored
+    from granular_lmp.scene.at_rest import chain_cell
     from granular_lmp.scene.linear import physics_of, unit_contacts
 
     if impact := impacts.impact_of(options):
@@ -198,10 +200,13 @@ def _modes(options: Options) -> int:
     lattice, physics = unit_contacts(scene), physics_of(scene)
     found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in restored(lattice, physics)]
     hertz = 1 / scene.sphere.time_scale / (2 * pi)
+    cell, t0 = chain_cell(scene), scene.sphere.time_scale
+    bands = ranges(cell) if cell else []
     if options.json:
         say_json(
             {"wavenumber": scene.wavenumber, "direction": scene.direction, "t0_s": scene.sphere.time_scale}
             | ({} if scene.perfect else {"left_out": scene.imperfections})
+            | (as_json(bands, t0) if bands else {})
             | {
                 "modes": {
                     mode.name: {"frequency": mode.frequency, "frequency_Hz": mode.frequency * hertz}
@@ -222,6 +227,10 @@ def _modes(options: Options) -> int:
         for mode in found:
             shape = f"{mode.p + 0.0:12.8f}{mode.q + 0.0:12.8f}{mode.f:12.8f}"
             say(f"{mode.name:5}{mode.frequency:18.12f}{mode.frequency * hertz:18.6g}{shape}")
+        if cell:
+            say(f"longitudinal waves along the chain as it is, which repeats after {len(cell[0])} rows:")
+            for line in as_text(bands, t0):
+                say(line)
     if options.plot:
         from granular_lmp.plot.signals import dispersion_figure, save
 

@@ -69,9 +69,11 @@ class ImpactProblem:
     @cached_property
     def start(self) -> Floats:
         """Displacements (m), velocities (m/s) and spin (rad/s) of ``[start]``, (N, 5); without the strikers."""
-        motion = np.zeros((len(self.crystal), 5))
-        for place, values in zip(self.scene.start.places, self.scene.start.motion, strict=True):
-            motion[spheres_at((), (place,), self.crystal, "sphere that moves")] = values
+        motion, start = np.zeros((len(self.crystal), 5)), self.scene.start
+        if start.state:
+            row, column = np.array(start.places).T
+            ascending = np.lexsort((column, row))  # as the spheres of a crystal
+            motion[spheres_at((), start.places, self.crystal, "sphere that moves")] = start.motion[ascending]
         return motion
 
     @cached_property
@@ -274,6 +276,14 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if not scene.output.everyone:
         recorded = _chosen(scene.output, crystal, "output")
     problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
+    i, j, _, _ = problem.contacts
+    smaller = np.minimum(crystal.arrays["radius"][i], crystal.arrays["radius"][j]) * scene.sphere.radius
+    rest = float((problem.rest_overlap * scene.scale.length / (2 * smaller)).max(initial=0.0))
+    if rest > LARGEST_OVERLAP_RATIO:
+        raise SceneError(
+            f"packing.contact_force = {scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of the "
+            f"diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
+        )
     if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, scene.rest_rate):
         raise SceneError(
             f"packing.contact_force = {scene.packing.contact_force!r}: rounding of the places leaves a force of "

@@ -55,7 +55,7 @@ LIMITS = {
         "v_overlap",
         LARGEST_OVERLAP_RATIO,
         "of the diameter is the largest overlap, for which Hertz's law does not hold",
-        "take a smaller striker.velocity",
+        "take a smaller striker.velocity or packing.contact_force",
     ),
     "step_in_contact": (
         "v_omega_dt",

@@ -388,19 +388,20 @@ class ImpactScene(Document):
 
     def _check_scale(self) -> None:
         length, rest = self.scale.length, self.rest_overlap
+        fastest = f"{'striker' if self.striker else 'start.state'}: velocity = {self.scale.velocity:.6g}"
         deepest = (rest + DEEPEST * length) / (2 * self.sphere.radius)  # the force of both is that of one at most
         if deepest > LARGEST_OVERLAP_RATIO:
             raise SceneError(
-                f"striker: velocity = {self.scale.velocity:.6g}: two spheres would overlap by {deepest:.3g} of the "
-                f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                f"{fastest}: two spheres would overlap by {deepest:.3g} of the diameter; at most "
+                f"{LARGEST_OVERLAP_RATIO} is allowed"
             )
         rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
         motion = length / max(1.0, self.rest_rate)  # ℓ, or v/ω of spheres that are pressed together
         if motion < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
-                f"striker: velocity = {self.scale.velocity:.6g}: its overlap of {motion:.3g} m is less than "
-                f"{ROUNDINGS_IN_OVERLAP:g} roundings of a position in {self.packing.rows} rows x "
-                f"{self.packing.columns} columns; must be faster, or the lattice smaller"
+                f"{fastest}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
+                f"position in {self.packing.rows} rows x {self.packing.columns} columns; must be faster, or the "
+                "lattice smaller"
             )
 
 

@@ -22,7 +22,7 @@ State = Sequence[tuple[float, ...]]  # of each sphere the numbers of COLUMNS, th
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
 TIME = "t_s"  # A file may have it too, as it names each sphere once
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
-LARGEST = 1e9  # of any number; what it does to contacts is checked in SI
+SMALLEST, LARGEST = 1e-30, 1e9  # of any number but 0, in SI: no power of it overflows, or is lost
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,15 @@ class StateRule(Rule):
     def allowed(self) -> str:
         """Allowed values in words."""
         return f'a file "NAME.csv" with the columns {",".join(COLUMNS)}, or a list of [{", ".join(COLUMNS)}]'
+
+    def own_schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of a state."""
+        places = [{"type": "integer", "minimum": 0}] * 2
+        numbers = [{"type": "number", "minimum": -LARGEST, "maximum": LARGEST}] * (len(COLUMNS) - 2)
+        sphere = {"type": "array", "prefixItems": [*places, *numbers], "minItems": 7, "maxItems": 7, "items": False}
+        return {
+            "anyOf": [{"type": "string", "pattern": r"\.csv$"}, {"type": "array", "items": sphere, "maxItems": MOST}]
+        }
 
     def value(self, value: Any, key: str) -> State:
         """Return a file or a list as tuples of numbers, one for each sphere.
@@ -99,8 +108,10 @@ def _checked(values: Any, where: str) -> tuple[float, ...]:
         raise SceneError(f"{where} = {shown(values)}: must be [{', '.join(COLUMNS)}]")
     for name, value in zip(COLUMNS, values, strict=True):
         number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-        if not number or abs(value) > LARGEST:
-            raise SceneError(f"{where}: {name} = {shown(value)}: must be a number from {-LARGEST:g} to {LARGEST:g}")
+        if not number or abs(value) > LARGEST or 0 < abs(value) < SMALLEST:
+            raise SceneError(
+                f"{where}: {name} = {shown(value)}: must be 0, or from {SMALLEST:g} to {LARGEST:g} in size"
+            )
         if name in ("row", "column") and (value < 0 or value != int(value)):
             raise SceneError(f"{where}: {name} = {shown(value)}: must be a whole number, counted from 0")
     return (int(values[0]), int(values[1]), *map(float, values[2:]))

@@ -9,7 +9,9 @@ from typing import Any
 
 import ase
 import numpy as np
+from numpy.typing import NDArray
 
+from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
@@ -84,6 +86,23 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
 def contacts_of(scene: Scene) -> Contacts:
     """Return the contacts of the crystal of a scene at rest; of a perfect lattice those of one sphere."""
     return unit_contacts(scene) if scene.perfect else crystal_of(scene).contacts
+
+
+def chain_cell(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return masses and stiffnesses of the cell of a chain at rest whose spheres differ, as `edges` takes it.
+
+    They are in units of the sphere of the lattice and its t0. None is returned for a sheet, a perfect chain, and one
+    whose spheres do not repeat in any order.
+    """
+    if scene.lattice != CHAIN or scene.perfect:
+        return None
+    contacts, sphere = contacts_of(scene), scene.sphere
+    along = np.argsort(np.minimum(contacts.i, contacts.j), kind="stable")
+    within = along[np.abs(contacts.i - contacts.j)[along] == 1]  # without the contact across a periodic face
+    mass = contacts.mass / sphere.mass
+    stiffness = contacts.normal_stiffness[within] * sphere.time_scale**2 / sphere.mass
+    count = cell_of(mass, stiffness) if len(stiffness) == len(mass) - 1 else 0
+    return (mass[:count], stiffness[:count]) if count else None
 
 
 def swiftness(scene: Scene) -> float:

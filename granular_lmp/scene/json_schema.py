@@ -108,6 +108,8 @@ def _value(key: Key) -> dict[str, Any]:
 
 def _values(rule: Rule) -> dict[str, Any]:
     """Return the JSON Schema of the values that a rule allows."""
+    if own := rule.own_schema():
+        return own
     if isinstance(rule, samples.SignalRule):
         pairs = _values(ArrayRule(float, "", "", several=True)) | {"minItems": samples.FEWEST, "maxItems": samples.MOST}
         return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}

@@ -95,6 +95,10 @@ class Rule:
         unit = f", {self.unit}" if self.unit else ""
         return f"{'0 or ' if self.interval.or_zero else ''}a number in {self.interval}{unit}"
 
+    def own_schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of the values of a rule that no other room knows; {} for the rules of this module."""
+        return {}
+
     def value(self, value: Any, key: str) -> Any:
         """Return `value` converted to the kind of this rule.
 

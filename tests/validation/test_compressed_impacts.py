@@ -137,6 +137,12 @@ def test_rounding_that_would_move_a_chain_is_refused() -> None:
     assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).residual_force < 1e-8
 
 
+def test_a_chain_that_is_pressed_too_deep_is_refused() -> None:
+    soft = {"inclusion": [{"rows": [8, 8], "youngs_modulus": 1e9}]}
+    with pytest.raises(SceneError, match=r"packing.contact_force = 10000.0: two spheres overlap by 0\.26"):
+        prepare(ImpactScene.from_dict(CHAIN.with_values({"packing.contact_force": 1e4}).to_dict() | soft))
+
+
 # --- from the solitary wave to sound ----------------------------------------------------------------------------------
 
 
@@ -233,3 +239,17 @@ def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], messa
     record = run(CHAIN, spots | {"time.duration": 1.0} | changes)
     with pytest.raises(SystemExit, match=re.escape(message)):
         figure.main([str(record.folder), "-o", str(tmp_path / "a.png")])
+
+
+def test_the_guards_of_a_compressed_chain_count_the_overlap_at_rest(run: Runs) -> None:
+    changes = {"packing.contact_force": WEAK, "packing.last": "wall", "time.sample": 0.1, "time.duration": 40.0}
+    record = run(CHAIN, changes)
+    u, rest = record.displacement[..., 1], float(record.problem.rest_overlap[0])
+    wall = float(np.max(record.problem.on_walls[-1][1] + u[:, -1]))
+    deepest = max(float(np.max(rest + u[:, :-1] - u[:, 1:])), wall)
+    unit = record.scale.length / (2 * CHAIN.sphere.radius)
+    # The guards look at each record and between; thermo columns have eight digits, and a crest is flat over 0.1 t0
+    assert (1 - 1e-6) * deepest * unit <= record.info["guards"]["largest_overlap"]["value"] < 1.02 * deepest * unit
+    rate = np.sqrt(3 * np.sqrt(2) * np.sqrt(wall))  # of the wall: (3/2) 2√2 A √δ, m = 1
+    assert record.info["guards"]["step_in_contact"]["value"] >= record.scene.time.step * rate * (1 - 1e-6)
+    assert deepest > rest + 0.5
