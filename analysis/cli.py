@@ -11,6 +11,7 @@ from importlib import import_module
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
+    "adhesion_laws": "the second harmonic by the DMT and by the JKR law, and how compression makes them alike",
     "behind": "the second harmonic behind an interface: made before it, and at it",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
@@ -30,6 +31,7 @@ SCRIPTS = {
     "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
     "oblique": "waves of any direction beside theory, from a sweep",
     "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
+    "pull_off": "a collision by the JKR law: snap-in, pull-off and restitution, in LAMMPS and theory",
     "refraction": "a plane front of an impact at an interface of two hexagonal crystals: angles, and what passes",
     "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",
@@ -49,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="granular-analysis",
         description="Theory that shares no code with LAMMPS, beside runs of granular-lmp.",
-        epilog="scripts:\n" + "\n".join(f"  {name:12} {says}" for name, says in SCRIPTS.items()),
+        epilog="scripts:\n" + "\n".join(f"  {name:13} {says}" for name, says in SCRIPTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("script", choices=SCRIPTS, metavar="SCRIPT", help="which; each has --help")

@@ -124,7 +124,7 @@ def test_init_writes_an_impact_to_begin_with(tmp_path: Path, capsys: pytest.Capt
     scene = ImpactScene.load(file)
     shipped = ImpactScene.load("point_impact")
     assert scene == replace(shipped, name="mine", description="")
-    assert "--set striker.1.velocity=0.1" in Path(file).read_text()
+    assert "--set time.duration=50.0" in Path(file).read_text()
     assert (
         "# tolerance = ...              # error of each velocity over the fastest striker's" in Path(file).read_text()
     )
