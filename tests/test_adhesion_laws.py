@@ -11,6 +11,7 @@ import pytest
 from analysis import second_harmonic as closed
 from analysis.design import design
 from analysis.figures import adhesion_laws as figure
+from analysis.figures import effects as effects_figure
 from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import ModeName
 from analysis.theory import directions
@@ -88,6 +89,10 @@ def test_at_rest_the_constants_over_those_of_the_dmt_law_are_numbers() -> None:
     assert JKR.stiffness_ratio / DMT.stiffness_ratio == pytest.approx(5 / 3, rel=ROUNDED)
     assert JKR.pull_off_force / DMT.pull_off_force == pytest.approx(0.75, rel=ROUNDED)
     assert LAW.softening(JKR.static_overlap) == pytest.approx((0.22, 0.2), rel=ROUNDED)
+    per_metre = [sphere.nonlinearity(1.0) / sphere.static_overlap for sphere in (JKR, DMT)]
+    # Numbers of docs/adhesion-laws.md at ν = 0.17, to their last digit
+    assert per_metre[0] / per_metre[1] == pytest.approx(0.9987, abs=5e-5)
+    assert JKR.time_scale / DMT.time_scale == pytest.approx(1.0004, abs=5e-5)
     assert JKR.pull_off_distance / JKR.static_overlap == pytest.approx(2 ** (-1 / 3) / 2, rel=ROUNDED)
 
 
@@ -260,6 +265,11 @@ def test_the_kernel_refuses_the_law_before_a_file_is_written(tmp_path: Path) -> 
     with pytest.raises(LaunchError, match="does not know the contact 'jkr"):
         run(PERIODIC.with_values({"sphere.adhesion_law": "jkr"}), tmp_path / "run", kernel=True)
     assert not (tmp_path / "run").exists()
+
+
+def test_the_figure_of_effects_names_the_law() -> None:
+    assert effects_figure.name(Contact(0.17, adhesion_law="jkr")) == "JKR adhesion"
+    assert effects_figure.name(Contact(0.17)) == "as the paper"
 
 
 def test_the_design_of_triads_refuses_the_law() -> None:

@@ -44,6 +44,7 @@ def name(contact: Contact) -> str:
         "without shear": not contact.shear,
         "incremental law": contact.law == "incremental",
         "compression for adhesion": contact.prestress == 1,
+        "JKR adhesion": contact.adhesion_law == "jkr",
         "viscous damping": contact.viscosity > 0,
         "restitution": contact.restitution is not None,
     }

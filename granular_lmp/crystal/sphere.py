@@ -13,6 +13,7 @@ in SI units.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import log, pi, sqrt
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
@@ -55,7 +56,7 @@ class Sphere:
     contact_force: float = 0.0
     adhesion_law: str = "dmt"
 
-    @property
+    @cached_property
     def contact_law(self) -> AdhesionLaw:
         """Law of the contact with an equal sphere.
 
@@ -119,7 +120,7 @@ class Sphere:
         """Force F + F0 of pull-off and outer compression, N, which has to be overcome to part a contact at rest."""
         return self.pull_off_force + self.contact_force
 
-    @property
+    @cached_property
     def static_overlap(self) -> float:
         """Overlap at rest Δ0, m: ((F + F0)/A)^{2/3} by the DMT law."""
         return float(self.contact_law.overlap_under(self.contact_force))
