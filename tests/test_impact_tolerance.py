@@ -151,6 +151,15 @@ def test_what_does_not_converge_is_not_extrapolated(tmp_path: Path) -> None:
     assert (order(still), estimate(still)) == (2, {"velocity": 0.0})
 
 
+def test_an_extrapolation_is_believed_to_gain_ten_and_no_more(tmp_path: Path) -> None:
+    runs = stepped(CHAIN, [0.1, 0.05, 0.025], tmp_path)
+    exact = runs[-1].velocity
+    # Errors of order 2 to the last digit: both answers are exact, by chance as it may be
+    runs = [replace(each, velocity=exact + error) for each, error in zip(runs, (1.6e-3, 4e-4, 1e-4), strict=True)]
+    assert np.max(np.abs(answer(runs).velocity - exact)) < 1e-12
+    assert estimate(runs)["velocity"] == pytest.approx(1e-5)
+
+
 def test_a_tolerance_that_is_not_met_is_refused_with_its_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(halving, "MOST_RUNGS", 3)
     scene = CHAIN.with_values({"time.tolerance": 1e-5, "packing.first": "held", "striker.1.rows": [2, 2]})
