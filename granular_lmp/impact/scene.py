@@ -39,6 +39,7 @@ SHIPPED_IMPACTS = SHIPPED / "impacts"
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
+LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 # What a scene of a linear wave has, and why an impact has it not
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
@@ -132,8 +133,8 @@ class ImpactScene(Document):
     ------
     SceneError
         If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a striker that is held or
-        not there, radii that differ in a sheet, an impact so strong that overlaps are not small or so weak that they
-        are lost in the rounding of positions.
+        not there, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
+        that they are lost in the rounding of positions.
     """
 
     sections = {
@@ -225,7 +226,8 @@ class ImpactScene(Document):
             if self.lattice == CHAIN
             else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
         )
-        return f"{size} that just touch, struck at {fastest:.6g} m/s"
+        gaps = f", radii smaller by {self.disorder.radius:g}" if self.lattice != CHAIN and self.disorder.radius else ""
+        return f"{size} that just touch{gaps}, struck at {fastest:.6g} m/s"
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
@@ -287,10 +289,11 @@ class ImpactScene(Document):
             raise SceneError(
                 f"disorder.vacancies = {self.disorder.vacancies!r}: must be 0 in a chain, which they would part"
             )
-        if self.lattice != CHAIN and self.disorder.radius:
+        if self.lattice != CHAIN and self.disorder.radius > LOOSEST:
             raise SceneError(
-                f"disorder.radius = {self.disorder.radius!r}: must be 0 in a sheet, whose contacts would open or be "
-                "pressed together; disorder.density may differ"
+                f"disorder.radius = {self.disorder.radius!r}: must be at most {LOOSEST} in a sheet, whose neighbours "
+                "have gaps of up to six times as many radii; good values are of the order of overlap / radius, "
+                f"{self.scale.length / self.sphere.radius:.2g}"
             )
 
     def _check_packing(self) -> None:
