@@ -10,7 +10,7 @@
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
-# make published (published cases of impacts, two minutes: docs/published-impacts.md),
+# make published (published cases of impacts, three minutes: docs/published-impacts.md),
 # make pull-off (snap-in and pull-off in collisions, by JKR and in LAMMPS, half a minute: docs/collisions.md),
 # make adhesion (the second harmonic by the DMT and by the JKR law, ten minutes of processor time: docs/adhesion-laws.md),
 # make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
@@ -244,6 +244,11 @@ DIMERS = 450 615.03 760 901.28 1225 1547.5 2000 2399 3000 3428.46 4500 5300 5782
 # Angle of an interface and density beyond it, with 7800 kg/m3 before
 INTERFACES = 0:15600 15:15600 30:15600 45:15600 0:31200 15:31200 30:31200 45:31200 0:3900 10:3900 20:3900 30:3900 40:3900 \
     0:1950 10:1950 15:1950
+# Spreads of radii, and the spheres in the directions of the fit: recorded alone, as all would fill 3 GB
+LOOSE = 2.5e-6 7.5e-6 2.5e-5 7.5e-5
+LINES = $(shell $(PYTHON) -c 'print([[k, c] for k in range(5, 37) for c in sorted({50, 50 + k // 2, 50 - (k + 1) // 2, \
+    50 + 3 * k // 2, 50 - (3 * k + 1) // 2}) if 0 <= c <= 100])')
+POINT = $(BIN)/granular-lmp run point_impact --force $(FRONTS) --set time.duration=90.0 --set time.sample=0.5 --set 'output.spheres=$(LINES)'
 
 published: .venv/ready
 	for density in $(DIMERS); do $(BIN)/granular-lmp run dimer_chain -o runs/published/dimer_$$density --force \
@@ -253,7 +258,11 @@ published: .venv/ready
 	for each in $(INTERFACES); do $(BIN)/granular-lmp run refraction -o runs/published/refraction/$$(echo $$each | tr : _) \
 	    --set inclusion.1.half_plane=[36,20,$${each%:*}] --set inclusion.1.density=$${each#*:} --set output.rows=[22,50] || exit 1; done
 	$(BIN)/python -m analysis.figures.refraction runs/published/refraction/* -o figures/refraction.png
-
+	rm -rf runs/published/unequal
+	$(POINT) -o runs/published/unequal/equal
+	for spread in $(LOOSE); do for seed in 1 2 3 4 5 6; do $(POINT) -o runs/published/unequal/$${spread}_$$seed \
+	    --set disorder.radius=$$spread --set disorder.seed=$$seed || exit 1; done; done
+	$(BIN)/python -m analysis.figures.unequal runs/published/unequal/* -o figures/unequal.png
 
 # Two spheres that meet with 0.2 to 4 m/s. They stick below 0.438 m/s
 SNAPS = 0.1 0.15 0.2 0.217 0.22 0.23 0.25 0.3 0.4 0.5 0.7 1.0 1.5 2.0

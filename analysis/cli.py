@@ -40,6 +40,7 @@ SCRIPTS = {
     "standing": "a standing wave beside its theory",
     "timestep": "what a time step does to a lattice",
     "tones": "two rows shaken at two frequencies: sum and difference beside their theory",
+    "unequal": "the front of an impact in sheets of unequal spheres: decay and speed over the spread of radii",
     "witness": "error over time in a crystal that is not perfect, beside the network",
 }
 DOORS = {"compare", "design"}  # scripts whose answer is a table

@@ -13,6 +13,10 @@ length, as in the deck, positions are exact in binary numbers:
 In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
 of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
 (`ImpactProblem.residual_force`).
+
+Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius, and none is larger: sphere s
+has the radius R (1 − σ |g_s|), with the deviate g_s of `granular_lmp.crystal.disorder`, and gaps of σ (|g_s| + |g_t|) R
+part neighbours. Nothing is pressed, so that all are at rest.
 """
 
 from math import ceil, floor, log2, sqrt
@@ -22,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
-from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
+from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, Lattice, Shape, packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
@@ -64,7 +68,8 @@ def touching(
     force : float
         Force F0 that presses the contacts of a chain together, N; 0 in a sheet.
     disorder, inclusions
-        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii may differ in a chain only.
+        As `granular_lmp.crystal.disorder.imperfect` takes them. Radii of inclusions may differ in a chain only, and
+        those of a disordered sheet are at most the nominal one (see above).
 
     Returns
     -------
@@ -99,12 +104,20 @@ def touching(
         overlap = law_between(crystal, materials, lower, lower + 1).overlap_under(force) / sphere.radius
         y = np.concatenate([[0.0], np.cumsum(radius[:-1] + radius[1:] - np.round(overlap / unit) * unit)])
         crystal.positions[:, 1] = y - y[centre_row]
+        crystal.info["reach"] = _REACH
+    else:
+        spread = disorder.radius if disorder else 0.0
+        crystal.arrays["radius"] = 1 - np.abs(crystal.arrays["radius"] - 1)
+        crystal.info["reach"] = _REACH + CUT * spread
     return crystal, materials
 
 
 def neighbours(crystal: ase.Atoms) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the pairs (i, j) of spheres that touch, and the vectors from i to j or its image, (C, 2), radii."""
+    """Return the pairs (i, j) of neighbours and the vectors from i to j or its image, (C, 2), radii.
+
+    Neighbours touch, or are parted by the gap of unequal spheres of a sheet.
+    """
     wider = crystal.copy()
-    wider.arrays["radius"] = wider.arrays["radius"] + _REACH
+    wider.arrays["radius"] = wider.arrays["radius"] + crystal.info["reach"]
     i, j, vector = overlapping(wider)
     return i, j, vector[:, :2]

@@ -51,6 +51,7 @@ SHIPPED_IMPACTS = SHIPPED / "impacts"
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
+LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 # What a scene of a linear wave has, and why an impact has it not
 _NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
 _NOT_HERE = {
@@ -153,8 +154,8 @@ class ImpactScene(Document):
     ------
     SceneError
         If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a striker that is held or
-        not there, radii that differ in a sheet, an impact so strong that overlaps are not small or so weak that they
-        are lost in the rounding of positions.
+        not there, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
+        that they are lost in the rounding of positions.
     """
 
     sections = {
@@ -275,10 +276,11 @@ class ImpactScene(Document):
             if self.lattice == CHAIN
             else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
         )
-        force = packing.contact_force
+        force, gaps = packing.contact_force, self.lattice != CHAIN and self.disorder.radius
         pressed = f"pressed together by {force:.6g} N" if force else "that just touch"
+        parted = f", radii smaller by {self.disorder.radius:g}" if gaps else ""
         how = f"struck at {fastest:.6g} m/s" if self.striker else "which begins in a given state"
-        return f"{size} {pressed}, {how}"
+        return f"{size} {pressed}{parted}, {how}"
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
@@ -342,10 +344,11 @@ class ImpactScene(Document):
             raise SceneError(
                 f"disorder.vacancies = {self.disorder.vacancies!r}: must be 0 in a chain, which they would part"
             )
-        if self.lattice != CHAIN and self.disorder.radius:
+        if self.lattice != CHAIN and self.disorder.radius > LOOSEST:
             raise SceneError(
-                f"disorder.radius = {self.disorder.radius!r}: must be 0 in a sheet, whose contacts would open or be "
-                "pressed together; disorder.density may differ"
+                f"disorder.radius = {self.disorder.radius!r}: must be at most {LOOSEST} in a sheet, whose neighbours "
+                "have gaps of up to six times as many radii; good values are of the order of overlap / radius, "
+                f"{self.scale.length / self.sphere.radius:.2g}"
             )
 
     def _check_packing(self) -> None:

@@ -255,7 +255,9 @@ LATTICE_SPHERE_RULES = SPHERE_RULES | {
     "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
 }
 DISORDER_RULES = {
-    "radius": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.1)),
+    "radius": Rule(
+        float, "", "relative standard deviation, Gaussian, cut at 3; of a struck sheet: one-sided", Interval(0, 0.1)
+    ),
     "density": Rule(float, "", "relative standard deviation, Gaussian, cut at 3", Interval(0, 0.33)),
     "vacancies": Rule(float, "", "share of the free spheres that is left out", Interval(0, 0.99)),
     "seed": Rule(int, "", "of the random numbers", Interval(0, 2**32 - 1)),

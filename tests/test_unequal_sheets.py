@@ -1,0 +1,137 @@
+"""Sheets of unequal spheres that are struck: gaps at rest, LAMMPS beside the network, and what the front loses."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.figures import unequal
+from analysis.theory.network import Material, Network, start
+from analysis.theory.network_motion import integrate
+from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp.errors import SceneError
+from granular_lmp.impact.problem import ImpactProblem, prepare
+
+SHEET = ImpactScene.load("point_impact")
+SMALL = SHEET.with_values({"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]]})
+
+
+def gaps(problem: ImpactProblem) -> np.ndarray:
+    """Gaps of the neighbours, radii."""
+    i, j, vector, _ = problem.contacts
+    radius = problem.crystal.arrays["radius"]
+    return np.asarray(np.linalg.norm(vector, axis=1) - radius[i] - radius[j])
+
+
+@pytest.mark.parametrize("lattice", ["hexagonal", "square"])
+def test_unequal_spheres_of_a_sheet_have_gaps_and_overlap_nowhere(lattice: str) -> None:
+    scene = SHEET.with_values({"packing.lattice": lattice, "disorder.radius": 0.04, "packing.sides": "periodic"})
+    problem, equal = prepare(scene), prepare(scene.with_values({"disorder.radius": 0.0}))
+    assert problem.crystal.arrays["radius"].max() <= 1.0
+    assert problem.crystal.positions == pytest.approx(equal.crystal.positions, abs=0)
+    assert len(gaps(problem)) == len(gaps(equal))  # every neighbour is found, and no second one
+    # A contact between rows of the hexagonal lattice may overlap by a rounding of its place
+    assert gaps(problem).min() > -1e-13
+    assert gaps(problem).max() < 6 * 0.04
+    # Two means √(2/π) of |g|, over 5000 gaps of spread 0.85
+    assert gaps(problem).mean() == pytest.approx(1.6 * 0.04, rel=0.05)
+    # Another spread of the same seed scales the gaps
+    half = prepare(scene.with_values({"disorder.radius": 0.02}))
+    assert gaps(half) == pytest.approx(gaps(problem) / 2, abs=1e-12)
+
+
+def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
+    # Gaps of 0.6 ℓ in the mean: spheres fly before they collide
+    scene = SMALL.with_values({"disorder.radius": 1e-3, "disorder.seed": 3, "time.duration": 6.0, "time.sample": 6.0})
+    coarse, fine = (
+        run_impact(scene.with_values({"time.timestep": step}), tmp_path / str(step)) for step in (0.04, 0.02)
+    )
+    ball, scale, crystal = fine.scene.sphere, fine.scale, fine.problem.crystal
+    v = np.zeros((len(crystal), 2))
+    v[3, 1] = scale.velocity
+
+    def network(radius: np.ndarray) -> np.ndarray:
+        spheres = Network(
+            crystal.positions[:, :2] * ball.radius,
+            radius * ball.radius,
+            np.full(len(crystal), ball.density),
+            (Material(ball.youngs_modulus, ball.poisson_ratio),),
+            friction=0.0,
+        )
+        motion = integrate(spheres, start(spheres, 0.0, v), [6 * scale.time], rtol=1e-9, longest_step=scale.time / 5)
+        return np.asarray(motion.velocity[-1] / scale.velocity)
+
+    velocity = (4 * fine.velocity[-1] - coarse.velocity[-1]) / 3
+    # Each contact that closes or opens leaves an error of order 5/2: some percent of the pair's difference of 1e-4
+    assert velocity == pytest.approx(network(crystal.arrays["radius"]), abs=2e-5)
+    assert np.max(np.abs(velocity - network(np.ones(len(crystal))))) > 0.1  # as if they touched
+    # Gaps store no energy: the striker's is kept to the error of velocity Verlet
+    energy = coarse.energy()
+    assert energy[1:] == pytest.approx(energy[0], abs=1e-4)
+
+
+def test_a_sheet_with_gaps_is_at_rest_before_it_is_struck(tmp_path: Path) -> None:
+    scene = SHEET.with_values({"disorder.radius": 1e-3, "packing.rows": 21, "time.duration": 5.0, "time.sample": 5.0})
+    record = run_impact(scene, tmp_path / "run")
+    assert not record.velocity[-1][record.problem.crystal.arrays["row"] > 15].any()
+
+
+def test_too_loose_a_sheet_is_refused_and_a_loose_one_named() -> None:
+    with pytest.raises(SceneError, match=re.escape("disorder.radius = 0.041: must be at most 0.04 in a sheet")):
+        SHEET.with_values({"disorder.radius": 0.041})
+    assert "that just touch, radii smaller by 0.01, struck" in SHEET.with_values({"disorder.radius": 0.01}).words
+
+
+# --- what the front loses ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[ImpactRecord]:
+    """A sheet of equal spheres, and two of another spread, recorded in the directions of the fit."""
+    top = tmp_path_factory.mktemp("unequal")
+    scene = SHEET.with_values(
+        {"packing.rows": 35, "packing.columns": 55, "striker.1.spheres": [[0, 27]]}
+        | {"time.duration": 48.0, "time.sample": 0.5}
+    )
+    crystal = prepare(scene).crystal
+    x, y = (crystal.positions - crystal.positions[27])[:, :2].T
+    thirds = np.degrees(np.arctan2(y, x)) / 30
+    lines = (np.abs(thirds - np.round(thirds)) < 1e-6) & (y > 0) & (np.hypot(x, y) < 2 * 21)
+    scene = scene.with_values(
+        {"output.spheres": np.column_stack([crystal.arrays[name][lines] for name in ("row", "column")]).tolist()}
+    )
+    return [
+        run_impact(scene.with_values({"disorder.radius": spread, "disorder.seed": seed}), top / f"{spread}-{seed}")
+        for spread, seed in ((0.0, 1), (7.5e-5, 1), (7.5e-5, 2))
+    ]
+
+
+def test_gaps_of_a_hundredth_of_the_overlap_make_the_front_decay_faster(runs: list[ImpactRecord]) -> None:
+    equal, loose = unequal.measured(runs, farthest=20.0)
+    assert (equal.seeds, loose.seeds) == (1, 2)
+    assert loose.spread == pytest.approx(7.5e-5 / 2.509e-3, rel=1e-3)
+    # Measured from 10 to 20 diameters: decays of 0.6 and 1.07 in the mean of the directions, and speeds of 0.73 to 0.82
+    # of that among spheres that touch; single fronts of one spread decay by 0.3 more or less
+    touching, parted = (np.mean([value for value, _ in each.decay.values()]) for each in (equal, loose))
+    assert touching == pytest.approx(0.6, abs=0.05)
+    assert parted > touching + 0.2
+    for degrees in unequal.DIRECTIONS:
+        assert 0.6 < loose.speed[degrees][0] / equal.speed[degrees][0] < 0.9
+
+
+def test_the_figure_of_unequal_spheres_is_drawn_with_a_table(
+    runs: list[ImpactRecord], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(unequal, "FARTHEST", 20.0)
+    assert unequal.main([*(str(each.folder) for each in runs), "-o", str(tmp_path / "unequal.png")]) == 0
+    assert (tmp_path / "unequal.png").stat().st_size > 10_000
+    assert re.search(r"^ 0\.0299 +2 ", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_runs_of_other_sheets_are_refused(runs: list[ImpactRecord], tmp_path: Path) -> None:
+    other = run_impact(SMALL, tmp_path / "run")
+    with pytest.raises(ValueError, match="point_impact: differs from the first run in more than its disorder"):
+        unequal.measured([*runs, other], farthest=20.0)
+    with pytest.raises(ValueError, match="the front has not come 30 diameters far at 30 degrees"):
+        unequal.measured(runs)
