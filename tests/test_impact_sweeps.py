@@ -110,6 +110,8 @@ def test_the_far_sphere_is_the_farthest_that_is_recorded_and_free(tmp_path: Path
     row = read_outs(held.info, held)
     assert row["far_row"] == 3
     assert row["energy_kept"] is None  # not all spheres are recorded
+    struck = run_impact(SHEET.with_values({"output.spheres": [[0, 4]]}), tmp_path / "d")
+    assert far_sphere(struck) is None  # it has no way to go
     none = run_impact(SHEET.with_values({"packing.last": "held", "output.rows": [7, 7]}), tmp_path / "c")
     assert far_sphere(none) is None
     assert read_outs(none.info, none)["far_speed"] is None

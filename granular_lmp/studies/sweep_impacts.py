@@ -38,7 +38,7 @@ def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, An
 
 
 def far_sphere(record: ImpactRecord) -> int | None:
-    """Return the place of the far sphere among the recorded ones; None if all of them are held, or nothing moves."""
+    """Return the place of the far sphere among the recorded ones; None if all are held or move at the beginning."""
     problem = record.problem
     struck = [sphere for spheres in problem.strikers for sphere in spheres.tolist()]
     moves = (record.velocity[0] != 0).any(axis=1) | (record.displacement[0] != 0).any(axis=1)
@@ -48,7 +48,7 @@ def far_sphere(record: ImpactRecord) -> int | None:
     distance = np.array([np.min(np.linalg.norm(origins - place, axis=1)) for place in record.rest])
     distance[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
     farthest = float(distance.max())
-    return None if farthest < 0 else int(np.argmax(distance >= farthest * (1 - _ALIKE)))
+    return None if farthest <= 0 else int(np.argmax(distance >= farthest * (1 - _ALIKE)))
 
 
 def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | None:
