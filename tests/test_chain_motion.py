@@ -7,7 +7,17 @@ import pytest
 
 from analysis.figures.impact import collision_error, energy_errors
 from analysis.theory.chain import Chain, compressed, energies, uniform
-from analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, follow, integrate, march, peak
+from analysis.theory.chain_motion import (
+    SIXTH,
+    VERLET,
+    Scheme,
+    collision_time,
+    first_peak,
+    follow,
+    integrate,
+    march,
+    peak,
+)
 from tests.test_chain import diatomic
 
 T = collision_time(1.0, 1.0, 1.0)
@@ -234,3 +244,17 @@ def test_energies_of_a_trajectory_are_those_of_its_states() -> None:
     us, vs = march(uniform(6), 0 * v, v, 0.1, 20, every=5)
     assert energies(uniform(6), us, vs).shape == (4, 6)
     assert np.array_equal(energies(uniform(6), us, vs)[2], energies(uniform(6), us[2], vs[2]))
+
+
+def test_the_first_pulse_is_found_before_a_higher_one() -> None:
+    times = np.arange(0.0, 20.0, 0.1)
+    low, twin, high = (height / np.cosh(times - at) ** 2 for height, at in ((0.5, 5.03), (0.55, 7.03), (2.0, 14.0)))
+    # The polynomial is exact to 1e-7 in a pulse of this width
+    assert first_peak(times, low + high, 1e-3) == pytest.approx((0.5, 5.03), abs=1e-5)
+    assert first_peak(times, low + high, 0.6) == pytest.approx((2.0, 14.0), abs=1e-5)
+    # Two tops with a dip above half of the height are one pulse, whose crest is the higher
+    height, time = first_peak(times, low + twin + high, 1e-3)
+    assert height > 0.55
+    assert time == pytest.approx(7.0, abs=0.1)
+    with pytest.raises(ValueError, match="no pulse above 3 has passed"):
+        first_peak(times, high, 3.0)
