@@ -72,6 +72,7 @@ PAGES_OF_PYTHON = [
     "docs/network.md",
     "docs/imperfect.md",
     "docs/impacts.md",
+    "docs/compressed-chains.md",
     "docs/strongly-nonlinear.md",
     "docs/mixing.md",
     "docs/collisions.md",
