@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as closed
-from analysis.figures.plotting import SILICA, parser, save, start
+from analysis.figures.plotting import SILICA, parser, show, start
 from analysis.figures.spectrum import one_crystal
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
@@ -142,13 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     options = parser(__doc__, "figures/adhesion_laws.png", sweeps="folders of sweeps over sphere.adhesion_law")
     chosen = options.parse_args(arguments)
-    try:
-        groups = by_law([record for folder in chosen.sweeps for record in sweep(folder)])
-        print(table(groups))
-    except ValueError as error:
-        options.error(str(error))
-    save(draw(groups), chosen.output)
-    return 0
+    return show(lambda: by_law([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.theory.dimer import (
     CELLS,
     STEP,
@@ -24,7 +24,6 @@ from analysis.theory.dimer import (
     struck,
 )
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 RATIOS = np.sort(
     np.concatenate(
@@ -99,19 +98,14 @@ def table(runs: Sequence[tuple[float, float, float]]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command = parser(__doc__, "figures/dimers.png")
-    command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of a chain of heavy and light spheres")
-    options = command.parse_args(argv)
-    try:
-        found = [measured(ImpactRecord.load(Path(folder))) for folder in options.runs]
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/dimers.png", runs="run folder of a chain of heavy and light spheres").parse_args(
+        arguments
+    )
+    return show(
+        lambda: [measured(ImpactRecord.load(Path(folder))) for folder in chosen.runs], table, draw, chosen.output
+    )
 
 
 if __name__ == "__main__":

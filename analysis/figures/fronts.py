@@ -78,16 +78,14 @@ def table(runs: dict[str, dict[int, Front]]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command = parser(__doc__, "figures/fronts.png")
-    command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of an impact on a sheet")
-    options = command.parse_args(argv)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/fronts.png", runs="run folder of an impact on a sheet").parse_args(arguments)
     return show(
-        lambda: {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in options.runs},
+        lambda: {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in chosen.runs},
         table,
         draw,
-        options.output,
+        chosen.output,
     )
 
 

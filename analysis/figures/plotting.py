@@ -21,15 +21,18 @@ COLOURS = {"L": "black", "TR": "tab:blue", "RT": "tab:red"}
 
 
 def parser(
-    doc: str | None, default: str, *, run: str | None = None, sweeps: str | None = None
+    doc: str | None, default: str, *, run: str | None = None, runs: str | None = None, sweeps: str | None = None
 ) -> argparse.ArgumentParser:
     """A parser with the first line of the script's docstring and the option -o with its default.
 
-    run, sweeps : what the argument RUN, or the arguments SWEEP, are; None where the script takes none.
+    run, runs, sweeps : what the argument RUN, several of them, or the arguments SWEEP are; None where the script takes
+    none.
     """
     result = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     if run:
         result.add_argument("run", metavar="RUN", help=run)
+    if runs:
+        result.add_argument("runs", nargs="+", metavar="RUN", help=runs)
     if sweeps:
         result.add_argument("sweeps", nargs="+", metavar="SWEEP", help=sweeps)
     result.add_argument("-o", "--output", default=default, metavar="FILE", help=f"PNG, PDF or SVG (default: {default})")

@@ -8,7 +8,6 @@ restitution over the velocity. The largest distance of a recorded force from the
 1 − v_s²/v².
 """
 
-import argparse
 import csv
 import json
 import tomllib
@@ -25,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import COLOURS, parser, save, start
+from analysis.figures.plotting import COLOURS, parser, show, start
 from analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
 
 Floats = NDArray[np.float64]
@@ -189,23 +188,21 @@ def _restitution(axes: Axes, collisions: Sequence[Collision]) -> None:
     axes.set(xlabel="relative velocity, m/s", ylabel="restitution", ylim=(-0.04, 1.06))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command: argparse.ArgumentParser = parser(__doc__, "figures/pull_off.png")
-    command.add_argument("runs", nargs="+", metavar="RUN", help="folder of a collision")
-    options = command.parse_args(argv)
-    try:
-        collisions = read(options.runs)
-    except ValueError as error:
-        raise SystemExit(str(error)) from error
+def table(collisions: Sequence[Collision]) -> str:
+    """Return how far LAMMPS is off the curve of forces, and off the restitution of a contact that parts under load."""
     snapping = [each for each in collisions if each.law == "jkr"]
     exact = [float(each.contact.restitution(each.speed, each.mass, "load")) for each in snapping]
     worst = max(abs(each.restitution**2 - e**2) for each, e in zip(snapping, exact, strict=True))
-    print(f"forces off the curve: {max(each.off_the_curve for each in collisions):.1e} of the largest pull")
-    print(f"e² off 1 − v_s²/v²:   {worst:.1e}")
-    save(draw(collisions), options.output)
-    print(options.output)
-    return 0
+    return (
+        f"forces off the curve: {max(each.off_the_curve for each in collisions):.1e} of the largest pull\n"
+        f"e² off 1 − v_s²/v²:   {worst:.1e}"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/pull_off.png", runs="folder of a collision").parse_args(arguments)
+    return show(lambda: read(chosen.runs), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

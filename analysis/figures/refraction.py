@@ -15,12 +15,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
 ANGLES = np.linspace(0.0, 50.0, 101)
@@ -127,19 +126,14 @@ def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command = parser(__doc__, "figures/refraction.png")
-    command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of a front that meets an interface")
-    options = command.parse_args(argv)
-    try:
-        found = [measured(ImpactRecord.load(Path(folder))) for folder in options.runs]
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/refraction.png", runs="run folder of a front that meets an interface").parse_args(
+        arguments
+    )
+    return show(
+        lambda: [measured(ImpactRecord.load(Path(folder))) for folder in chosen.runs], table, draw, chosen.output
+    )
 
 
 if __name__ == "__main__":

@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.front import Front, front
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 DIRECTIONS = {30: (30, 150), 60: (60, 120), 90: (90,)}  # degrees from the edge, with their mirror images
 NEAREST, FARTHEST = 10.0, 30.0  # diameters
@@ -135,19 +134,10 @@ def table(spreads: Sequence[Spread]) -> str:
     return "\n".join(lines)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Command line; returns the exit status."""
-    command = parser(__doc__, "figures/unequal.png")
-    command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of an impact on a sheet")
-    options = command.parse_args(argv)
-    try:
-        found = measured(ImpactRecord.load(Path(folder)) for folder in options.runs)
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/unequal.png", runs="run folder of an impact on a sheet").parse_args(arguments)
+    return show(lambda: measured(ImpactRecord.load(Path(folder)) for folder in chosen.runs), table, draw, chosen.output)
 
 
 if __name__ == "__main__":
