@@ -74,7 +74,7 @@ class Jkr:
 
     @cached_property
     def adhesive(self) -> float:
-        """b."""
+        """Share b of adhesion in the contact at rest."""
         root = np.sqrt(1 - self.share)
         return float(2 * root / (1 + root))
 
@@ -87,7 +87,7 @@ class Jkr:
 
     @cached_property
     def _scale(self) -> float:
-        """KD."""
+        """Factor KD of the module."""
         return (1 - 2 * self.adhesive / 3) / self.expansion.excess
 
     @property
