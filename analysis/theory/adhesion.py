@@ -57,6 +57,14 @@ class Dmt:
         """Return −f_N of overlaps and their radii."""
         return (1 - self.share - overlap * radius) / 1.5
 
+    def growth(self, radius: Floats) -> Floats:
+        """Return dr/dd of radii; 0 of a contact that has opened."""
+        return np.divide(0.5, radius, out=np.zeros_like(radius), where=radius > 0)
+
+    def energy(self, overlap: Floats, radius: Floats) -> Floats:
+        """Return ∫f_N dd from rest."""
+        return ((1 - self.share) * (1 - overlap) + 0.4 * (overlap**2 * radius - 1)) / 1.5
+
 
 @dataclass(frozen=True)
 class Jkr:
@@ -66,7 +74,7 @@ class Jkr:
 
     @cached_property
     def adhesive(self) -> float:
-        """b."""
+        """Share b of adhesion in the contact at rest."""
         root = np.sqrt(1 - self.share)
         return float(2 * root / (1 + root))
 
@@ -79,7 +87,7 @@ class Jkr:
 
     @cached_property
     def _scale(self) -> float:
-        """KD."""
+        """Factor KD of the module."""
         return (1 - 2 * self.adhesive / 3) / self.expansion.excess
 
     @property
@@ -109,6 +117,17 @@ class Jkr:
         """Return −f_N of overlaps and their radii."""
         root = radius * np.sqrt(radius)
         return root * (self.adhesive - root) / (1.5 * self._scale)
+
+    def growth(self, radius: Floats) -> Floats:
+        """Return dr/dd of radii."""
+        return (1 - 2 * self.adhesive / 3) / (2 * radius - self.adhesive / (3 * np.sqrt(radius)))
+
+    def energy(self, overlap: Floats, radius: Floats) -> Floats:
+        """Return ∫f_N dd from rest, (2/3)[G(r) − G(1)]/(KD²) with G = (2/5)r⁵ − (2/3)b r^{7/2} + b²r²/6."""
+        b = self.adhesive
+        at_rest = 0.4 - 2 / 3 * b + b * b / 6
+        now = 0.4 * radius**5 - 2 / 3 * b * radius**3.5 + b * b * radius**2 / 6
+        return (now - at_rest) / (1.5 * self._scale * (1 - 2 * b / 3))
 
 
 def refuse_other_laws(ratios: Ratios) -> None:

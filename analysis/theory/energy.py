@@ -12,6 +12,8 @@ stretch x = 1 − δ/Δ0 and slip s of `analysis.theory.lattice`:
     kinetic (κ+3)(p'² + q'² + Ĩφ'²),   normal Σ (2/3)[x + (2/5)((1−x)^{5/2} − 1)],   shear Σ ½κ(1−x)^{1/2} s²
     dW/dτ = ∓Σ ¼κ(1−x)^{−1/2} s² x'        (sums over the three contacts ahead)
 
+and in the JKR law with its force and contact radius in their places (`analysis.theory.adhesion`).
+
 W is integrated as a further state: no sampling step enters. Simpson's rule on the power agrees with it to 2e-11 of E,
 but only from 16 samples per τ on. What limits the ledger is the trajectory, its accumulated error and its interpolation
 between the integrator's steps: 1e-11 to 5e-10 of E for rtol = 1e-11, a = 0.2, τ ≤ 400.
@@ -28,9 +30,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from analysis.theory.adhesion import refuse_other_laws
 from analysis.theory.contact import Contact
-from analysis.theory.lattice import integrate, longest_step, on_torus, rhs, touching
+from analysis.theory.lattice import Touching, integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours
 from analysis.theory.wave import Wave
 
@@ -79,11 +80,11 @@ def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
 
     Arguments as of `lattice.rhs`. Raises ValueError for overlap_ratio > 0, whose normals turn, and for dashpots.
     """
-    stretch, tangential, overlap = _contacts(states, contact, neighbours)
+    now, tangential = _contacts(states, contact, neighbours)
     p_rate, q_rate, phi_rate = np.moveaxis(states[..., 3:6, :], -2, 0)
-    root = np.sqrt(overlap)
-    normal = (2 / 3) * (stretch + 0.4 * (overlap**2 * root - 1))
-    shear = 0.5 * contact.shear_stiffness * root * tangential**2
+    normal = contact.adhesion.energy(now.overlap, now.root)
+    normal += contact.adhesion.pull(now.overlap, now.root) * (now.stretch + now.overlap - 1)  # of what has opened
+    shear = 0.5 * contact.shear_stiffness * now.root * tangential**2
     kinetic = (contact.kappa + 3) * (p_rate**2 + q_rate**2 + contact.inertia * phi_rate**2)
     return Energy(
         kinetic=kinetic.mean(axis=-1),
@@ -97,12 +98,11 @@ def law_power(state: Floats, contact: Contact, neighbours: Neighbours) -> Floats
 
     Arguments as of `lattice.rhs`. Raises ValueError as `energy`.
     """
-    _refuse(contact)
     if not WORK_SIGN[contact.law]:
+        _refuse(contact)
         return np.zeros(state.shape[-1])
-    now = touching(state, contact, neighbours)
-    softening = np.divide(contact.shear_stiffness, 2 * now.root, out=np.zeros_like(now.root), where=now.root > 0)
-    tangential = state[6:] / (contact.shear_stiffness * now.root) if contact.has_history else now.slip()
+    now, tangential = _contacts(state, contact, neighbours)
+    softening = contact.shear_stiffness * contact.adhesion.growth(now.root)
     stretching = neighbours.deform(state[3:6])[0]
     power: Floats = -0.5 * WORK_SIGN[contact.law] * (softening * tangential**2 * stretching).sum(axis=0)
     return power
@@ -155,17 +155,14 @@ def opening_time(wave: Wave, until: float, *, points: int = 31, rtol: float = 1e
     return float(solution.t[-1]) if solution.status == 1 else None
 
 
-def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Floats, Floats, Floats]:
-    """Elongation x, slip δ_S = S/k_S and overlap (1−x)₊ of the contacts ahead, each (..., 3, K)."""
+def _contacts(states: Floats, contact: Contact, neighbours: Neighbours) -> tuple[Touching, Floats]:
+    """The contacts ahead, and their slip δ_S = S/k_S (..., 3, K)."""
     _refuse(contact)
     now = touching(states, contact, neighbours)
-    if contact.has_history:
-        return now.stretch, states[..., 6:, :] / (contact.shear_stiffness * now.root), now.overlap
-    return now.stretch, now.slip(), now.overlap
+    return now, states[..., 6:, :] / (contact.shear_stiffness * now.root) if contact.has_history else now.slip()
 
 
 def _refuse(contact: Contact) -> None:
-    refuse_other_laws(contact.secant_ratios)
     if contact.overlap_ratio:
         raise ValueError(f"overlap_ratio = {contact.overlap_ratio} is not 0: the ledger is that of fixed normals")
     if contact.dashpot:
