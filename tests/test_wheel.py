@@ -14,8 +14,7 @@ import pytest
 
 from analysis.cli import SCRIPTS
 from granular_lmp.scene.shipped import SHIPPED
-from tests.test_docs import ROOT
-from tests.test_python_of_docs import PYTHON
+from tests.test_python_of_docs import PYTHON, ROOT
 
 # Of the variables of this process, those that would let Python find the checkout
 ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}

@@ -31,7 +31,7 @@ def at_the_resonance(cycles: int, rows: int, step: float, duration: float, strid
     with running(wave, edits) as cell:
         states.append(cell.rows())
         books = keep(cell, duration, round(LOOK / (stride * step)), stride, lambda: states.append(cell.rows()))
-    reference = exact(wave, books.tau, rtol=1e-9)
+    reference = exact(wave, books.tau, rtol=1e-7)  # an error of 5e-6 beside 2 % of 0.1
     where = f"ξ = {wave.wavenumber:.4f}, a = 0.2, τ ≤ {duration:g}"
     cases = []
     for name, order, each in (("TR", 1, transverse), ("L", 2, longitudinal)):
