@@ -11,6 +11,7 @@ from importlib import import_module
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
+    "adhesion_laws": "the DMT and the JKR law in the same crystal: forces, second harmonic, resonance, antiresonance",
     "behind": "the second harmonic behind an interface: made before it, and at it",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
@@ -47,7 +48,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="granular-analysis",
         description="Theory that shares no code with LAMMPS, beside runs of granular-lmp.",
-        epilog="scripts:\n" + "\n".join(f"  {name:12} {says}" for name, says in SCRIPTS.items()),
+        epilog="scripts:\n" + "\n".join(f"  {name:13} {says}" for name, says in SCRIPTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("script", choices=SCRIPTS, metavar="SCRIPT", help="which; each has --help")
