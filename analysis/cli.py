@@ -11,7 +11,7 @@ from importlib import import_module
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
-    "adhesion_laws": "the second harmonic by the DMT and by the JKR law, and how compression makes them alike",
+    "adhesion_laws": "the DMT and the JKR law in the same crystal: forces, second harmonic, resonance, antiresonance",
     "behind": "the second harmonic behind an interface: made before it, and at it",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
     "convergence": "how errors of the theories fall with amplitude",
