@@ -193,7 +193,7 @@ class Effects:
     their switches are ``packing.ends`` and ``packing.columns``.
     """
 
-    adhesion: bool | Auto = switch("DMT adhesion; without it the Hertz contact")
+    adhesion: bool | Auto = switch("adhesion of the spheres; without it the Hertz contact")
     shear: bool | Auto = switch("Mindlin shear force")
     rotation: bool | Auto = switch("spheres turn")
     tracking: bool | Auto = switch("the angle is recorded")
