@@ -23,7 +23,7 @@ from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.runs.record import GranularError
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
-ANGLES = np.linspace(0.0, 50.0, 101)
+ANGLES = np.linspace(0.0, 60.0, 121)
 
 
 def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:
