@@ -242,8 +242,9 @@ impact: .venv/ready
 # resonances, the antiresonances and some between
 DIMERS = 450 615.03 760 901.28 1225 1547.5 2000 2399 3000 3428.46 4500 5300 5782 6500 7500 9000
 # Angle of an interface and density beyond it, with 7800 kg/m3 before
-INTERFACES = 0:15600 15:15600 30:15600 45:15600 0:31200 15:31200 30:31200 45:31200 0:3900 10:3900 20:3900 30:3900 40:3900 \
-    0:1950 10:1950 15:1950
+INTERFACES = 0:15600 15:15600 30:15600 45:15600 60:15600 0:31200 15:31200 30:31200 45:31200 60:31200 \
+    0:3900 10:3900 20:3900 30:3900 40:3900 0:1950 10:1950 15:1950
+SHEET = $(BIN)/granular-lmp run refraction --set packing.rows=90 --set output.rows=[34,66] --set time.duration=110
 # Spreads of radii, and the spheres in the directions of the fit: recorded alone, as all would fill 3 GB
 LOOSE = 2.5e-6 7.5e-6 2.5e-5 7.5e-5
 LINES = $(shell $(PYTHON) -c 'print([[k, c] for k in range(5, 37) for c in sorted({50, 50 + k // 2, 50 - (k + 1) // 2, \
@@ -255,8 +256,8 @@ published: .venv/ready
 	    --set inclusion.1.density=$$density --set time.sample=0.15 --set time.duration=110 --set output.rows=[30,76] || exit 1; done
 	$(BIN)/python -m analysis.figures.dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
 	rm -rf runs/published/refraction
-	for each in $(INTERFACES); do $(BIN)/granular-lmp run refraction -o runs/published/refraction/$$(echo $$each | tr : _) \
-	    --set inclusion.1.half_plane=[36,20,$${each%:*}] --set inclusion.1.density=$${each#*:} --set output.rows=[22,50] || exit 1; done
+	for each in $(INTERFACES); do $(SHEET) -o runs/published/refraction/$$(echo $$each | tr : _) \
+	    --set inclusion.1.half_plane=[50,20,$${each%:*}] --set inclusion.1.density=$${each#*:} || exit 1; done
 	$(BIN)/python -m analysis.figures.refraction runs/published/refraction/* -o figures/refraction.png
 	rm -rf runs/published/unequal
 	$(POINT) -o runs/published/unequal/equal

@@ -101,6 +101,11 @@ def test_angles_are_from_the_normal_of_the_interface() -> None:
     assert found.angles == pytest.approx((18.0, 20.0), abs=0.05)
     assert found.incident.direction == pytest.approx(90.0, abs=0.05)
     assert fronts_at_interface(times, velocity, places, np.zeros(2), 30.0, heavier=False).reflected is None
+    # Crests of every second sphere 2 t0 later are no plane
+    velocity[:, ~beyond & (np.arange(len(places)) % 2 == 0)] = np.roll(velocity, 5, axis=0)[
+        :, ~beyond & (np.arange(len(places)) % 2 == 0)
+    ]
+    assert fronts_at_interface(times, velocity, places, np.zeros(2), 30.0, heavier=True).reflected is None
 
 
 def test_too_few_spheres_and_a_line_of_them_are_refused() -> None:

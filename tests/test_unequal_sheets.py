@@ -63,8 +63,8 @@ def test_a_sheet_with_gaps_moves_as_the_network_does(tmp_path: Path) -> None:
         return np.asarray(motion.velocity[-1] / scale.velocity)
 
     velocity = (4 * fine.velocity[-1] - coarse.velocity[-1]) / 3
-    # Each contact that closes or opens leaves an error of order 5/2: some percent of the pair's difference of 1e-4
-    assert velocity == pytest.approx(network(crystal.arrays["radius"]), abs=2e-5)
+    # Each contact that closes or opens leaves an error of order 5/2: some percent of the pair's difference of 1.3e-4
+    assert velocity == pytest.approx(network(crystal.arrays["radius"]), abs=5e-6)
     assert np.max(np.abs(velocity - network(np.ones(len(crystal))))) > 0.1  # as if they touched
     # Gaps store no energy: the striker's is kept to the error of velocity Verlet
     energy = coarse.energy()

@@ -22,7 +22,7 @@ from analysis.theory.refraction import angle, quasi_particle
 from granular_lmp.impact.record import ImpactRecord
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
-ANGLES = np.linspace(0.0, 50.0, 101)
+ANGLES = np.linspace(0.0, 60.0, 121)
 
 
 def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:

@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 FEWEST = 12  # spheres of a fit
 NEAR, FAR = 3.0, 8.0  # diameters from the interface: behind its ragged edge, and before the front has changed
 BESIDE = 8.0  # diameters along it, to each side of its middle
+PLANE = 0.5  # t0: what has crests farther off a plane is no plane front, whose crest lasts some 3 t0
 FOREGOING = 0.05  # share of the fastest striker: a lower crest is scattered by single spheres of the edge
 
 
@@ -32,7 +33,11 @@ class PlaneFront(NamedTuple):
 
 
 class FrontsAtInterface(NamedTuple):
-    """Incidence, degrees, and the fronts before and beyond an interface; `reflected` is None where nothing returns."""
+    """Incidence, degrees, and the fronts before and beyond an interface.
+
+    `reflected` is None where nothing returns, or what returns is no plane front: its crests are more than 0.5 t0 late
+    or early in the mean.
+    """
 
     incidence: float
     incident: PlaneFront
@@ -106,10 +111,10 @@ def fronts_at_interface(
     before = (aside < BESIDE) & (beyond > -FAR) & (beyond < -NEAR)
     behind = (aside < BESIDE) & (beyond > NEAR) & (beyond < FAR)
     speed = np.linalg.norm(velocity, axis=-1)
-    back = -velocity @ normal
+    reflected = plane_front(times, -velocity[:, before] @ normal, places[before]) if heavier else None
     return FrontsAtInterface(
         incidence,
         plane_front(times, speed[:, before], places[before]),
         plane_front(times, speed[:, behind], places[behind]),
-        plane_front(times, back[:, before], places[before]) if heavier else None,
+        reflected if reflected and reflected.late < PLANE else None,
     )
