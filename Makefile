@@ -38,8 +38,6 @@ RUNS = $(CASES:%=runs/paper/%)
 CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
-# Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
-test processors: export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published pull-off onset adhesion witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,9 @@ import pytest
 
 # Before numpy is imported, here and in every process that a test starts: tests run side by side, on a core each
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Tests and the package are compiled once, whatever the environment says: not by each process that a test starts
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a script; programs under test inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
