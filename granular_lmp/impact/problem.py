@@ -17,7 +17,8 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scene import FREE, HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output, Striker
 from granular_lmp.impact.start import COLUMNS
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO

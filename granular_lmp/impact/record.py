@@ -15,7 +15,8 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns, units_of
 from granular_lmp.impact.problem import ImpactProblem, prepare
-from granular_lmp.impact.scene import WALL, ImpactScene
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.sections import WALL
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
