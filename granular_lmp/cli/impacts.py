@@ -1,4 +1,4 @@
-"""Commands on an impact (`granular_lmp.impact`): init, schema, run, resume, cost, build, check, effects, export."""
+"""What the commands do with an impact (`granular_lmp.impact`)."""
 
 from typing import TYPE_CHECKING, Any
 

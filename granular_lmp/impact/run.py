@@ -61,7 +61,7 @@ LIMITS = {
         "v_omega_dt",
         LONGEST_STEP,
         "is the time step times the frequency of the stiffest contact, which is too long for a collision",
-        "take a shorter time.timestep",
+        "take a shorter time.timestep, or a smaller time.tolerance",
     ),
 }
 

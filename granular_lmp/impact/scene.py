@@ -1,4 +1,4 @@
-"""The scene of an impact: a lattice of spheres that just touch, or a compressed chain, and the spheres that strike it.
+"""The scene of an impact: spheres that just touch, a sheet of spheres with gaps, or a compressed chain, and what moves.
 
 A TOML file with a table ``[[striker]]`` or ``[start]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``,
 ``[start]``, ``[disorder]``, ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and
@@ -40,13 +40,14 @@ ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 # What a scene of a linear wave has, and why an impact has it not
-_NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
+_LEFT_OUT = "left out beside [[striker]] or [start]"
+_NO_ADHESION = f"{_LEFT_OUT}, as contacts of an impact do not adhere"
 _NOT_HERE = {
-    **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    **dict.fromkeys(("wave", "envelope", "absorb", "source"), f"is of the scene of a wave: must be {_LEFT_OUT}"),
     "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
-    "packing.ends": "must be packing.first and packing.last beside [[striker]]",
-    "time.allow_echo": "must be left out beside [[striker]], where every echo belongs to the answer",
-    "effects.adhesion": "must be left out beside [[striker]], as adhesive spheres overlap at rest",
+    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
+    "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
+    "effects.adhesion": f"must be {_NO_ADHESION}",
 }
 
 
@@ -57,8 +58,8 @@ class ImpactScene(Document):
     Raises
     ------
     SceneError
-        If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a striker that is held or
-        not there, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
+        If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a place that the lattice
+        has not, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
         that they are lost in the rounding of positions.
     """
 
@@ -157,9 +158,19 @@ class ImpactScene(Document):
 
         Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}.
         """
-        fastest = max([each.velocity for each in self.striker] + [self.start.fastest(self.sphere.radius)])
+        fastest = max(self._fastest_striker, self.start.fastest(self.sphere.radius))
         let_go = sqrt(self.sphere.normal_coefficient / self.sphere.mass) * self.start.farthest**1.25
         return Scale.of(self.sphere, fastest or let_go)
+
+    @property
+    def _fastest_striker(self) -> float:
+        return max((each.velocity for each in self.striker), default=0.0)
+
+    @property
+    def fastest(self) -> str:
+        """Where the scene says which sphere is the fastest at the beginning: "striker", or "start.state"."""
+        strikes = self._fastest_striker >= self.start.fastest(self.sphere.radius) and self.striker
+        return "striker" if strikes else "start.state"
 
     @property
     def rest_overlap(self) -> float:
@@ -174,17 +185,19 @@ class ImpactScene(Document):
     @property
     def words(self) -> str:
         """Size and strikers in words, for titles."""
-        packing, fastest = self.packing, self.scale.velocity
+        packing = self.packing
         size = (
             f"a chain of {packing.rows} spheres"
             if self.lattice == CHAIN
             else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
         )
         force, gaps = packing.contact_force, self.lattice != CHAIN and self.disorder.radius
-        pressed = f"pressed together by {force:.6g} N" if force else "that just touch"
-        parted = f", radii smaller by {self.disorder.radius:g}" if gaps else ""
-        how = f"struck at {fastest:.6g} m/s" if self.striker else "which begins in a given state"
-        return f"{size} {pressed}{parted}, {how}"
+        rest = f"pressed together by {force:.6g} N" if force else "that just touch"
+        if gaps:
+            rest = f"with gaps (disorder.radius = {gaps:g})"
+        struck = [f"struck at {self._fastest_striker:.6g} m/s"] if self.striker else []
+        begins = ["which begins in a given state"] if self.start.state else []
+        return ", ".join([f"{size} {rest}", *struck, *begins])
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
@@ -219,10 +232,7 @@ class ImpactScene(Document):
     def _check_spheres(self) -> None:
         sphere, effects = self.sphere, self.effects
         if sphere.work_of_adhesion:
-            raise SceneError(
-                f"sphere.work_of_adhesion = {sphere.work_of_adhesion!r}: must be 0 or left out beside [[striker]], as "
-                "adhesive spheres overlap at rest"
-            )
+            raise SceneError(f"sphere.work_of_adhesion = {sphere.work_of_adhesion!r}: must be 0 or {_NO_ADHESION}")
         if self.lattice == CHAIN and effects.friction:
             raise SceneError(f"effects.friction = {effects.friction!r}: must be 0 in a chain, where nothing is sheared")
         if not effects.rotation and not effects.friction:
@@ -295,20 +305,22 @@ class ImpactScene(Document):
 
     def _check_scale(self) -> None:
         length, rest = self.scale.length, self.rest_overlap
-        fastest = f"{'striker' if self.striker else 'start.state'}: velocity = {self.scale.velocity:.6g}"
+        fastest = f"{self.fastest}: velocity = {self.scale.velocity:.6g}"
         deepest = (rest + DEEPEST * length) / (2 * self.sphere.radius)  # the force of both is that of one at most
         if deepest > LARGEST_OVERLAP_RATIO:
+            cause = fastest if rest < DEEPEST * length else f"packing.contact_force = {self.packing.contact_force!r}"
             raise SceneError(
-                f"{fastest}: two spheres would overlap by {deepest:.3g} of the diameter; at most "
+                f"{cause}: two spheres would overlap by {deepest:.3g} of the diameter; at most "
                 f"{LARGEST_OVERLAP_RATIO} is allowed"
             )
-        rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
+        size = max(self.packing.rows, self.packing.columns) * self.sphere.radius + self.start.farthest
+        rounding = EPSILON / 2 * size
         motion = length / max(1.0, self.rest_rate)  # ℓ, or v/ω of spheres that are pressed together
         if motion < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
                 f"{fastest}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
-                f"position in {self.packing.rows} rows x {self.packing.columns} columns; must be faster, or the "
-                "lattice smaller"
+                f"position in {self.packing.rows} rows x {self.packing.columns} columns, displaced by "
+                f"{self.start.farthest:.4g} m; must be faster, or these smaller"
             )
 
 
