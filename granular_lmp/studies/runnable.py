@@ -49,7 +49,12 @@ def decided(scene: Runnable) -> Runnable:
 
 def spheres_and_steps(scene: Runnable) -> float:
     """Return spheres times steps of all runs of a scene."""
-    steps = planned_impact_steps(scene) if isinstance(scene, ImpactScene) else planned_steps(scene)
+    if scene.time.tolerance is None:
+        steps = scene.time.steps
+    elif isinstance(scene, ImpactScene):
+        steps = planned_impact_steps(prepare_impact(scene))
+    else:
+        steps = planned_steps(scene)
     return float(scene.shape.spheres * steps)
 
 
