@@ -145,6 +145,7 @@ def test_any_key_can_be_swept(scene: ImpactScene, over: dict[str, Any], tmp_path
         ({"striker.1.velocity": [1.0, -1.0]}, "striker.1.velocity = -1.0: must be"),
         ({"time.timestep": [0.03, 0.9]}, "leaves the shortest collision of two neighbours"),
         ({"wave.wavenumber": [1.0]}, "wave"),
+        ({"time.tolerance": [1e-2, 1e-9], "time.duration": [1e6]}, "would take more than 1000000000 steps"),
     ],
 )
 def test_what_does_not_fit_is_one_error_before_anything_is_written(

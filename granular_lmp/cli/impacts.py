@@ -85,13 +85,10 @@ def run(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.run import run_impact
     from granular_lmp.runs.launch import Options as RunOptions
 
-    if options.kernel:
-        raise LaunchError("--kernel: impacts run without it")
     folder = options.output or f"runs/{scene.name}"
     with interruptible() as progress:
-        record = run_impact(
-            scene, folder, RunOptions("lmp" if options.lmp else "module", options.np, options.force, progress)
-        )
+        launcher = "lmp" if options.lmp else "module"
+        record = run_impact(scene, folder, RunOptions(launcher, options.np, options.force, progress, options.kernel))
     return _say_how_it_went(folder, record)
 
 

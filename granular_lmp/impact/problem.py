@@ -176,7 +176,7 @@ class ImpactProblem:
         """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
         return np.asarray(1.5 * self.contacts[3] * np.sqrt(self.rest_overlap))
 
-    @property
+    @cached_property
     def cell(self) -> tuple[Floats, Floats]:
         """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a chain that is pressed together.
 
@@ -218,7 +218,7 @@ class ImpactProblem:
             "residual_force_over_impact": self.residual_force,
         }
 
-    @property
+    @cached_property
     def effects(self) -> tuple[Chosen, ...]:
         """Effects that the deck holds, with the reasons, as for the scene of a wave."""
         scene, effects = self.scene, self.scene.effects
@@ -248,7 +248,7 @@ class ImpactProblem:
             for name, key, on, value, reason, guard in table
         )
 
-    @property
+    @cached_property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
         return {effect.name: effect.on for effect in self.effects}

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular_lmp import __version__
 from granular_lmp.accuracy.halving import One, begun, continued, halved
-from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
+from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
     LONGEST_STEP,
@@ -91,6 +91,8 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
     1e-3 after 12 of them.
     """
     options = options or Options()
+    if options.kernel:
+        raise LaunchError("kernel=True: impacts run without it")
     if isinstance(what, ImpactScene) and what.time.tolerance is not None:
         return _to_tolerance(what, Path(folder).absolute(), options)
     began = perf_counter()
