@@ -86,3 +86,10 @@ def test_runs_that_fail_or_do_not_converge_have_no_cost(tmp_path: Path, monkeypa
     monkeypatch.setattr(impact_cost, "order", lambda runs: None)
     with pytest.raises(ToleranceError, match="do not converge with the step, so that no error is known"):
         cost_of_impact(CHAIN, tmp_path / "study")
+
+
+def test_the_step_of_the_scene_may_be_any(study: tuple[ImpactCost, Path]) -> None:
+    cost, folder = study
+    # Too long for a run of its own; the study is that of the fixture, which it reads
+    again = cost_of_impact(CHAIN.with_values({"time.timestep": 0.9}), folder)
+    assert again == cost

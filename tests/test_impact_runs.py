@@ -13,7 +13,7 @@ from PIL import Image
 
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, RunInterrupted
+from granular_lmp.errors import LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import view
@@ -190,3 +190,9 @@ def test_energy_of_what_was_not_recorded_is_refused(tmp_path: Path) -> None:
         record = run_impact(scene, tmp_path / str(number))
         with pytest.raises(RunFolderError, match="the stored energy needs a record of all spheres"):
             record.energy()
+
+
+def test_the_kernel_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match="kernel=True: impacts run without it"):
+        run_impact(ImpactScene.load("solitary_chain"), tmp_path / "run", Options(kernel=True))
+    assert not (tmp_path / "run").exists()

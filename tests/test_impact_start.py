@@ -149,6 +149,11 @@ def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str)
         (CHAIN, [2, 0, 1e-6, 0, 0, 0, 0], "sphere [2, 0]: ux_m = 1e-06: must be 0 in a chain, which nothing holds"),
         (CHAIN, [2, 0, 0, 0, 0, 1.0, 5.0], "spin_rad_s = 5: must be 0 where nothing turns a sphere (effects.friction)"),
         (CHAIN.with_values({"packing.last": "held"}), [9, 0, 0, 0, 0, 1.0, 0], "must be 0 for a sphere of a held row"),
+        (
+            CHAIN,
+            [2, 0, 0, 1e4, 0, 0, 0],
+            "a displacement of 1e+04 m: must be at most 1e+06 times sphere.radius = 0.005",
+        ),
         (CHAIN, [2, 0, 0, 1e-3, 0, 0, 0], "spheres [2, 0] and [3, 0]: overlap by 0.1 of the diameter; at most 0.05"),
         (
             SHEET.with_values({"effects.friction": 0.1}),
@@ -162,6 +167,25 @@ def test_a_state_moves_only_what_can_move(scene: ImpactScene, state: list[float]
     mover = [[0, 0, 0, 0, 0, 1.0, 0]]
     with pytest.raises(SceneError, match=re.escape(message)):
         prepare(with_state(scene, [*mover, state]))
+
+
+def test_errors_and_words_name_what_is_fastest_or_presses() -> None:
+    both = ImpactScene.from_dict(CHAIN.to_dict() | {"start": {"state": [[3, 0, 0, 0, 0, 5.0, 0]]}})
+    assert (both.fastest, both.scale.velocity) == ("start.state", pytest.approx(5.0))
+    assert both.words.endswith("that just touch, struck at 1 m/s, which begins in a given state")
+    assert both.with_values({"striker.1.velocity": 5.0}).fastest == "striker"
+    with pytest.raises(SceneError, match=re.escape("start.state: velocity = 500: two spheres would overlap by")):
+        ImpactScene.from_dict(CHAIN.to_dict() | {"start": {"state": [[3, 0, 0, 0, 0, 500.0, 0]]}})
+    with pytest.raises(SceneError, match=re.escape("packing.contact_force = 1000000.0: two spheres would overlap by")):
+        CHAIN.with_values({"packing.contact_force": 1e6})
+
+
+def test_a_state_that_leaves_positions_no_digits_is_refused() -> None:
+    # 1.4e9 m have roundings of 1.6e-7 m, and the overlap is 1.3e-5 m
+    with pytest.raises(
+        SceneError, match=r"less than 10000 roundings of a position in 8 rows x 9 columns, displaced by 1.414e\+09 m"
+    ):
+        with_state(SHEET, [[3, 3, 1e9, 1e9, 0, 1.0, 0]])
 
 
 def test_a_sphere_is_a_striker_or_in_the_state() -> None:

@@ -11,6 +11,7 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, html, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
+from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import sweep_figure, view
 from granular_lmp.runs.launch import Options
 from granular_lmp.studies.executors import Workers
@@ -144,6 +145,7 @@ def test_any_key_can_be_swept(scene: ImpactScene, over: dict[str, Any], tmp_path
         ({"striker.1.velocity": [1.0, -1.0]}, "striker.1.velocity = -1.0: must be"),
         ({"time.timestep": [0.03, 0.9]}, "leaves the shortest collision of two neighbours"),
         ({"wave.wavenumber": [1.0]}, "wave"),
+        ({"time.tolerance": [1e-2, 1e-9], "time.duration": [1e6]}, "would take more than 1000000000 steps"),
     ],
 )
 def test_what_does_not_fit_is_one_error_before_anything_is_written(
@@ -222,3 +224,48 @@ def test_a_picture_and_a_card_have_the_columns_of_impacts(swept: Sweep) -> None:
     assert axes.get_ylabel() == "largest speed of the far sphere (of the striker's)"
     assert axes.get_xlabel().startswith("striker.1.velocity (m/s")
     assert "far_tau" in html(swept)
+
+
+def test_the_far_sphere_is_far_across_periodic_sides(tmp_path: Path) -> None:
+    ring = SHEET.with_values({"packing.sides": "periodic", "packing.lattice": "square", "striker.1.spheres": [[0, 0]]})
+    record = run_impact(ring.with_values({"output.rows": [0, 0]}), tmp_path / "ring")
+    assert far_sphere(record) == 4  # of nine columns in a ring; the last one touches the first
+    assert read_outs({}, record)["far_column"] == 4
+
+
+def test_energies_are_over_all_that_is_given(tmp_path: Path) -> None:
+    state = [[3, 0, 0, 0, 0, 0.9, 0]]
+    scene = ImpactScene.from_dict(CHAIN.to_dict() | {"start": {"state": state}})
+    whole = run_impact(scene, tmp_path / "whole")
+    # 1 m/s and 0.9 m/s of two equal spheres
+    assert whole.problem.given_energy == pytest.approx((1 + 0.81) / 2, rel=1e-12)
+    assert whole.kinetic_energy[0].sum() == pytest.approx(whole.problem.given_energy, rel=1e-12)
+    part = run_impact(scene.with_values({"output.rows": [0, 11], "packing.last": "wall"}), tmp_path / "part")
+    few = run_impact(scene.with_values({"output.rows": [8, 11], "packing.last": "wall"}), tmp_path / "few")
+    share = part.kinetic_energy[-1, 8:].sum() / 0.905
+    assert read_outs({}, few)["kinetic_kept"] == pytest.approx(share, rel=1e-12)
+    assert read_outs({}, few)["energy_kept"] is None
+
+
+def test_the_energy_of_a_state_counts_its_spins() -> None:
+    rough = SHEET.with_values({"effects.friction": 0.2})
+    spin = 2.0 / rough.sphere.radius
+    scene = ImpactScene.from_dict(rough.to_dict() | {"start": {"state": [[3, 3, 0, 0, 0, 1.0, spin]]}})
+    given = prepare(scene).given_energy * scene.scale.velocity**2  # in m (m/s)²
+    assert given == pytest.approx((1 + 1 + 0.4 * 4) / 2, rel=1e-12)  # the striker at 1 m/s, and I = 0.4 m R²
+
+
+@pytest.mark.parametrize(
+    ("rows", "state"),
+    [
+        ([0, 11], [[11, 0, 0, 1e-6, 0, 0, 0]]),  # the last sphere is drawn away from a chain that nothing presses
+        ([8, 11], [[5, 0, 0, 1e-6, 0, 0, 0]]),  # what it presses is not recorded
+    ],
+)
+def test_no_share_is_said_of_an_energy_that_is_none_or_not_known(
+    rows: list[int], state: list[list[float]], tmp_path: Path
+) -> None:
+    scene = ImpactScene.from_dict(CHAIN.to_dict() | {"striker": [], "start": {"state": state}})
+    record = run_impact(scene.with_values({"output.rows": rows, "time.duration": 2.0}), tmp_path / "run")
+    found = read_outs({}, record)
+    assert (found["kinetic_kept"], found["energy_kept"]) == (None, None)

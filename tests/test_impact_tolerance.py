@@ -16,7 +16,7 @@ from analysis.theory.network_motion import integrate as network_motion
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.accuracy import halving
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
@@ -193,7 +193,7 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     assert main(["view", str(tmp_path / "run"), "-o", str(tmp_path / "run.png")]) == 0
     with pytest.raises(RunFolderError, match="is there already"):
         run_impact(scene, tmp_path / "run")
-    assert planned(scene).time.steps_per_sample == per_sample << RUNS - 1
+    assert planned(prepare(scene)).scene.time.steps_per_sample == per_sample << RUNS - 1
 
 
 def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: None) -> None:
@@ -217,6 +217,34 @@ def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: N
         resume_impact(tmp_path / "cut")
 
 
+def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Path) -> None:
+    scene = CHAIN.with_values({"packing.rows": 6, "time.duration": 4.0})
+    whole = run_impact(scene, tmp_path / "run")
+    last = max((tmp_path / "run").glob("*_per_sample"), key=lambda path: int(path.name.split("_")[0]))
+    (last / "checkpoint.a").write_bytes(b"cut off")
+    for folder in (tmp_path / "run", last):
+        _edit(folder, {"status": "running"})
+    again = resume_impact(tmp_path / "run")
+    assert np.array_equal(again.velocity, whole.velocity)
+    _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})
+    with pytest.raises(RunFolderError, match="run.json does not say how the run was started"):
+        resume_impact(tmp_path / "run")
+
+
+def _edit(folder: Path, changes: dict[str, Any]) -> None:
+    info = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(info | changes))
+
+
+def test_a_guard_of_a_run_to_a_tolerance_says_what_shortens_its_steps(tmp_path: Path) -> None:
+    # Two spheres are let go that overlap by far more than the unit of the impact, that of the slow one
+    slow = {"striker": [], "start": {"state": [[4, 0, 0, 1e-5, 0, 0, 0], [0, 0, 0, 0, 0, 1e-3, 0]]}}
+    scene = ImpactScene.from_dict(CHAIN.with_values({"packing.rows": 6, "time.duration": 1.0}).to_dict() | slow)
+    with pytest.raises(EffectError, match="step_in_contact = .* take a shorter time.timestep, or a smaller time.toler"):
+        run_impact(scene.with_values({"time.tolerance": 1e-2}), tmp_path / "coarse")
+    run_impact(scene.with_values({"time.tolerance": 1e-4}), tmp_path / "fine")
+
+
 def test_a_step_beside_a_tolerance_is_refused_and_one_replaces_the_other() -> None:
     tables = CHAIN.to_dict()
     assert "timestep" not in tables["time"]
@@ -237,14 +265,14 @@ def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytes
     assert all(row["velocity_error"] <= row["time.tolerance"] for row in done.rows)
     (tmp_path / "mine.toml").write_text(scene.to_toml())
     file = str(tmp_path / "mine.toml")
-    steps = planned(scene).time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
+    steps = planned(prepare(scene)).scene.time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
     assert main(["check", file]) == 0
     assert f"steps     {steps}; 11 records of 6 spheres" in capsys.readouterr().out
     assert main(["effects", file]) == 0
     assert "chooses the step" in capsys.readouterr().out
     assert main(["build", file, "-o", str(tmp_path / "deck")]) == 0
     assert (
-        f"variable timestep index {planned(scene).time.timestep!r}"
+        f"variable timestep index {planned(prepare(scene)).scene.time.timestep!r}"
         in (tmp_path / "deck" / "in.solitary_chain").read_text()
     )
     capsys.readouterr()

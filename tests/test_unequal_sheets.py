@@ -80,7 +80,7 @@ def test_a_sheet_with_gaps_is_at_rest_before_it_is_struck(tmp_path: Path) -> Non
 def test_too_loose_a_sheet_is_refused_and_a_loose_one_named() -> None:
     with pytest.raises(SceneError, match=re.escape("disorder.radius = 0.041: must be at most 0.04 in a sheet")):
         SHEET.with_values({"disorder.radius": 0.041})
-    assert "that just touch, radii smaller by 0.01, struck" in SHEET.with_values({"disorder.radius": 0.01}).words
+    assert "with gaps (disorder.radius = 0.01), struck" in SHEET.with_values({"disorder.radius": 0.01}).words
 
 
 # --- what the front loses ---------------------------------------------------------------------------------------------

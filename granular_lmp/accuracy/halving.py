@@ -4,16 +4,20 @@ The scene may be of a wave or of an impact: what estimates the error of its runs
 for each step, ``N_per_sample``.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol, Self, TypeVar
 
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
-from granular_lmp.lammps.outputs import PER_SAMPLE, writable
-from granular_lmp.runs.launch import Progress
-from granular_lmp.runs.record import write_status
+from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
+from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.continuation import whole_checkpoints
+from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.launch import Options, Progress
+from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.sections import Sampled
 
 MOST_RUNGS = 8  # runs that are tried before the tolerance is refused
@@ -21,6 +25,11 @@ MOST_RUNGS = 8  # runs that are tried before the tolerance is refused
 
 class Scene(Protocol):
     """A scene with ``time.timestep`` or ``time.tolerance``."""
+
+    @property
+    def name(self) -> str:
+        """Name of the files of a run."""
+        ...
 
     @property
     def time(self) -> Sampled:
@@ -31,9 +40,14 @@ class Scene(Protocol):
         """Return a copy with some values changed."""
         ...
 
+    def to_toml(self) -> str:
+        """Return the scene as the text of a file."""
+        ...
+
 
 AnyScene = TypeVar("AnyScene", bound=Scene)
 AnyRecord = TypeVar("AnyRecord")
+One = Callable[[AnyScene, Path, Progress | None], AnyRecord]  # makes a run of a scene with a step in a folder
 
 
 @dataclass(frozen=True)
@@ -57,11 +71,49 @@ class Plan:
         return self.per_sample * ((1 << self.runs) - 1)
 
 
+@contextmanager
+def begun(scene: AnyScene, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
+    """Give the runs of a scene a locked folder that holds ``scene.toml``; yield what ``run.json`` says from the start.
+
+    Raises
+    ------
+    RunFolderError
+        If the folder exists (without ``options.force``) or cannot be written.
+    """
+    text = scene.to_toml()
+    with locked(folder, make=True, force=options.force):
+        clear(folder)
+        with writable(folder):
+            replace_text(folder / SCENE, text)
+        yield {
+            "name": scene.name,
+            "scene_sha256": scene_digest(text),
+            "tolerance": scene.time.tolerance,
+            "launcher": "lmp" if options.program else "module",
+            "ranks": options.ranks,
+        }
+
+
+def continued(
+    one: One[AnyScene, AnyRecord],
+    resume: Callable[[Path, Progress | None], AnyRecord],
+    load: Callable[[Path], AnyRecord],
+) -> One[AnyScene, AnyRecord]:
+    """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
+
+    def rest(scene: AnyScene, place: Path, progress: Progress | None) -> AnyRecord:
+        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
+            return load(place)
+        return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress)
+
+    return rest
+
+
 def halved(
     scene: AnyScene,
     folder: Path,
     plan: Plan,
-    one: Callable[[AnyScene, Path, Progress | None], AnyRecord],
+    one: One[AnyScene, AnyRecord],
     estimate: Callable[[Sequence[AnyRecord]], dict[str, float]],
     progress: Progress | None,
     info: dict[str, Any],

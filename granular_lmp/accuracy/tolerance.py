@@ -9,35 +9,28 @@ The folder holds a run folder for each step, ``N_per_sample``, and the extrapola
 ``scene.toml`` and ``run.json``.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.accuracy.halving import Plan, halved
+from granular_lmp.accuracy.halving import One, Plan, begun, continued, halved
 from granular_lmp.accuracy.ladder import RUNGS, first_step
 from granular_lmp.accuracy.richardson import answer, estimate
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import RunFolderError, ToleranceError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import CHECKPOINTS, SWEEP, replace_text, writable
+from granular_lmp.lammps.outputs import SCENE, SWEEP, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
-from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
-from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.continuation import read_unfinished
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.manifest import wall_seconds
-from granular_lmp.runs.record import (
-    STATUS,
-    TRAJECTORY,
-    Record,
-    read_status,
-    write_status,
-)
+from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.scene.scene import Scene
-
-OneRun = Callable[[Scene, Path, launch.Progress | None], Record]
 
 
 def run(
@@ -141,55 +134,34 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     folder = Path(folder).absolute()
     if (folder / SWEEP).is_file():
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
-    info = read_status(folder)
-    if "tolerance" not in info:
+    if "tolerance" not in read_status(folder):
         return launch.resume(folder, progress=progress, judge=_budget)
-    if info.get("status") == "finished":
-        raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
-    refuse_other_scene(folder, info)
-
-    if not {"launcher", "ranks"} <= set(info):
-        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; run it again with force=True")
-
-    started = launch.Options(info["launcher"], info["ranks"], force=True, kernel="kernel" in info)
-
-    def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
-        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
-            return Record.load(place)
-        if any((place / name).is_file() for name in CHECKPOINTS):
-            return launch.resume(place, progress=part)
-        return launch.launch(scene, place, replace(started, progress=part))
-
+    info = read_unfinished(folder)
+    one = continued(
+        _one(launch.Options(info["launcher"], info["ranks"], kernel="kernel" in info)),
+        lambda place, part: launch.resume(place, progress=part),
+        Record.load,
+    )
     with locked(folder):
-        return refine(Scene.load(folder / "scene.toml"), folder, one, progress, info)
+        return refine(Scene.load(folder / SCENE), folder, one, progress, info)
 
 
 def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> Record:
     scene = prepare(scene).scene
     check_floor(scene, linear_signals(scene))
-    folder = Path(folder).absolute()
-    digest = scene_digest(scene.to_toml())
-    info = {
-        "name": scene.name,
-        "scene_sha256": digest,
-        "tolerance": scene.time.tolerance,
-        "launcher": options.launcher,
-        "ranks": options.ranks,
-        **({"kernel": library.description()} if options.kernel else {}),
-    }
-
-    def one(scene: Scene, place: Path, part: launch.Progress | None) -> Record:
-        # Forced, because the folder may exist and hold files of the user
-        return launch.launch(scene, place, replace(options, force=True, progress=part))
-
-    with locked(folder, make=True, force=options.force):
-        clear(folder)
-        with writable(folder):
-            replace_text(folder / "scene.toml", scene.to_toml())
-        return refine(scene, folder, one, options.progress, info)
+    kernel = {"kernel": library.description()} if options.kernel else {}
+    with begun(scene, folder := Path(folder).absolute(), options) as info:
+        return refine(scene, folder, _one(options), options.progress, info | kernel)
 
 
-def refine(scene: Scene, folder: Path, one: OneRun, progress: launch.Progress | None, info: dict[str, Any]) -> Record:
+def _one(options: launch.Options) -> One[Scene, Record]:
+    """Return what makes a run with a step; forced, because its folder may exist and hold files of the user."""
+    return lambda scene, place, part: launch.launch(scene, place, replace(options, force=True, progress=part))
+
+
+def refine(
+    scene: Scene, folder: Path, one: One[Scene, Record], progress: launch.Progress | None, info: dict[str, Any]
+) -> Record:
     """Run with smaller and smaller steps until the estimate meets the tolerance, and write ``run.json`` of the whole.
 
     Parameters

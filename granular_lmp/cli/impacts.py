@@ -1,4 +1,4 @@
-"""Commands on an impact (`granular_lmp.impact`): init, schema, run, resume, cost, build, check, effects, export."""
+"""What the commands do with an impact (`granular_lmp.impact`)."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -71,7 +71,7 @@ def build(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.tolerance import planned
     from granular_lmp.runs.folder import clear, locked
 
-    deck = deck_of(prepare(planned(scene)))
+    deck = deck_of(planned(prepare(scene)))
     folder = options.output or f"decks/{scene.name}"
     with locked(Path(folder).absolute(), make=True, force=options.force):
         clear(Path(folder).absolute())
@@ -85,13 +85,10 @@ def run(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.run import run_impact
     from granular_lmp.runs.launch import Options as RunOptions
 
-    if options.kernel:
-        raise LaunchError("--kernel: impacts run without it")
     folder = options.output or f"runs/{scene.name}"
     with interruptible() as progress:
-        record = run_impact(
-            scene, folder, RunOptions("lmp" if options.lmp else "module", options.np, options.force, progress)
-        )
+        launcher = "lmp" if options.lmp else "module"
+        record = run_impact(scene, folder, RunOptions(launcher, options.np, options.force, progress, options.kernel))
     return _say_how_it_went(folder, record)
 
 
@@ -141,8 +138,9 @@ def check(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.problem import prepare
     from granular_lmp.impact.tolerance import planned, planned_steps
 
-    scene, steps = planned(scene), planned_steps(scene)  # with a tolerance the finest of the planned runs
-    problem, scale, time = prepare(scene), scene.scale, scene.time
+    declared = prepare(scene)
+    problem, steps = planned(declared), planned_steps(declared)  # with a tolerance the finest of the planned runs
+    scale, time, at_rest = scene.scale, problem.scene.time, problem.at_rest
     said = {
         "name": scene.name,
         "description": scene.description,
@@ -153,7 +151,7 @@ def check(scene: "ImpactScene", options: Options) -> int:
         "t0_s": scale.time,
         "length_m": scale.length,
         "velocity_m_s": scale.velocity,
-        "at_rest": problem.at_rest,
+        "at_rest": at_rest,
         "steps_per_collision": problem.shortest_collision / time.step,
         "effects": problem.on,
         "guards": [each.guard for each in problem.effects if each.guard],
@@ -165,10 +163,10 @@ def check(scene: "ImpactScene", options: Options) -> int:
     say(f"spheres   {said['spheres']}")
     say(f"steps     {said['steps']}; {said['records']} records of {said['recorded']} spheres")
     say(f"scale     t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, l/R = {scale.length / scene.sphere.radius:.3g}")
-    if at_rest := problem.at_rest:
+    if at_rest:
         force, residual = at_rest["contact_force_over_impact"], at_rest["residual_force_over_impact"]
         say(f"at rest   {force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it")
-        say(f"sound     {problem.sound:.4g} m/s")
+        say(f"sound     {at_rest['sound_m_s']:.4g} m/s")
     say(f"duration  {time.duration * scale.time:.4g} s")
     say(f"step      {problem.shortest_collision / time.step:.3g} to the shortest collision")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on)}")
@@ -204,14 +202,15 @@ def effects(scene: "ImpactScene", options: Options) -> int:
     from granular_lmp.impact.tolerance import planned_steps
 
     problem = prepare(scene)
+    steps = planned_steps(problem)
     if options.json:
         found = {
             each.name: {"on": each.on, "reason": each.finding, "guard": each.guard, "key": each.switch}
             for each in problem.effects
         }
-        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": planned_steps(scene), "effects": found})
+        say_json({"name": scene.name, "spheres": len(problem.crystal), "steps": steps, "effects": found})
         return 0
-    say(f"{scene.name}: {len(problem.crystal)} spheres, {planned_steps(scene)} steps")
+    say(f"{scene.name}: {len(problem.crystal)} spheres, {steps} steps")
     say(f"{'effect':17}{'':5}{'guard':17}why")
     for each in problem.effects:
         say(f"{each.name:17}{'on' if each.on else 'off':5}{each.guard or '-':17}{each.finding}")

@@ -1,4 +1,4 @@
-"""The problem of an impact: its spheres, who strikes and who is recorded, and what its deck holds."""
+"""The problem of an impact: its spheres, what moves and what is recorded, and what its deck holds."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,11 +13,12 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scene import FREE, HELD, PERIODIC, WALL, ImpactScene, Output, Striker
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output, Striker
 from granular_lmp.impact.start import COLUMNS
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
@@ -26,6 +27,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
 LARGEST_RESIDUAL = 1e-4
+FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
 STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
@@ -68,13 +70,27 @@ class ImpactProblem:
 
     @cached_property
     def start(self) -> Floats:
-        """Displacements (m), velocities (m/s) and spin (rad/s) of ``[start]``, (N, 5); without the strikers."""
+        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers."""
         motion, start = np.zeros((len(self.crystal), 5)), self.scene.start
         if start.state:
             row, column = np.array(start.places).T
             ascending = np.lexsort((column, row))  # as the spheres of a crystal
             motion[spheres_at((), start.places, self.crystal, "sphere that moves")] = start.motion[ascending]
         return motion
+
+    def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
+        """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2), in v, and R ω/v (…, n)."""
+        surface = self.crystal.arrays["radius"][spheres] * spin
+        return np.asarray(self.mass[spheres] * (np.sum(velocity**2, axis=-1) + INERTIA_RATIO * surface**2) / 2)
+
+    @property
+    def given_energy(self) -> float:
+        """Kinetic energy of all spheres at the beginning, in m v²."""
+        velocity, spin = self.start[:, 2:4].copy(), self.start[:, 4] * self.scene.sphere.radius
+        for striker, spheres in zip(self.scene.striker, self.strikers, strict=True):
+            velocity[spheres] = striker.components
+        unit, everyone = self.scene.scale.velocity, np.arange(len(self.crystal))
+        return float(self.kinetic_energy(velocity / unit, spin / unit, everyone).sum())
 
     @cached_property
     def rest_overlap(self) -> Floats:
@@ -160,7 +176,7 @@ class ImpactProblem:
         """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
         return np.asarray(1.5 * self.contacts[3] * np.sqrt(self.rest_overlap))
 
-    @property
+    @cached_property
     def cell(self) -> tuple[Floats, Floats]:
         """Masses (p,), m, and stiffnesses (p,), m/t0², of the cell of a chain that is pressed together.
 
@@ -202,7 +218,7 @@ class ImpactProblem:
             "residual_force_over_impact": self.residual_force,
         }
 
-    @property
+    @cached_property
     def effects(self) -> tuple[Chosen, ...]:
         """Effects that the deck holds, with the reasons, as for the scene of a wave."""
         scene, effects = self.scene, self.scene.effects
@@ -232,7 +248,7 @@ class ImpactProblem:
             for name, key, on, value, reason, guard in table
         )
 
-    @property
+    @cached_property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
         return {effect.name: effect.on for effect in self.effects}
@@ -324,6 +340,11 @@ def _check_start(problem: ImpactProblem, struck: set[int]) -> None:
             raise SceneError(
                 f"start.state: sphere {where}: {name} = {motion[sphere, columns[column]]:g}: must be 0 {why}"
             )
+    if scene.start.farthest > FARTHEST * scene.sphere.radius:
+        raise SceneError(
+            f"start.state: a displacement of {scene.start.farthest:.4g} m: must be at most {FARTHEST:g} times "
+            f"sphere.radius = {scene.sphere.radius!r}"
+        )
     moved = crystal.copy()
     moved.positions[:, :2] += motion[:, :2] / scene.sphere.radius
     i, j, vector = overlapping(moved)

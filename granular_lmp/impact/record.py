@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import Scale
-from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns, units_of
 from granular_lmp.impact.problem import ImpactProblem, prepare
-from granular_lmp.impact.scene import WALL, ImpactScene
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.sections import WALL
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
@@ -115,10 +115,7 @@ class ImpactRecord:
     @cached_property
     def kinetic_energy(self) -> Floats:
         """Kinetic energy of each recorded sphere, ½mv² + ½(I/mR²)m(Rω)², in m v², (T, n)."""
-        mass = self.problem.mass[self.problem.recorded]
-        radius = self.problem.crystal.arrays["radius"][self.problem.recorded]
-        spin = INERTIA_RATIO * (radius * self.spin) ** 2
-        return np.asarray(mass * (np.sum(self.velocity**2, axis=-1) + spin) / 2)
+        return self.problem.kinetic_energy(self.velocity, self.spin, self.problem.recorded)
 
     def energies(self) -> Floats:
         """Return the energy of each sphere above rest, in m v², (T, n): ½ m v² and half of each of its contacts.

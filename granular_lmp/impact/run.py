@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
-from granular_lmp.accuracy.halving import halved
-from granular_lmp.errors import EffectError, LammpsError, RunFolderError, RunInterrupted
+from granular_lmp.accuracy.halving import One, begun, continued, halved
+from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
     LONGEST_STEP,
@@ -32,23 +32,20 @@ from granular_lmp.lammps.outputs import (
     LOG,
     SCENE,
     SNAPSHOTS,
-    STATUS,
     mend_dump,
     mend_log,
     read_log,
-    replace_text,
     writable,
     write_files,
 )
-from granular_lmp.runs.agreement import refuse_other_scene, scene_digest
-from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
+from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start, read_unfinished
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.routes import Job, Route, log_tail, route_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
-OneRun = Callable[[ImpactScene, Path, Progress | None], ImpactRecord]
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
 LIMITS = {
     "largest_overlap": (
@@ -61,7 +58,7 @@ LIMITS = {
         "v_omega_dt",
         LONGEST_STEP,
         "is the time step times the frequency of the stiffest contact, which is too long for a collision",
-        "take a shorter time.timestep",
+        "take a shorter time.timestep, or a smaller time.tolerance",
     ),
 }
 
@@ -94,6 +91,8 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
     1e-3 after 12 of them.
     """
     options = options or Options()
+    if options.kernel:
+        raise LaunchError("kernel=True: impacts run without it")
     if isinstance(what, ImpactScene) and what.time.tolerance is not None:
         return _to_tolerance(what, Path(folder).absolute(), options)
     began = perf_counter()
@@ -126,9 +125,8 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
     """
     folder = Path(folder).absolute()
     began = perf_counter()
-    status = read_status(folder)
-    if "tolerance" in status:
-        return _resumed(folder, status, progress)
+    if "tolerance" in read_status(folder):
+        return _resumed(folder, progress)
     with locked(folder) as lock:
         info = read_start(folder)
         problem = prepare(ImpactScene.load(folder / SCENE))
@@ -148,45 +146,33 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
 def _to_tolerance(scene: ImpactScene, folder: Path, options: Options) -> ImpactRecord:
     problem = prepare(scene)
     plan(problem)  # raises before anything is written
-
-    def one(stepped: ImpactScene, place: Path, part: Progress | None) -> ImpactRecord:
-        # Forced, because the folder may exist and hold files of the user
-        return run_impact(stepped, place, replace(options, force=True, progress=part))
-
-    with locked(folder, make=True, force=options.force):
-        clear(folder)
-        with writable(folder):
-            replace_text(folder / SCENE, scene.to_toml())
-        info = {
-            "name": scene.name,
-            "scene_sha256": scene_digest(scene.to_toml()),
-            "tolerance": scene.time.tolerance,
-            "launcher": "lmp" if options.program else "module",
-            "ranks": options.ranks,
-        }
-        return _refined(problem, folder, one, options.progress, info)
+    with begun(scene, folder, options) as info:
+        return _refined(problem, folder, _one(options), options.progress, info)
 
 
-def _resumed(folder: Path, info: dict[str, Any], progress: Progress | None) -> ImpactRecord:
+def _resumed(folder: Path, progress: Progress | None) -> ImpactRecord:
     """Continue the runs of an impact with a tolerance."""
-    if info.get("status") == "finished":
-        raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
-    refuse_other_scene(folder, info)
-    started = Options(info["launcher"], info["ranks"], force=True)
-
-    def one(stepped: ImpactScene, place: Path, part: Progress | None) -> ImpactRecord:
-        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
-            return ImpactRecord.load(place)
-        if any((place / name).is_file() for name in CHECKPOINTS):
-            return resume_impact(place, progress=part)
-        return run_impact(stepped, place, replace(started, progress=part))
-
+    info = read_unfinished(folder)
+    one = continued(
+        _one(Options(info["launcher"], info["ranks"])),
+        lambda place, part: resume_impact(place, progress=part),
+        ImpactRecord.load,
+    )
     with locked(folder):
         return _refined(prepare(ImpactScene.load(folder / SCENE)), folder, one, progress, info)
 
 
+def _one(options: Options) -> One[ImpactScene, ImpactRecord]:
+    """Return what makes a run with a step; forced, because its folder may exist and hold files of the user."""
+    return lambda scene, place, part: run_impact(scene, place, replace(options, force=True, progress=part))
+
+
 def _refined(
-    problem: ImpactProblem, folder: Path, one: OneRun, progress: Progress | None, info: dict[str, Any]
+    problem: ImpactProblem,
+    folder: Path,
+    one: One[ImpactScene, ImpactRecord],
+    progress: Progress | None,
+    info: dict[str, Any],
 ) -> ImpactRecord:
     """Run with smaller and smaller steps to the tolerance; write the dump of the answer and ``run.json`` of all."""
     records, found, refinements = halved(problem.scene, folder, plan(problem), one, estimate, progress, info)

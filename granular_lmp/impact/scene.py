@@ -1,4 +1,4 @@
-"""The scene of an impact: a lattice of spheres that just touch, or a compressed chain, and the spheres that strike it.
+"""The scene of an impact: spheres that just touch, a sheet of spheres with gaps, or a compressed chain, and what moves.
 
 A TOML file with a table ``[[striker]]`` or ``[start]`` is such a scene. It has the tables ``[sphere]``, ``[packing]``,
 ``[start]``, ``[disorder]``, ``[time]``, ``[effects]`` and ``[output]``, and any number of ``[[striker]]`` and
@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, radians, sin, sqrt
+from math import sqrt
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,131 +19,36 @@ from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
 from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
+from granular_lmp.impact.sections import FREE, PERIODIC, Effects, Output, Packing, Striker, Time
 from granular_lmp.impact.start import Start, located
 from granular_lmp.scene.document import Document
-from granular_lmp.scene.places import Rows, Spheres, place_troubles, places_field, rows_rule, spheres_rule
-from granular_lmp.scene.schema import (
-    NOT_TOML,
-    choice,
-    count,
-    file_text,
-    first_file,
-    flag,
-    number,
-)
+from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.schema import NOT_TOML, file_text, first_file
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
-    FINEST,
     INCLUSION_RULES,
-    SHEAR_LAWS,
     SPHERE_RULES,
     STEP_OR_TOLERANCE,
-    Sampled,
-    checkpoint_field,
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
-FREE, HELD, WALL, PERIODIC = "free", "held", "wall", "periodic"
-WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
 SHIPPED_IMPACTS = SHIPPED / "impacts"
 # ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
 ROUNDINGS_IN_OVERLAP = 1e4
 LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
 LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
 # What a scene of a linear wave has, and why an impact has it not
-_NO_WAVE = "is of a linear wave, and spheres that just touch carry none: must be left out beside [[striker]]"
+_LEFT_OUT = "left out beside [[striker]] or [start]"
+_NO_ADHESION = f"{_LEFT_OUT}, as contacts of an impact do not adhere"
 _NOT_HERE = {
-    **dict.fromkeys(("wave", "envelope", "absorb", "source"), _NO_WAVE),
+    **dict.fromkeys(("wave", "envelope", "absorb", "source"), f"is of the scene of a wave: must be {_LEFT_OUT}"),
     "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
-    "packing.ends": "must be packing.first and packing.last beside [[striker]]",
-    "time.allow_echo": "must be left out beside [[striker]], where every echo belongs to the answer",
-    "effects.adhesion": "must be left out beside [[striker]], as adhesive spheres overlap at rest",
+    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
+    "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
+    "effects.adhesion": f"must be {_NO_ADHESION}",
 }
-
-
-@dataclass(frozen=True)
-class Packing:
-    """Rows along y, columns along x, and what is beyond the first and the last of them.
-
-    A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, with the contact law of its spheres on a rigid
-    body: A is 2√2 times that of two spheres. A row that is ``held`` does not move. Where a chain is pressed together by
-    the ``contact_force``, walls and held spheres bear it; at a ``free`` end a constant force F0 pushes the last sphere.
-    """
-
-    rows: int = count("along y", 2, 10_000_000)
-    lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=CHAIN.name)
-    columns: int = count("along x: 1 in a chain", 1, 1_000_000, default=1)
-    first: str = choice("end at the first row", (FREE, HELD, WALL), default=FREE)
-    last: str = choice("end at the last row", (FREE, HELD, WALL), default=FREE)
-    contact_force: float = number("N", "presses the contacts of a chain together at rest", 0, 1e12, default=0.0)
-    sides: str = choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE)
-
-
-@dataclass(frozen=True)
-class Striker:
-    """Spheres of the lattice that have a velocity at the beginning; the first row of a chain is its usual striker.
-
-    Their own radius, density or material is declared by an ``[[inclusion]]`` of the same spheres.
-    """
-
-    rows: Rows = places_field(rows_rule())
-    spheres: Spheres = places_field(spheres_rule())
-    velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
-    direction: float | str = number(
-        "degrees", "from x towards y; or a word", -180, 180, open_low=True, words=tuple(WORDS), default="y"
-    )
-
-    @property
-    def components(self) -> tuple[float, float]:
-        """Velocity along x and y, m/s."""
-        if isinstance(self.direction, str):
-            x, y = WORDS[self.direction]
-        else:
-            x, y = cos(radians(self.direction)), sin(radians(self.direction))
-        return self.velocity * x, self.velocity * y
-
-
-@dataclass(frozen=True)
-class Time(Sampled):
-    """Duration and sampling of the run in t0 of the impact, and either its time step or the required accuracy.
-
-    Good values: a step of 0.03, T/80 for the collision time T = 2.439 t0 of two spheres, leaves an error of 1.4e-4 in
-    the velocities after 12 collision times (root mean square; 6e-4 at the worst place), which falls with the square of
-    the step; with damping, or friction and the law "incremental", it falls with the step (docs/impacts.md).
-    """
-
-    duration: float = number("t0", "of the run", 1e-3, 1e8)
-    timestep: float = number("t0", "at most", FINEST, 1, default=0.03)
-    tolerance: float | None = number(
-        "", "error of each velocity over the fastest striker's, in place of a timestep", 1e-9, 0.1, default=None
-    )
-    sample: float = number("t0", "between records", FINEST, 1e8, default=0.5)
-
-
-@dataclass(frozen=True)
-class Effects:
-    """Forces of contacts beside Hertz's repulsion. Contacts open and close by themselves."""
-
-    friction: float = number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0)
-    rotation: bool = flag("spheres turn, where there is friction", default=True)
-    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="incremental")
-    restitution: float = number("", "of a collision of two spheres; 1: none lost", 0, 1, open_low=True, default=1.0)
-
-
-@dataclass(frozen=True)
-class Output:
-    """Spheres that are recorded at each sample, all of them if none are declared, and how often a run is saved."""
-
-    rows: Rows = places_field(rows_rule("first and last recorded row"))
-    spheres: Spheres = places_field(spheres_rule("[row, column] of each recorded sphere"))
-    checkpoint: float | str = checkpoint_field()
-
-    @property
-    def everyone(self) -> bool:
-        """True if all spheres are recorded."""
-        return not self.rows and not self.spheres
 
 
 @dataclass(frozen=True)
@@ -153,8 +58,8 @@ class ImpactScene(Document):
     Raises
     ------
     SceneError
-        If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a striker that is held or
-        not there, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
+        If a key belongs to a linear wave, or values contradict each other: adhesive spheres, a place that the lattice
+        has not, inclusions of another radius in a sheet, an impact so strong that overlaps are not small or so weak
         that they are lost in the rounding of positions.
     """
 
@@ -253,9 +158,19 @@ class ImpactScene(Document):
 
         Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}.
         """
-        fastest = max([each.velocity for each in self.striker] + [self.start.fastest(self.sphere.radius)])
+        fastest = max(self._fastest_striker, self.start.fastest(self.sphere.radius))
         let_go = sqrt(self.sphere.normal_coefficient / self.sphere.mass) * self.start.farthest**1.25
         return Scale.of(self.sphere, fastest or let_go)
+
+    @property
+    def _fastest_striker(self) -> float:
+        return max((each.velocity for each in self.striker), default=0.0)
+
+    @property
+    def fastest(self) -> str:
+        """Where the scene says which sphere is the fastest at the beginning: "striker", or "start.state"."""
+        strikes = self._fastest_striker >= self.start.fastest(self.sphere.radius) and self.striker
+        return "striker" if strikes else "start.state"
 
     @property
     def rest_overlap(self) -> float:
@@ -270,17 +185,19 @@ class ImpactScene(Document):
     @property
     def words(self) -> str:
         """Size and strikers in words, for titles."""
-        packing, fastest = self.packing, self.scale.velocity
+        packing = self.packing
         size = (
             f"a chain of {packing.rows} spheres"
             if self.lattice == CHAIN
             else f"a {packing.lattice} sheet of {packing.rows} rows x {packing.columns} columns"
         )
         force, gaps = packing.contact_force, self.lattice != CHAIN and self.disorder.radius
-        pressed = f"pressed together by {force:.6g} N" if force else "that just touch"
-        parted = f", radii smaller by {self.disorder.radius:g}" if gaps else ""
-        how = f"struck at {fastest:.6g} m/s" if self.striker else "which begins in a given state"
-        return f"{size} {pressed}{parted}, {how}"
+        rest = f"pressed together by {force:.6g} N" if force else "that just touch"
+        if gaps:
+            rest = f"with gaps (disorder.radius = {gaps:g})"
+        struck = [f"struck at {self._fastest_striker:.6g} m/s"] if self.striker else []
+        begins = ["which begins in a given state"] if self.start.state else []
+        return ", ".join([f"{size} {rest}", *struck, *begins])
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
@@ -315,10 +232,7 @@ class ImpactScene(Document):
     def _check_spheres(self) -> None:
         sphere, effects = self.sphere, self.effects
         if sphere.work_of_adhesion:
-            raise SceneError(
-                f"sphere.work_of_adhesion = {sphere.work_of_adhesion!r}: must be 0 or left out beside [[striker]], as "
-                "adhesive spheres overlap at rest"
-            )
+            raise SceneError(f"sphere.work_of_adhesion = {sphere.work_of_adhesion!r}: must be 0 or {_NO_ADHESION}")
         if self.lattice == CHAIN and effects.friction:
             raise SceneError(f"effects.friction = {effects.friction!r}: must be 0 in a chain, where nothing is sheared")
         if not effects.rotation and not effects.friction:
@@ -391,20 +305,22 @@ class ImpactScene(Document):
 
     def _check_scale(self) -> None:
         length, rest = self.scale.length, self.rest_overlap
-        fastest = f"{'striker' if self.striker else 'start.state'}: velocity = {self.scale.velocity:.6g}"
+        fastest = f"{self.fastest}: velocity = {self.scale.velocity:.6g}"
         deepest = (rest + DEEPEST * length) / (2 * self.sphere.radius)  # the force of both is that of one at most
         if deepest > LARGEST_OVERLAP_RATIO:
+            cause = fastest if rest < DEEPEST * length else f"packing.contact_force = {self.packing.contact_force!r}"
             raise SceneError(
-                f"{fastest}: two spheres would overlap by {deepest:.3g} of the diameter; at most "
+                f"{cause}: two spheres would overlap by {deepest:.3g} of the diameter; at most "
                 f"{LARGEST_OVERLAP_RATIO} is allowed"
             )
-        rounding = EPSILON / 2 * max(self.packing.rows, self.packing.columns) * self.sphere.radius
+        size = max(self.packing.rows, self.packing.columns) * self.sphere.radius + self.start.farthest
+        rounding = EPSILON / 2 * size
         motion = length / max(1.0, self.rest_rate)  # ℓ, or v/ω of spheres that are pressed together
         if motion < ROUNDINGS_IN_OVERLAP * rounding:
             raise SceneError(
                 f"{fastest}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
-                f"position in {self.packing.rows} rows x {self.packing.columns} columns; must be faster, or the "
-                "lattice smaller"
+                f"position in {self.packing.rows} rows x {self.packing.columns} columns, displaced by "
+                f"{self.start.farthest:.4g} m; must be faster, or these smaller"
             )
 
 

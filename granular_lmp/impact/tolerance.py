@@ -26,9 +26,8 @@ import numpy as np
 
 from granular_lmp.accuracy.halving import Plan
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.problem import ImpactProblem, prepare
+from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.outputs import SNAPSHOTS
 
 # The difference was at least 0.5 of the true error in 48 answers of a compressed chain whose contacts barely open,
@@ -63,18 +62,19 @@ def plan(problem: ImpactProblem) -> Plan:
     return found
 
 
-def planned(scene: ImpactScene) -> ImpactScene:
-    """Return the scene of the last planned run, with its time step: the scene itself if it has no tolerance."""
+def planned(problem: ImpactProblem) -> ImpactProblem:
+    """Return the problem of the last planned run, with its time step: the problem itself if it has no tolerance."""
+    scene = problem.scene
     if scene.time.tolerance is None:
-        return scene
-    return scene.with_values({"time.timestep": scene.time.sample / (plan(prepare(scene)).per_sample << RUNS - 1)})
+        return problem
+    step = scene.time.sample / (plan(problem).per_sample << RUNS - 1)
+    return replace(problem, scene=scene.with_values({"time.timestep": step}))
 
 
-def planned_steps(scene: ImpactScene) -> int:
-    """Return the number of time steps of all planned runs of a scene."""
-    if scene.time.tolerance is None:
-        return scene.time.steps
-    return plan(prepare(scene)).steps_per_sample * scene.time.samples
+def planned_steps(problem: ImpactProblem) -> int:
+    """Return the number of time steps of all planned runs."""
+    time = problem.scene.time
+    return time.steps if time.tolerance is None else plan(problem).steps_per_sample * time.samples
 
 
 def order(runs: Sequence[ImpactRecord]) -> int | None:

@@ -95,7 +95,8 @@ def _title(record: ImpactRecord) -> str:
 
 
 def _label(record: ImpactRecord) -> str:
-    return f"speed ({'that of the striker' if record.scene.striker else format(record.scale.velocity, '.3g') + ' m/s'})"
+    unit = "that of the striker" if record.scene.fastest == "striker" else f"{record.scale.velocity:.3g} m/s"
+    return f"speed ({unit})"
 
 
 def _chain(record: ImpactRecord) -> Picture:

@@ -30,8 +30,8 @@ _LABELS = {
     "seconds": "seconds",
     "far_speed": "largest speed of the far sphere (of the striker's)",
     "far_tau": "arrival at the far sphere ($t_0$)",
-    "kinetic_kept": "kinetic energy at the end (of the strikers')",
-    "energy_kept": "energy at the end (of the strikers')",
+    "kinetic_kept": "kinetic energy at the end (of that at the beginning)",
+    "energy_kept": "energy at the end (of that at the beginning)",
     "largest_overlap": "largest overlap (of the diameter)",
 }
 

@@ -10,30 +10,42 @@ from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
 from granular_lmp.runs.routes import LAUNCHERS
 
+_NOT_SAID = f"{STATUS} does not say how the run was started; repeat it with force=True"
 _MARK = b"LammpS RestartT\0"  # LAMMPS writes it at the beginning and the end of a restart file (lmprestart.h)
 
 
-def read_start(folder: Path) -> dict[str, Any]:
-    """Return ``run.json`` of a run that can be continued as it was started.
+def read_unfinished(folder: Path) -> dict[str, Any]:
+    """Return ``run.json`` of a run, or of the runs to a tolerance, that can go on as it was started.
 
     Raises
     ------
     RunFolderError
-        If the run is finished, its deck was edited, its scene changed, it ran with the kernel, or ``run.json`` does not
-        say how it was started.
+        If it is finished, its scene changed, or ``run.json`` does not say how it was started.
     """
     info = read_status(folder)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
-    ranks = info.get("ranks")
-    known = {"effects", "versions"} <= set(info) and info.get("launcher") in LAUNCHERS and isinstance(ranks, int)
-    if not known:
-        raise RunFolderError(f"{folder}: {STATUS} does not say how the run was started; repeat it with force=True")
+    if info.get("launcher") not in LAUNCHERS or not isinstance(info.get("ranks"), int):
+        raise RunFolderError(f"{folder}: {_NOT_SAID}")
+    refuse_other_scene(folder, info)
+    return info
+
+
+def read_start(folder: Path) -> dict[str, Any]:
+    """Return ``run.json`` of a run that can be continued from its last checkpoint.
+
+    Raises
+    ------
+    RunFolderError
+        As `read_unfinished`, and if its deck was edited or it ran with the kernel.
+    """
+    info = read_unfinished(folder)
+    if not {"effects", "versions"} <= set(info):
+        raise RunFolderError(f"{folder}: {_NOT_SAID}")
     if "edited" in info:
         raise RunFolderError(f"{folder}: its deck was edited, which resume does not know of; run it again")
     if "kernel" in info:
         raise RunFolderError(f"{folder}: ran with the kernel, which keeps no checkpoint; run it again with force=True")
-    refuse_other_scene(folder, info)
     return info
 
 
@@ -45,7 +57,7 @@ def last_checkpoint(folder: Path, dump: str) -> Path:
     RunFolderError
         If the run was stopped before its first checkpoint.
     """
-    checkpoints = _checkpoints(folder)
+    checkpoints = whole_checkpoints(folder)
     if not checkpoints or not (folder / dump).is_file():
         raise RunFolderError(f"{folder}: stopped before its first checkpoint; run it again with force=True")
     return max(checkpoints, key=lambda path: path.stat().st_mtime_ns)
@@ -53,12 +65,13 @@ def last_checkpoint(folder: Path, dump: str) -> Path:
 
 def how_to_continue(folder: Path) -> str:
     """Return the command that continues a stopped run, or that starts it again if there is no checkpoint."""
-    if _checkpoints(folder):
+    if whole_checkpoints(folder):
         return f"continue with: granular-lmp resume {quote(str(folder))}"
     return "it has no checkpoint yet, run it again with force=True"
 
 
-def _checkpoints(folder: Path) -> list[Path]:
+def whole_checkpoints(folder: Path) -> list[Path]:
+    """Return the checkpoints of a run that were written to their end."""
     return [path for path in map(folder.joinpath, CHECKPOINTS) if path.is_file() and _is_whole(path)]
 
 

@@ -1,9 +1,8 @@
 """What accuracy costs in an impact: a sweep over its time step, with the error and the seconds of each run.
 
 The longest step is a 16th of the shortest collision T, rounded down to fit a sample, and each other half of the one
-before. Errors are the largest of all
-velocities, over the velocity of the fastest striker, against the answer of the last three runs
-(`granular_lmp.impact.tolerance`), whose own error is estimated.
+before. Errors are the largest of all velocities, over the velocity of the fastest striker, against the answer of the
+last three runs (`granular_lmp.impact.tolerance`), whose own error is estimated.
 """
 
 import csv
@@ -28,6 +27,7 @@ from granular_lmp.studies.sweep import Progress, sweep
 LONGEST = 16  # steps in the shortest collision
 RUNS = 6
 TABLE = "cost.csv"
+_ANY = 1e-3
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def cost_of_impact(
     Parameters
     ----------
     scene : ImpactScene
-        Its step or tolerance is replaced.
+        Its step or tolerance is replaced, and may be any.
     folder, executor, progress
         As in `granular_lmp.studies.sweep.sweep`; a study that was stopped goes on.
 
@@ -99,6 +99,8 @@ def cost_of_impact(
     SceneError, RunFolderError, RunInterrupted
         As `granular_lmp.studies.sweep.sweep`.
     """
+    # With a tolerance a scene has no step that could be too long, or tell apart two studies of one impact
+    scene = scene.with_values({"time.tolerance": _ANY})
     collision, sample = prepare(scene).shortest_collision, scene.time.sample
     per_sample = ceil(sample * LONGEST / collision)
     steps = [sample / (per_sample << halvings) for halvings in range(RUNS)]

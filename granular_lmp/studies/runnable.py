@@ -44,12 +44,20 @@ def scene_in(folder: Path) -> Runnable:
 
 def decided(scene: Runnable) -> Runnable:
     """Return the scene with every "auto" decided, as in a run folder; raises SceneError if it cannot be run."""
-    return prepare_impact(scene).scene if isinstance(scene, ImpactScene) else prepare(scene).scene
+    if not isinstance(scene, ImpactScene):
+        return prepare(scene).scene
+    planned_impact_steps(prepare_impact(scene))  # raises if a tolerance takes too many
+    return scene
 
 
 def spheres_and_steps(scene: Runnable) -> float:
     """Return spheres times steps of all runs of a scene."""
-    steps = planned_impact_steps(scene) if isinstance(scene, ImpactScene) else planned_steps(scene)
+    if scene.time.tolerance is None:
+        steps = scene.time.steps
+    elif isinstance(scene, ImpactScene):
+        steps = planned_impact_steps(prepare_impact(scene))
+    else:
+        steps = planned_steps(scene)
     return float(scene.shape.spheres * steps)
 
 

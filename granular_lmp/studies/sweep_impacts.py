@@ -1,10 +1,11 @@
 """What the table of a sweep says of an impact: what arrives at the sphere farthest from the strikers, and the energy.
 
 The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers
-and from what else moves at the beginning; of several the first, by row and then column. ``[output] spheres`` of a scene
-chooses another.
+and from what else moves at the beginning, across periodic sides too; of several the first, by row and then column.
+``[output] spheres`` of a scene chooses another.
 """
 
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -12,17 +13,20 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.impact.sections import PERIODIC
 
 # Units of the impact in SI; the far sphere, its largest speed, in units of the fastest striker, and the time, in t0, at
 # which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
-# over that of the strikers: kinetic, of the recorded spheres, and with the contacts, where the record holds what that
-# takes; the largest overlap in diameters, as the guard measures it; with a tolerance the estimated error of velocities
+# over that of all spheres at the beginning: kinetic, of the recorded spheres, and with the contacts, where the record
+# holds what that takes; the largest overlap in diameters, as the guard measures it; with a tolerance the estimated
+# error of velocities
 COLUMNS = (
     *("t0_s", "velocity_m_s"),
     *("far_row", "far_column", "far_speed", "far_tau"),
     *("kinetic_kept", "energy_kept", "largest_overlap", "velocity_error"),
 )
 _ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
+_STILL = 1e-12  # m v²: less at the beginning is rounding
 _RISING = 1e-3  # of the largest speed, in the last sample: the wave has not passed yet
 
 
@@ -40,15 +44,22 @@ def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, An
 def far_sphere(record: ImpactRecord) -> int | None:
     """Return the place of the far sphere among the recorded ones; None if all are held or move at the beginning."""
     problem = record.problem
+    period = problem.crystal.cell.lengths()[0] if problem.scene.packing.sides == PERIODIC else inf
     struck = [sphere for spheres in problem.strikers for sphere in spheres.tolist()]
     moves = (record.velocity[0] != 0).any(axis=1) | (record.displacement[0] != 0).any(axis=1)
     origins = problem.crystal.positions[struck + problem.recorded[moves].tolist(), :2]
     if not len(origins):
         return None
-    distance = np.array([np.min(np.linalg.norm(origins - place, axis=1)) for place in record.rest])
+    distance = np.array([np.min(_apart(origins - place, period)) for place in record.rest])
     distance[problem.crystal.arrays["fixed"][problem.recorded]] = -1.0
     farthest = float(distance.max())
     return None if farthest <= 0 else int(np.argmax(distance >= farthest * (1 - _ALIKE)))
+
+
+def _apart(vectors: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    """Return the lengths of vectors (n, 2), along x to the nearest image."""
+    across = np.abs(vectors[:, 0])
+    return np.hypot(np.minimum(across, np.abs(period - across)), vectors[:, 1])
 
 
 def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | None:
@@ -76,14 +87,11 @@ def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
 
 
 def _of_energy(record: ImpactRecord) -> dict[str, Any]:
-    kinetic = float(record.kinetic_energy[-1].sum())
+    kept = {"kinetic_kept": float(record.kinetic_energy[-1].sum())}
     try:
         energy = record.energy()
+        given, kept["energy_kept"] = float(energy[0]), float(energy[-1])
     except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
-        problem, scene = record.problem, record.scene
-        given = sum(
-            float(problem.mass[spheres].sum()) * (striker.velocity / scene.scale.velocity) ** 2 / 2
-            for striker, spheres in zip(scene.striker, problem.strikers, strict=True)
-        )
-        return {"kinetic_kept": kinetic / given} if given else {}
-    return {"kinetic_kept": kinetic / float(energy[0]), "energy_kept": float(energy[-1] / energy[0])}
+        displaced = record.problem.start[:, :2].any()
+        given = 0.0 if displaced else record.problem.given_energy
+    return {name: energy / given for name, energy in kept.items()} if given > _STILL else {}
