@@ -67,6 +67,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
     ("words", "message"),
     [
         (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_beam, l_chain, "),
+        (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
         (["run", "tr_periodic", "--set", "wave.wavenumer=1"], "wavenumer: unknown key; did you mean 'wavenumber'?"),
         (["run", "tr_periodic", "--set", "wave.mode=S"], 'wave.mode = \'S\': must be one of "L", "TR", "RT"'),
         (["build", "tr_periodic", "--set", "time.timestep"], "'time.timestep': must be KEY=VALUE"),

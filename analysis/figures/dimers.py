@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, show, start
+from analysis.figures.plotting import letter, parser, show, start
 from analysis.theory.dimer import (
     CELLS,
     STEP,
@@ -77,8 +77,11 @@ def draw(runs: Sequence[tuple[float, float, float]]) -> Figure:
     decays.semilogy(ratio, np.maximum(decay, SMALLEST), "o", color="tab:red", markersize=4, label="LAMMPS")
     rattles.plot(ratio, rattle, "o", color="tab:red", markersize=4)
     decays.set(xlabel="mass of a light sphere / of a heavy one", ylabel=r"share $\lambda$ lost in a cell")
-    rattles.set(xlabel="mass of a light sphere / of a heavy one", ylabel="its velocity / height of the front")
+    rattles.set(
+        xlabel="mass of a light sphere / of a heavy one", ylabel="velocity of a light sphere / height of the front"
+    )
     rattles.axhline(0.0, color="grey", linewidth=0.8)
+    letter((decays, rattles))
     for axes in (decays, rattles):
         axes.grid(alpha=0.3)
     decays.legend(frameon=False)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, show, start
+from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.front import Front, front
 from granular_lmp.impact.record import ImpactRecord
 
@@ -63,6 +63,7 @@ def draw(runs: dict[str, dict[int, Front]]) -> Figure:
     heights.set(xlabel="distance (diameters)", ylabel="first crest of the speed (that of the striker)")
     speeds.axhline(CHAIN, color="grey", linewidth=0.8, linestyle="--")
     speeds.set(xlabel="distance (diameters)", ylabel=r"speed / height$^{1/5}$; dashed: a chain", ylim=(0.85, 1.0))
+    letter((heights, speeds))
     heights.legend(fontsize="x-small", frameon=False, ncols=max(len(runs), 1))
     return figure
 

@@ -22,7 +22,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import letter, parser, save, start
 from analysis.theory.chain import compressed, energies, uniform
 from analysis.theory.chain_motion import SIXTH, VERLET, Scheme, collision_time, integrate, march
 
@@ -190,9 +190,10 @@ def draw(runs: dict[str, list[Run]]) -> Figure:
         left.loglog(STEPS, one, ":", color=COLOURS[name], label=f"one collision, {name}")
     steps = np.array([20.0, 160.0])
     left.loglog(steps, 3 * (steps / 4) ** -2.5 * 1e-2, color="grey", linewidth=0.8)
-    left.annotate("slope −5/2", (60, 5e-5), color="grey", fontsize="small")
+    left.annotate("slope −5/2", (165, 2.2e-6), color="grey", fontsize="small")
     left.set(xlabel="steps to a collision time", ylabel="largest error of a velocity / $v$")
     right.set(xlabel="processor time, s")
+    letter((left, right))
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", frameon=False)

@@ -4,11 +4,12 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.theory.contact import Contact
@@ -134,6 +135,12 @@ def save(figure: Figure, path: str | Path) -> None:
         raise SystemExit(f"{path}: must end in one of {', '.join(sorted(known))}")
     with _writable(path):
         figure.savefig(path, dpi=150)
+
+
+def letter(panels: Iterable[Axes]) -> None:
+    """Write (a), (b), (c) and so on at the upper left of the panels, in their order."""
+    for each, axes in zip("abcdefgh", panels, strict=False):
+        axes.set_title(f"({each})", loc="left", fontsize="medium")
 
 
 def write(path: Path, text: str) -> None:

@@ -24,7 +24,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from analysis.figures.plotting import COLOURS, parser, show, start
+from analysis.figures.plotting import COLOURS, letter, parser, show, start
 from analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
 
 Floats = NDArray[np.float64]
@@ -125,8 +125,8 @@ def draw(collisions: Sequence[Collision]) -> Figure:
     left, right = figure.subplots(1, 2)
     _loop(left, collisions)
     _restitution(right, collisions)
-    for letter, axes in zip("ab", (left, right), strict=True):
-        axes.set_title(f"({letter})", loc="left", fontsize="medium")
+    letter((left, right))
+    for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", frameon=False)
     return figure

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, show, start
+from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
@@ -82,6 +82,7 @@ def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
     heights.set_xticks([1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8], ["1/8", "1/4", "1/2", "1", "2", "4", "8"], minor=False)
     heights.set_xticks([], minor=True)
     heights.set(xlabel="mass beyond / before", ylabel="height / that of the incoming wave")
+    letter((angles, heights))
     for axes in (angles, heights):
         axes.grid(alpha=0.3)
     angles.legend(frameon=False, fontsize="small")

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import letter, parser, save, start
 from analysis.theory.chain_motion import peak
 from analysis.theory.scattering import impurity
 from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
@@ -70,8 +70,8 @@ def draw(fronts: Sequence[Front] = ()) -> Figure:
     _shape(panels[0])
     _speed(panels[1], fronts)
     _shares(panels[2])
-    for letter, axes in zip("abc", panels, strict=True):
-        axes.set_title(f"({letter})", loc="left", fontsize="medium")
+    letter(panels)
+    for axes in panels:
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small", frameon=False)
     return figure

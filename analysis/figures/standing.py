@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.figures.plotting import parser, show, start
+from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import Rows, echo, load_form
 from analysis.theory.choice import wave_of
@@ -94,8 +94,8 @@ def draw(found: Comparison) -> Figure:
         f"relative errors: {errors}",
         fontsize="medium",
     )
-    for letter, axes in zip("abcdef", panels.T.ravel(), strict=True):
-        axes.set_title(f"({letter})", loc="left", fontsize="medium")
+    letter(panels.T.ravel())
+    for axes in panels.ravel():
         axes.margins(x=0.01)
     for axes in panels[:2].ravel():
         axes.ticklabel_format(axis="y", scilimits=(-2, 3))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, show, start
+from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.front import Front, front
 from granular_lmp.impact.record import ImpactRecord
 
@@ -117,6 +117,7 @@ def draw(spreads: Sequence[Spread]) -> Figure:
         axes.set_xscale("symlog", linthresh=1e-3)
         axes.set(xlabel=r"spread of the radii $\sigma R/\ell$", ylabel=label)
         axes.grid(alpha=0.3)
+    letter((decays, speeds))
     decays.legend(frameon=False)
     return figure
 

@@ -20,7 +20,12 @@ from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     """Add these commands to the parser."""
-    sweep = add(commands, "sweep", _sweep, "run a scene with every combination of some values; again, to go on")
+    sweep = add(
+        commands,
+        "sweep",
+        _sweep,
+        "run a scene with every combination of some values; called again, continue a stopped sweep",
+    )
     scene_arguments(sweep)
     sweep.add_argument(
         "--over",

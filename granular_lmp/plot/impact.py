@@ -91,7 +91,7 @@ def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
 
 def _title(record: ImpactRecord) -> str:
     scale = record.scale
-    return f"{record.scene.name}: {scale.velocity:g} m/s, $t_0$ = {scale.time:.3g} s"
+    return f"{record.scene.name}: {scale.velocity:.3g} m/s, $t_0$ = {scale.time:.3g} s"
 
 
 def _label(record: ImpactRecord) -> str:

@@ -176,7 +176,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         if read_off:
             bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
             axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
-    comment = note(key, type(sweep.scene))
+    comment = note(key, type(sweep.scene)).partition("; ")[0]  # what follows is advice to who writes the scene
     unit = comment.partition(", ")[0] if read_off else comment
     said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
     axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=said)

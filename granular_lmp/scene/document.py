@@ -184,7 +184,7 @@ class Document:
         if name in self.repeated and number:
             there = tables.get(name, [])
             if not number.isdecimal() or not 1 <= int(number) <= len(there):
-                raise SceneError(f"{cut(key)}: there are {len(there)} tables [[{name}]], counted from 1")
+                raise SceneError(f"{cut(key)}: the scene has {len(there)} [[{name}]], counted from 1")
             return there[int(number) - 1]
         if table and table not in self.sections:
             raise SceneError(unknown_key(key, table, self.sections))

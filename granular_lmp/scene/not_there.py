@@ -98,8 +98,8 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
-    "a file with [[striker]] or [start] is an impact, for granular-lmp run, resume, build, check, effects, modes, "
-    "sweep, cost, view and export, and holds no [wave]": "striker strikers impact projectile start state",
+    "a file with [[striker]] or [start] is an impact: it holds no [wave], and kick, scatter and view --at-rest do not "
+    "take it; in Python it is an ImpactScene": "striker strikers impact projectile start state",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",

@@ -126,7 +126,11 @@ class Scene(Document):
         found = first_file(source, (path, path / "scene.toml", *shipped_at))
         if found is None:
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
-            raise SceneError(f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}")
+            impacts = sorted(folder.parent.name for folder in SHIPPED.glob("impacts/*/scene.toml"))
+            raise SceneError(
+                f"{source}: no such scene file; shipped scenes: {', '.join(shipped) or 'none'}; "
+                f"impacts: {', '.join(impacts) or 'none'}"
+            )
         return cls.read(found)
 
     @classmethod

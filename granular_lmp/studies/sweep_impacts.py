@@ -81,7 +81,8 @@ def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
     arrays, sphere = record.problem.crystal.arrays, record.problem.recorded[far]
     place = {"far_row": int(arrays["row"][sphere]), "far_column": int(arrays["column"][sphere])}
     speed = np.linalg.norm(record.velocity[:, far], axis=1)
-    if speed[-1] - speed[-2] > _RISING * speed.max():
+    # A later, lower rise hides no crest that has passed; a free sphere flies off with its largest speed, to rounding
+    if speed[-1] == speed.max() and speed[-1] - speed[-2] > _RISING * speed.max():
         return place
     return place | {"far_speed": float(speed.max()), "far_tau": arrival(record.tau, speed)}
 
