@@ -8,12 +8,12 @@ are printed, and a line for each run.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
+from analysis.measure.strikes import require
 from analysis.theory.dimer import (
     CELLS,
     STEP,
@@ -24,7 +24,6 @@ from analysis.theory.dimer import (
     struck,
 )
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 RATIOS = np.sort(
     np.concatenate(
@@ -56,6 +55,7 @@ def measured(record: ImpactRecord) -> tuple[float, float, float]:
         raise ValueError(
             f"{name}: must be a chain of heavy and light spheres in turn that its first, heavy one strikes"
         )
+    require(record, "inclusion")
     spacing = float(record.tau[1] - record.tau[0])
     if spacing > STEP * (1 + 1e-9):
         raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
@@ -104,14 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = parser(__doc__, "figures/dimers.png")
     command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of a chain of heavy and light spheres")
     options = command.parse_args(argv)
-    try:
-        found = [measured(ImpactRecord.load(Path(folder))) for folder in options.runs]
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in options.runs], table, draw, options.output)
 
 
 if __name__ == "__main__":

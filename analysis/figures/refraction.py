@@ -9,18 +9,17 @@ those of the runs. A line for each run is printed.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
+from analysis.measure.strikes import require
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
 ANGLES = np.linspace(0.0, 50.0, 101)
@@ -47,6 +46,7 @@ def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:
             f"{scene.name}: must be a hexagonal sheet that its first row strikes, with one inclusion of another "
             "density in a half_plane"
         )
+    require(record, "inclusion")
     row, column, incidence = beyond.half_plane
     arrays, places = problem.crystal.arrays, problem.crystal.positions[:, :2]
     corner = places[(arrays["row"] == row) & (arrays["column"] == column)][0]
@@ -132,14 +132,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = parser(__doc__, "figures/refraction.png")
     command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of a front that meets an interface")
     options = command.parse_args(argv)
-    try:
-        found = [measured(ImpactRecord.load(Path(folder))) for folder in options.runs]
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in options.runs], table, draw, options.output)
 
 
 if __name__ == "__main__":

@@ -9,15 +9,14 @@ to 30 diameters, on both sides of the striker where there are two.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import parser, save, start
+from analysis.figures.plotting import parser, show, start
 from analysis.measure.front import Front, front
+from analysis.measure.strikes import require
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
 
 DIRECTIONS = {30: (30, 150), 60: (60, 120), 90: (90,)}  # degrees from the edge, with their mirror images
 NEAREST, FARTHEST = 10.0, 30.0  # diameters
@@ -73,6 +72,7 @@ def measured(records: Iterable[ImpactRecord], farthest: float | None = None) -> 
     found: dict[float, list[dict[int, list[Front]]]] = {}
     first = None
     for record in records:
+        require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
         scene = record.scene
         tables = {**scene.to_dict(), "disorder": None}
         first = first or tables
@@ -140,14 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = parser(__doc__, "figures/unequal.png")
     command.add_argument("runs", nargs="+", metavar="RUN", help="run folder of an impact on a sheet")
     options = command.parse_args(argv)
-    try:
-        found = measured(ImpactRecord.load(Path(folder)) for folder in options.runs)
-    except (GranularError, ValueError) as error:
-        raise SystemExit(str(error)) from error
-    print(table(found))
-    save(draw(found), options.output)
-    print(options.output)
-    return 0
+    return show(lambda: measured(ImpactRecord.load(folder) for folder in options.runs), table, draw, options.output)
 
 
 if __name__ == "__main__":
