@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.halving import Plan
+from granular_lmp.accuracy.halving import Plan, extrapolated
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
@@ -129,7 +129,7 @@ def _signals(record: ImpactRecord) -> dict[str, Any]:
 
 
 def _combined(coarse: dict[str, Any], fine: dict[str, Any], p: int) -> dict[str, Any]:
-    return {name: (2**p * fine[name] - coarse[name]) / (2**p - 1) for name in coarse}
+    return {name: extrapolated(coarse[name], fine[name], p) for name in coarse}
 
 
 def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
@@ -147,7 +147,7 @@ def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
             moved = [name in _MOVED for name in names]
             for a, b in zip(islice(one, int(head[3])), islice(two, int(head[3])), strict=True):
                 words = [
-                    repr((2**p * float(y) - float(x)) / (2**p - 1)) if moves else y
+                    repr(extrapolated(float(x), float(y), p)) if moves else y
                     for x, y, moves in zip(a.split(), b.split(), moved, strict=True)
                 ]
                 out.write(" ".join(words) + "\n")

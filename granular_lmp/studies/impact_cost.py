@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.errors import ToleranceError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.record import ImpactRecord
@@ -114,8 +115,7 @@ def cost_of_impact(
     best = answer(records).velocity
     found = []
     for number, (row, record) in enumerate(zip(done.rows, records, strict=True)):
-        before = records[number - 1].velocity if number else None
-        pair = None if before is None else (2**p * record.velocity - before) / (2**p - 1)
+        pair = extrapolated(records[number - 1].velocity, record.velocity, p) if number else None
         step = record.scene.time.step
         found.append(
             {
