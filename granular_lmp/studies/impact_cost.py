@@ -5,8 +5,6 @@ before. Errors are the largest of all velocities, over the velocity of the faste
 last three runs (`granular_lmp.impact.tolerance`), whose own error is estimated.
 """
 
-import csv
-import io
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from math import ceil
@@ -22,7 +20,7 @@ from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.tolerance import answer, estimate, order
-from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.lammps.outputs import csv_text, replace_text, writable
 from granular_lmp.studies.sweep import Progress, sweep
 
 LONGEST = 16  # steps in the shortest collision
@@ -52,11 +50,7 @@ class ImpactCost:
 
     def to_csv(self) -> str:
         """Return the table as CSV."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(self.rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return stream.getvalue()
+        return csv_text(self.rows[0], (row.values() for row in self.rows))
 
     def text(self) -> str:
         """Return the table for a terminal; errors below that of the reference are marked with <."""
