@@ -1,8 +1,8 @@
 """An impact to a tolerance: which steps are tried, the extrapolation of their runs, and the estimate of its error.
 
-The error of every velocity and of R times every spin, over the velocity of the fastest striker, is at most
-``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the one before, show the order p of
-their error by the L2 norms of their differences,
+The error of every velocity and of R times every spin, over the unit v of the impact (`ImpactScene.scale`: the velocity
+of the fastest striker), is at most ``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the
+one before, show the order p of their error by the L2 norms of their differences,
 
     |a − b|/|b − c| = 2^p,
 
@@ -97,7 +97,7 @@ def order(runs: Sequence[ImpactRecord]) -> int | None:
 
 
 def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
-    """Return the largest errors of velocities and spins, over the fastest striker's velocity, of the answer.
+    """Return the largest errors of velocities and spins, in the unit v of the impact, of the answer.
 
     inf where the order of the error is not known.
     """
