@@ -148,6 +148,12 @@ def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str)
     [
         (CHAIN, [2, 0, 1e-6, 0, 0, 0, 0], "sphere [2, 0]: ux_m = 1e-06: must be 0 in a chain, which nothing holds"),
         (CHAIN, [2, 0, 0, 0, 0, 1.0, 5.0], "spin_rad_s = 5: must be 0 where nothing turns a sphere (effects.friction)"),
+        (CHAIN, [9, 0, 0, 1e-3, 0, 0, 0], "sphere [9, 0]: overlaps the wall yhi by 0.1 of the diameter; at most 0.05"),
+        (
+            SHEET.with_values({"packing.sides": "wall", "packing.lattice": "square"}),
+            [2, 0, -1e-3, 0, 0, 0, 0],
+            "sphere [2, 0]: overlaps the wall xlo by 0.1 of the diameter; at most 0.05",
+        ),
         (CHAIN.with_values({"packing.last": "held"}), [9, 0, 0, 0, 0, 1.0, 0], "must be 0 for a sphere of a held row"),
         (
             CHAIN,

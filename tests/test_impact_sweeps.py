@@ -279,3 +279,22 @@ def test_no_share_is_said_of_an_energy_that_is_none_or_not_known(
     record = run_impact(scene.with_values({"output.rows": rows, "time.duration": 2.0}), tmp_path / "run")
     found = read_outs({}, record)
     assert (found["kinetic_kept"], found["energy_kept"]) == (None, None)
+
+
+def test_no_energy_is_said_once_spheres_meet_that_were_no_neighbours() -> None:
+    problem = prepare(SHEET.with_values({"packing.lattice": "square"}))
+    still = np.zeros((2, len(problem.crystal), 2))
+    moved = still.copy()
+    length = problem.scene.sphere.radius / problem.scene.scale.length  # a radius in l
+    sphere = int(np.flatnonzero((problem.crystal.arrays["row"] == 7) & (problem.crystal.arrays["column"] == 8))[0])
+    moved[1, sphere] = 0.5 * length  # the corner flies off
+    velocity = still + 1.0
+    free = ImpactRecord(np.arange(2.0), moved, velocity, still[..., 0], problem)
+    assert free.energy() == pytest.approx(len(problem.crystal), rel=1e-12)  # kinetic, v² of 2 in the unit of the impact
+    moved[1, sphere] = -0.6 * length  # 1.98 radii from the one across, 2.83 at rest
+    into = ImpactRecord(np.arange(2.0), moved, velocity, still[..., 0], problem)
+    with pytest.raises(RunFolderError, match="at tau = 1 spheres touch that were no neighbours at rest"):
+        into.energies()
+    found = read_outs({}, into)
+    assert found["energy_kept"] is None
+    assert found["kinetic_kept"] == pytest.approx(2 * len(problem.crystal), rel=1e-12)  # of one striker

@@ -8,12 +8,12 @@ are printed, and a line for each run.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.figures.plotting import letter, parser, show, start
+from analysis.measure.strikes import require
 from analysis.theory.dimer import (
     CELLS,
     STEP,
@@ -55,6 +55,7 @@ def measured(record: ImpactRecord) -> tuple[float, float, float]:
         raise ValueError(
             f"{name}: must be a chain of heavy and light spheres in turn that its first, heavy one strikes"
         )
+    require(record, "inclusion")
     spacing = float(record.tau[1] - record.tau[0])
     if spacing > STEP * (1 + 1e-9):
         raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
@@ -106,9 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser(__doc__, "figures/dimers.png", runs="run folder of a chain of heavy and light spheres").parse_args(
         arguments
     )
-    return show(
-        lambda: [measured(ImpactRecord.load(Path(folder))) for folder in chosen.runs], table, draw, chosen.output
-    )
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
 
 
 if __name__ == "__main__":

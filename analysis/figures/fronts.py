@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.front import Front, front
+from analysis.measure.strikes import require
 from granular_lmp.impact.record import ImpactRecord
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
@@ -31,6 +32,7 @@ def fronts(record: ImpactRecord) -> dict[int, Front]:
 
     Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
     """
+    require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
     strikers = np.concatenate(record.problem.strikers)
     if len(strikers) != 1:
         raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")

@@ -9,7 +9,6 @@ those of the runs. A line for each run is printed.
 """
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,6 +16,7 @@ from matplotlib.figure import Figure
 
 from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
+from analysis.measure.strikes import require
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
 from granular_lmp.impact.record import ImpactRecord
@@ -46,6 +46,7 @@ def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:
             f"{scene.name}: must be a hexagonal sheet that its first row strikes, with one inclusion of another "
             "density in a half_plane"
         )
+    require(record, "inclusion")
     row, column, incidence = beyond.half_plane
     arrays, places = problem.crystal.arrays, problem.crystal.positions[:, :2]
     corner = places[(arrays["row"] == row) & (arrays["column"] == column)][0]
@@ -132,9 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser(__doc__, "figures/refraction.png", runs="run folder of a front that meets an interface").parse_args(
         arguments
     )
-    return show(
-        lambda: [measured(ImpactRecord.load(Path(folder))) for folder in chosen.runs], table, draw, chosen.output
-    )
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
 
 
 if __name__ == "__main__":

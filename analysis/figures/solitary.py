@@ -21,6 +21,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.figures.plotting import letter, parser, save, start
+from analysis.measure.strikes import require
 from analysis.theory.chain_motion import peak
 from analysis.theory.scattering import impurity
 from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
@@ -56,6 +57,7 @@ def front(record: ImpactRecord) -> Front:
     rows = problem.crystal.arrays["row"][problem.recorded]
     if not scene.packing.contact_force or scene.inclusion or scene.disorder.radius or scene.disorder.density:
         raise ValueError(f"{scene.name}: must be a chain of equal spheres with packing.contact_force above 0")
+    require(record, "packing.contact_force")
     if len(rows) != 4 or rows[1] - rows[0] != 1 or rows[3] - rows[2] != 1:
         raise ValueError(f"{scene.name}: rows {rows.tolist()} are recorded: must be two neighbours, and two others")
     rest, u = float(problem.rest_overlap[0]), record.displacement[..., 1]

@@ -9,13 +9,13 @@ to 30 diameters, on both sides of the striker where there are two.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.figures.plotting import letter, parser, show, start
 from analysis.measure.front import Front, front
+from analysis.measure.strikes import require
 from granular_lmp.impact.record import ImpactRecord
 
 DIRECTIONS = {30: (30, 150), 60: (60, 120), 90: (90,)}  # degrees from the edge, with their mirror images
@@ -72,6 +72,7 @@ def measured(records: Iterable[ImpactRecord], farthest: float | None = None) -> 
     found: dict[float, list[dict[int, list[Front]]]] = {}
     first = None
     for record in records:
+        require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
         scene = record.scene
         tables = {**scene.to_dict(), "disorder": None}
         first = first or tables
@@ -138,7 +139,7 @@ def table(spreads: Sequence[Spread]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     chosen = parser(__doc__, "figures/unequal.png", runs="run folder of an impact on a sheet").parse_args(arguments)
-    return show(lambda: measured(ImpactRecord.load(Path(folder)) for folder in chosen.runs), table, draw, chosen.output)
+    return show(lambda: measured(ImpactRecord.load(folder) for folder in chosen.runs), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

@@ -71,6 +71,11 @@ class Plan:
         return self.per_sample * ((1 << self.runs) - 1)
 
 
+def extrapolated(coarse: Any, fine: Any, order: int) -> Any:
+    """Return (2^p b − a)/(2^p − 1): numbers or arrays a of a run and b of half its step, with errors of order p."""
+    return (2**order * fine - coarse) / (2**order - 1)
+
+
 @contextmanager
 def begun(scene: AnyScene, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
     """Give the runs of a scene a locked folder that holds ``scene.toml``; yield what ``run.json`` says from the start.

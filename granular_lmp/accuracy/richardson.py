@@ -20,6 +20,7 @@ from math import inf, isclose
 
 import numpy as np
 
+from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
@@ -64,7 +65,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     signals, estimates = {}, {}
     for name in ("p", "q", "phi"):
         a, b = getattr(coarse, name), getattr(fine, name)
-        signals[name] = (2**order * b - a) / (2**order - 1)
+        signals[name] = extrapolated(a, b, order)
         norm = np.linalg.norm(signals[name])
         estimates[name] = float(np.linalg.norm(b - a) / (2**order - 1) / norm) if norm > 0 else None
     return replace(fine, **signals, info=fine.info | {"error_estimate": estimates}, folder=None)

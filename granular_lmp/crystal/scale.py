@@ -49,7 +49,7 @@ class Scale:
 
     @property
     def velocity(self) -> float:
-        """Velocity of one overlap in t0, m/s; that of the fastest striker in an impact."""
+        """Velocity of one overlap in t0, m/s; in an impact that of the sphere that is the fastest at the beginning."""
         return self.length / self.time
 
 

@@ -139,7 +139,7 @@ class ImpactProblem:
 
     @cached_property
     def planes(self) -> dict[str, float]:
-        """Rigid walls that the outermost spheres touch, or are pressed on, "ylo" → place, radii."""
+        """Rigid walls that the outermost sphere of a side touches, or is pressed on, "ylo" → place, radii."""
         packing, places, radius = self.scene.packing, self.crystal.positions, self.crystal.arrays["radius"]
         pressed = [
             (self.scene.rest_overlap / self._on_wall(end) ** (2 / 3)) / self.scene.sphere.radius for end in (0, -1)
@@ -284,8 +284,9 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         if crystal.arrays["fixed"][chosen].any():
             raise SceneError(f"striker {number}: is in a row that is held, which does not move")
         if twice := struck & {*chosen.tolist()}:
-            where = [int(crystal.arrays[name][min(twice)]) for name in ("row", "column")]
-            raise SceneError(f"striker {number}: sphere {where}: is in another striker too; must be in one")
+            raise SceneError(
+                f"striker {number}: sphere {_place(crystal, min(twice))}: is in another striker too; must be in one"
+            )
         struck |= {*chosen.tolist()}
         strikers.append(chosen)
     recorded = np.arange(len(crystal))
@@ -335,11 +336,8 @@ def _check_start(problem: ImpactProblem, struck: set[int]) -> None:
     )
     for columns, who, why in forbidden:
         for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
-            where = [int(arrays[name][sphere]) for name in ("row", "column")]
-            name = COLUMNS[2:][columns[column]]
-            raise SceneError(
-                f"start.state: sphere {where}: {name} = {motion[sphere, columns[column]]:g}: must be 0 {why}"
-            )
+            name, value = COLUMNS[2:][columns[column]], motion[sphere, columns[column]]
+            raise SceneError(f"start.state: sphere {_place(crystal, sphere)}: {name} = {value:g}: must be 0 {why}")
     if scene.start.farthest > FARTHEST * scene.sphere.radius:
         raise SceneError(
             f"start.state: a displacement of {scene.start.farthest:.4g} m: must be at most {FARTHEST:g} times "
@@ -352,11 +350,24 @@ def _check_start(problem: ImpactProblem, struck: set[int]) -> None:
     overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) / (2 * np.minimum(radius[i], radius[j]))
     if overlap.max(initial=0.0) > LARGEST_OVERLAP_RATIO:
         worst = int(overlap.argmax())
-        pair = [[int(arrays[name][end[worst]]) for name in ("row", "column")] for end in (i, j)]
         raise SceneError(
-            f"start.state: spheres {pair[0]} and {pair[1]}: overlap by {overlap[worst]:.3g} of the diameter; at most "
-            f"{LARGEST_OVERLAP_RATIO} is allowed"
+            f"start.state: spheres {_place(crystal, i[worst])} and {_place(crystal, j[worst])}: overlap by "
+            f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
         )
+    for name, plane in problem.planes.items():
+        inward = (moved.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
+        overlap = (1 - inward / radius) / 2
+        if overlap.max() > LARGEST_OVERLAP_RATIO:
+            worst = int(overlap.argmax())
+            raise SceneError(
+                f"start.state: sphere {_place(crystal, worst)}: overlaps the wall {name} by {overlap[worst]:.3g} of "
+                f"the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+            )
+
+
+def _place(crystal: ase.Atoms, sphere: int) -> list[int]:
+    """Return the row and the column of a sphere."""
+    return [int(crystal.arrays[name][sphere]) for name in ("row", "column")]
 
 
 def _chosen(where: Striker | Output, crystal: ase.Atoms, name: str) -> Integers:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import Scale
+from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns, units_of
 from granular_lmp.impact.problem import ImpactProblem, prepare
@@ -21,6 +22,7 @@ from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
 
 Floats = NDArray[np.float64]
+_AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no others, which are 2√2 − 2 = 0.83 apart or more
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,8 +131,8 @@ class ImpactRecord:
         Raises
         ------
         RunFolderError
-            If not all spheres are recorded, contacts have friction, whose shear forces store energy too, or a sheet has
-            walls.
+            If not all spheres are recorded, contacts have friction, whose shear forces store energy too, a sheet has
+            walls, or spheres of a sheet touch that were no neighbours at rest.
         """
         problem, scene = self.problem, self.scene
         sides = scene.lattice != CHAIN and WALL in (scene.packing.first, scene.packing.last, scene.packing.sides)
@@ -139,6 +141,7 @@ class ImpactRecord:
                 f"{self!r}: the stored energy needs a record of all spheres (no output.rows or output.spheres), "
                 "effects.friction = 0 and no walls of a sheet"
             )
+        self._refuse_new_contacts()
         i, j, vector, stiffness = problem.contacts
         radius = problem.crystal.arrays["radius"]
         unit = self.scale.length / scene.sphere.radius
@@ -153,6 +156,23 @@ class ImpactRecord:
             inward = self.displacement[:, end, 1] * (1 if end else -1)
             each[end] += _stored(coefficient, rest + inward, rest)
         return np.asarray(each.T)
+
+    def _refuse_new_contacts(self) -> None:
+        """Raise RunFolderError if spheres of a sheet touch that were no neighbours at rest."""
+        if self.scene.lattice == CHAIN:
+            return
+        crystal = self.problem.crystal
+        moved, places, count = crystal.copy(), crystal.positions[:, :2], len(crystal)
+        known = np.unique(self.problem.contacts[0] * count + self.problem.contacts[1])
+        displacement = self.displacement * (self.scale.length / self.scene.sphere.radius)
+        for moment in np.flatnonzero(np.linalg.norm(displacement, axis=-1).max(axis=1) > _AMONG_NEIGHBOURS):
+            moved.positions[:, :2] = places + displacement[moment]
+            i, j, _ = overlapping(moved)
+            if not np.isin(i * count + j, known).all():
+                raise RunFolderError(
+                    f"{self!r}: at tau = {self.tau[moment]:g} spheres touch that were no neighbours at rest; the "
+                    "stored energy is known of neighbours alone"
+                )
 
     def energy(self) -> Floats:
         """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`.

@@ -19,9 +19,10 @@ WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}
 class Packing:
     """Rows along y, columns along x, and what is beyond the first and the last of them.
 
-    A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, with the contact law of its spheres on a rigid
-    body: A is 2√2 times that of two spheres. A row that is ``held`` does not move. Where a chain is pressed together by
-    the ``contact_force``, walls and held spheres bear it; at a ``free`` end a constant force F0 pushes the last sphere.
+    A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, of unequal spheres the outermost one, with the
+    contact law of its spheres on a rigid body: A is 2√2 times that of two spheres. A ``held`` row does not move.
+    Where a chain is pressed together by the ``contact_force``, walls and held spheres bear it; at a ``free`` end a
+    constant force F0 pushes the last sphere.
     """
 
     rows: int = count("along y", 2, 10_000_000)

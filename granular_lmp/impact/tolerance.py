@@ -1,8 +1,8 @@
 """An impact to a tolerance: which steps are tried, the extrapolation of their runs, and the estimate of its error.
 
-The error of every velocity and of R times every spin, over the velocity of the fastest striker, is at most
-``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the one before, show the order p of
-their error by the L2 norms of their differences,
+The error of every velocity and of R times every spin, over the unit v of the impact (`ImpactScene.scale`: the velocity
+of the fastest striker), is at most ``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the
+one before, show the order p of their error by the L2 norms of their differences,
 
     |a − b|/|b − c| = 2^p,
 
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.halving import Plan
+from granular_lmp.accuracy.halving import Plan, extrapolated
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
@@ -97,7 +97,7 @@ def order(runs: Sequence[ImpactRecord]) -> int | None:
 
 
 def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
-    """Return the largest errors of velocities and spins, over the fastest striker's velocity, of the answer.
+    """Return the largest errors of velocities and spins, in the unit v of the impact, of the answer.
 
     inf where the order of the error is not known.
     """
@@ -129,7 +129,7 @@ def _signals(record: ImpactRecord) -> dict[str, Any]:
 
 
 def _combined(coarse: dict[str, Any], fine: dict[str, Any], p: int) -> dict[str, Any]:
-    return {name: (2**p * fine[name] - coarse[name]) / (2**p - 1) for name in coarse}
+    return {name: extrapolated(coarse[name], fine[name], p) for name in coarse}
 
 
 def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
@@ -147,7 +147,7 @@ def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
             moved = [name in _MOVED for name in names]
             for a, b in zip(islice(one, int(head[3])), islice(two, int(head[3])), strict=True):
                 words = [
-                    repr((2**p * float(y) - float(x)) / (2**p - 1)) if moves else y
+                    repr(extrapolated(float(x), float(y), p)) if moves else y
                     for x, y, moves in zip(a.split(), b.split(), moved, strict=True)
                 ]
                 out.write(" ".join(words) + "\n")

@@ -1,5 +1,7 @@
 """The files of a run folder: their names, and how to read and mend the dumps and logs of LAMMPS."""
 
+import csv
+import io
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -8,7 +10,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from math import isfinite
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +82,13 @@ def replace_text(path: Path, text: str) -> None:
     draft = _draft(path)
     draft.write_text(text, encoding="utf-8")
     os.replace(draft, path)
+
+
+def csv_text(columns: Iterable[str], lines: Iterable[Iterable[Any]]) -> str:
+    """Return a table as CSV, each number in the shortest form that reads back to the same double."""
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(chain([columns], lines))
+    return stream.getvalue()
 
 
 def _draft(path: Path) -> Path:

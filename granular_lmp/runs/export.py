@@ -3,17 +3,15 @@
 What a monitor recorded is written as CSV in SI units.
 """
 
-import csv
 from collections.abc import Callable
 from functools import partial
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.lammps.outputs import csv_text, replace_text, writable
 from granular_lmp.runs.h5md import write_h5md
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
@@ -56,12 +54,7 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
 
 
 def _write_csv(columns: dict[str, NDArray[np.float64]], path: Path) -> None:
-    """Write columns as CSV, each number in the shortest form that reads back to the same double."""
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
-    replace_text(path, stream.getvalue())
+    replace_text(path, csv_text(columns, zip(*(values.tolist() for values in columns.values()), strict=True)))
 
 
 def write_si(record: Record, path: Path) -> None:

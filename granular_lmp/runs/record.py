@@ -7,7 +7,6 @@ sphere over τ: its displacement along the wave vector k and along ẑ × k (v a
 """
 
 import csv
-import io
 import json
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -21,7 +20,7 @@ import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.lammps.guards import first_step
-from granular_lmp.lammps.outputs import DUMP, SCENE, read_centre, replace_text
+from granular_lmp.lammps.outputs import DUMP, SCENE, csv_text, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import (
@@ -155,11 +154,8 @@ class Record:
 
     def write_csv(self, path: str | Path) -> None:
         """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(HEADER)
-        writer.writerows(np.column_stack([self.tau, self.p, self.q, self.phi]).tolist())
-        replace_text(Path(path), stream.getvalue())
+        lines = np.column_stack([self.tau, self.p, self.q, self.phi]).tolist()
+        replace_text(Path(path), csv_text(HEADER, lines))
 
     @property
     def signals(self) -> dict[str, NDArray[np.float64]]:

@@ -5,8 +5,6 @@ before. Errors are the largest of all velocities, over the velocity of the faste
 last three runs (`granular_lmp.impact.tolerance`), whose own error is estimated.
 """
 
-import csv
-import io
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from math import ceil
@@ -16,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.errors import ToleranceError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.tolerance import answer, estimate, order
-from granular_lmp.lammps.outputs import replace_text, writable
+from granular_lmp.lammps.outputs import csv_text, replace_text, writable
 from granular_lmp.studies.sweep import Progress, sweep
 
 LONGEST = 16  # steps in the shortest collision
@@ -51,11 +50,7 @@ class ImpactCost:
 
     def to_csv(self) -> str:
         """Return the table as CSV."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, list(self.rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return stream.getvalue()
+        return csv_text(self.rows[0], (row.values() for row in self.rows))
 
     def text(self) -> str:
         """Return the table for a terminal; errors below that of the reference are marked with <."""
@@ -114,8 +109,7 @@ def cost_of_impact(
     best = answer(records).velocity
     found = []
     for number, (row, record) in enumerate(zip(done.rows, records, strict=True)):
-        before = records[number - 1].velocity if number else None
-        pair = None if before is None else (2**p * record.velocity - before) / (2**p - 1)
+        pair = extrapolated(records[number - 1].velocity, record.velocity, p) if number else None
         step = record.scene.time.step
         found.append(
             {

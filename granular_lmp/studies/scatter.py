@@ -11,11 +11,9 @@ It shows what the same reading makes of a crystal in which nothing scatters: by 
 error, as is what comes back from behind, b_down.
 """
 
-import csv
-import io
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +22,7 @@ from granular_lmp.accuracy.tolerance import run
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.crystal.row_waves import Line, lattice_at, line_of, row_waves
 from granular_lmp.errors import CrystalError, SceneError
-from granular_lmp.lammps.outputs import SCATTER, replace_text, writable
+from granular_lmp.lammps.outputs import SCATTER, csv_text, replace_text, writable
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
@@ -127,11 +125,7 @@ class Scatter:
 
     def to_csv(self) -> str:
         """Return the table as CSV, each number in the shortest form that reads back to the same double."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, [field.name for field in fields(Row)], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in self.rows)
-        return stream.getvalue()
+        return csv_text([field.name for field in fields(Row)], map(astuple, self.rows))
 
 
 def scatter(

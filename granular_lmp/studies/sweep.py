@@ -5,8 +5,6 @@ scene) and ``sweep.csv`` (a line for each run). The run folders are its only mem
 started again, reads them, runs what is missing, and continues interrupted runs.
 """
 
-import csv
-import io
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -21,7 +19,7 @@ from numpy.typing import NDArray
 
 import granular_lmp
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
-from granular_lmp.lammps.outputs import STATUS, SWEEP, replace_text, writable
+from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import optional_package, write_status
 from granular_lmp.studies.executors import stop_requested
@@ -113,11 +111,7 @@ class Sweep:
 
     def to_csv(self) -> str:
         """Return the table as CSV, each number in the shortest form that reads back to the same double."""
-        stream = io.StringIO()
-        writer = csv.DictWriter(stream, self.columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        return stream.getvalue()
+        return csv_text(self.columns, ([row[name] for name in self.columns] for row in self.rows))
 
     def to_pandas(self) -> Any:
         """Return the table as a ``pandas.DataFrame``.

@@ -15,7 +15,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.sections import PERIODIC
 
-# Units of the impact in SI; the far sphere, its largest speed, in units of the fastest striker, and the time, in t0, at
+# Units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact, and the time, in t0, at
 # which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
 # over that of all spheres at the beginning: kinetic, of the recorded spheres, and with the contacts, where the record
 # holds what that takes; the largest overlap in diameters, as the guard measures it; with a tolerance the estimated

@@ -3,8 +3,6 @@
 Everything is read from the run folders of the study (`granular_lmp.studies.cost`).
 """
 
-import csv
-import io
 from math import log
 from pathlib import Path
 from statistics import median
@@ -15,7 +13,7 @@ import numpy as np
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
-from granular_lmp.lammps.outputs import SCENE, replace_text
+from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
@@ -188,11 +186,7 @@ def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None
 
 def to_csv(rows: list[Row]) -> str:
     """Return the table as CSV, each number in the shortest form that reads back to the same double."""
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, COST_COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return stream.getvalue()
+    return csv_text(COST_COLUMNS, ([row[name] for name in COST_COLUMNS] for row in rows))
 
 
 def text(result: dict[str, Any]) -> str:

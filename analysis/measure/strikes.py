@@ -1,0 +1,26 @@
+"""Which impacts a measurement holds: strikers on equal spheres that just touch, and what it says that it holds too."""
+
+from granular_lmp.impact.record import ImpactRecord
+
+
+def require(record: ImpactRecord, *held: str) -> None:
+    """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
+
+    held : any of "start.state", "packing.contact_force", "effects.friction", "effects.restitution", "disorder",
+        "inclusion".
+    """
+    scene = record.scene
+    disorder = scene.disorder
+    there = {
+        "start.state": bool(scene.start.state),
+        "packing.contact_force": scene.packing.contact_force > 0,
+        "effects.friction": scene.effects.friction > 0,
+        "effects.restitution": scene.effects.restitution < 1,
+        "disorder": max(disorder.radius, disorder.density, disorder.vacancies) > 0,
+        "inclusion": bool(scene.inclusion),
+    }
+    if unknown := {*held} - {*there}:
+        raise ValueError(f"held = {sorted(unknown)}: must be among {', '.join(there)}")
+    for name, given in there.items():
+        if given and name not in held:
+            raise ValueError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
