@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import second_harmonic as closed
-from analysis.figures.plotting import SILICA, parser, show, start
+from analysis.figures.plotting import SILICA, letter, parser, show, start
 from analysis.figures.spectrum import one_crystal
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
@@ -106,6 +106,7 @@ def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     _draw_places(pressed, share, contacts)
     pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
     ratios.legend(frameon=False, fontsize="small", loc="upper left")
+    letter((forces, spectrum, ratios, pressed))
     return figure
 
 

@@ -98,8 +98,9 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
-    "a file with [[striker]] or [start] is an impact: it holds no [wave], and kick, scatter and view --at-rest do not "
-    "take it; in Python it is an ImpactScene": "striker strikers impact projectile start state",
+    "a file with [[striker]] or [start] is an impact and holds no [wave]: adopt, kick, scatter, view --at-rest and "
+    "granular-analysis compare do not take it; in Python it is an ImpactScene": "striker strikers impact projectile "
+    "start state",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",
