@@ -63,7 +63,7 @@ def test_a_scene_is_read_back_from_its_text() -> None:
             r"inclusion\.1\.rows = \[1\]: must be \[\.\.\., \.\.\.\], each a whole",
         ),
         ({"inclusion": [{"rows": [1, 2], "mass": 2.0}]}, r"inclusion\.1\.mass: unknown key"),
-        ({"inclusion.2.density": 1000.0}, r"inclusion\.2\.density: there are 0 tables \[\[inclusion\]\]"),
+        ({"inclusion.2.density": 1000.0}, r"inclusion\.2\.density: the scene has 0 \[\[inclusion\]\], counted from 1"),
         (SPREAD | {"packing.rows": "auto"}, r'packing\.rows = "auto": must be declared where spheres differ'),
         (SPREAD | {"packing.columns": "auto"}, r'packing\.columns = "auto": must be declared'),
     ],
