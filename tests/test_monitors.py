@@ -22,7 +22,7 @@ from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
 from granular_lmp.scene.at_rest import echo_at
-from granular_lmp.scene.scene import note
+from granular_lmp.scene.document import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 
@@ -49,7 +49,7 @@ def test_a_scene_is_read_back_from_its_text() -> None:
     assert Scene.loads(SHEET.to_toml()) == SHEET
     assert SHEET.with_values({"monitor.3.rows": [2, 5]}).monitor[2].rows == (2, 5)
     assert "[[monitor]]" not in PAPER.to_toml()
-    assert note("monitor.1.name") == "of its files, and of columns of a sweep"
+    assert note("monitor.1.name", Scene) == "of its files, and of columns of a sweep"
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
-from granular_lmp.scene.scene import note
+from granular_lmp.scene.document import note
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 
@@ -423,7 +423,7 @@ def test_a_sheet_with_sources_is_not_kicked(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("key", "said"), [("source.1.delay", "tau, before the"), ("inclusion.2.radius", "m")])
 def test_a_curve_over_a_key_of_an_array_of_tables_has_its_unit(key: str, said: str) -> None:
-    assert note(key).startswith(said)
+    assert note(key, Scene).startswith(said)
 
 
 def test_a_record_of_a_crystal_at_rest_is_read_back(tmp_path: Path) -> None:

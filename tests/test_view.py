@@ -18,7 +18,7 @@ from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.at_rest import crystal_of
-from granular_lmp.scene.scene import note
+from granular_lmp.scene.document import note
 from granular_lmp.studies.sweep import Sweep, sweep
 
 
@@ -233,8 +233,8 @@ def test_the_plot_of_a_record_is_a_picture_that_a_notebook_shows(seen: Path) -> 
 
 
 def test_the_unit_of_a_swept_key_is_that_of_the_scene_file() -> None:
-    assert note("sphere.radius") == "m"
-    assert note("time.sample") == "tau, between records"
+    assert note("sphere.radius", Scene) == "m"
+    assert note("time.sample", Scene) == "tau, between records"
 
 
 def test_without_pandas_the_table_is_refused_in_one_line(

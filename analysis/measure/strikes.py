@@ -1,4 +1,4 @@
-"""Which impacts a measurement holds: strikers on equal spheres that just touch, and what it says that it holds too."""
+"""Impacts that a measurement holds: strikers on equal spheres that just touch, and what it says that it holds too."""
 
 from granular_lmp.impact.record import ImpactRecord
 

@@ -1,4 +1,4 @@
-"""What dashpots take from a chain of spheres that just touch: from two spheres, from a wave, from any motion.
+"""Dashpots in a chain of spheres that just touch: the energy that they take from two spheres, a wave, any motion.
 
 The dashpots of `analysis.theory.chain` have no velocity of their own: v' = λ v on times λ^{−1/5} and overlaps λ^{4/5}
 solves the same equations. A solitary wave therefore loses the same share of its energy to each contact that it passes,

@@ -34,7 +34,7 @@ BEHIND = 3  # cells from a light sphere to the front, when its velocity is read
 LOWEST, HIGHEST = 0.03, 1.0  # ε
 SLOWEST = 1.7  # time in which a front passes a sphere, at most, in the cells that are watched
 SILENCE = 1e-4  # a pulse below it is rounding ahead of the front
-RESOLUTION = 1e-4  # of an antiresonance, where λ hardly changes
+RESOLUTION = 1e-4  # in the mass ratio of an antiresonance, where λ hardly changes
 
 
 def dimer(ratio: float, cells: int) -> Chain:

@@ -83,7 +83,7 @@ def energy(states: Floats, contact: Contact, neighbours: Neighbours) -> Energy:
     now, tangential = _contacts(states, contact, neighbours)
     p_rate, q_rate, phi_rate = np.moveaxis(states[..., 3:6, :], -2, 0)
     normal = contact.adhesion.energy(now.overlap, now.root)
-    normal += contact.adhesion.pull(now.overlap, now.root) * (now.stretch + now.overlap - 1)  # of what has opened
+    normal += contact.adhesion.pull(now.overlap, now.root) * (now.stretch + now.overlap - 1)  # open contacts
     shear = 0.5 * contact.shear_stiffness * now.root * tangential**2
     kinetic = (contact.kappa + 3) * (p_rate**2 + q_rate**2 + contact.inertia * phi_rate**2)
     return Energy(

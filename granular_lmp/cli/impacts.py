@@ -1,4 +1,4 @@
-"""What the commands do with an impact (`granular_lmp.impact`)."""
+"""Commands of impacts (`granular_lmp.impact`)."""
 
 from typing import TYPE_CHECKING, Any
 

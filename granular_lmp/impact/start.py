@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import Rule, one_line, shown
 
-State = Sequence[tuple[float, ...]]  # of each sphere the numbers of COLUMNS, the first two whole
+State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
 TIME = "t_s"  # A file may have it too, as it names each sphere once
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
-SMALLEST, LARGEST = 1e-30, 1e9  # of any number but 0, in SI: no power of it overflows, or is lost
+SMALLEST, LARGEST = 1e-30, 1e9  # any number but 0, in SI: no power of it overflows, or is lost
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ MOST_STEPS = 10**9
 # then estimated to err by 2e-5 to 2e-4 after 12 collision times
 _STEPS_AT = (48.0, 1e-4)
 _FEWEST = 16.0
-_POWER = 2.5  # of the step in the error of the answer
+_POWER = 2.5  # power of the step in the error of the answer
 _MOVED = ("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz")  # columns of a dump
 _HEAD = 9  # lines of a snapshot before its spheres
 

@@ -16,7 +16,8 @@ from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.scene import Scene, note
+from granular_lmp.scene.document import note
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
 
 _LABELS = {

@@ -1,4 +1,4 @@
-"""What a stopped run needs to be continued: how it was started, the scene that it had, and a whole checkpoint."""
+"""Continuation of a stopped run: how it was started, the scene that it had, and a whole checkpoint."""
 
 from pathlib import Path
 from shlex import quote

@@ -14,6 +14,7 @@ from granular_lmp.scene.schema import (
     checked_description,
     checked_name,
     cut,
+    declared_fields,
     default_name,
     file_text,
     head_lines,
@@ -189,3 +190,12 @@ class Document:
         if table and table not in self.sections:
             raise SceneError(unknown_key(key, table, self.sections))
         return tables.setdefault(table, {}) if table else tables
+
+
+def note(key: str, document: type[Document]) -> str:
+    """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
+    if key == "wave.wavevector":
+        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
+    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
+    rules = declared_fields({**document.sections, **document.repeated}[table], document.rules.get(table))
+    return next(rule.note for item, rule in rules if item.name == name)

@@ -10,8 +10,8 @@ from typing import Any
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.document import Document
-from granular_lmp.scene.scene import Scene, note
+from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
     LONGEST_NAME,
@@ -82,7 +82,7 @@ def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
         if document is Scene and section == "wave":  # a wave vector replaces wave number and direction
             pair = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
-            inner["wavevector"] = pair | {"description": note("wave.wavevector")}
+            inner["wavevector"] = pair | {"description": note("wave.wavevector", Scene)}
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         table |= {"required": needed[section]} if needed[section] else {}

@@ -26,7 +26,7 @@ from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, witho
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.schema import declared_fields, first_file
+from granular_lmp.scene.schema import first_file
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -375,15 +375,6 @@ class Scene(Document):
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)
         validation.check_time(self.time, self.output, shape, self.echo_time)
-
-
-def note(key: str, document: type[Document] = Scene) -> str:
-    """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
-    if key == "wave.wavevector":
-        return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
-    table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    rules = declared_fields({**document.sections, **document.repeated}[table], document.rules.get(table))
-    return next(rule.note for item, rule in rules if item.name == name)
 
 
 def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.scene.document import Document
-from granular_lmp.scene.scene import Scene, note
+from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.scene import Scene
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}

@@ -1,4 +1,4 @@
-"""What accuracy costs in an impact: a sweep over its time step, with the error and the seconds of each run.
+"""The cost of accuracy in an impact: a sweep over its time step, with the error and the seconds of each run.
 
 The longest step is a 16th of the shortest collision T, rounded down to fit a sample, and each other half of the one
 before. Errors are the largest of all velocities, over the velocity of the fastest striker, against the answer of the

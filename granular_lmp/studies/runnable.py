@@ -1,4 +1,4 @@
-"""What a study can run: the scene of a wave, or that of an impact. Each has its own run, its own resume and its record.
+"""Scenes that a study can run: of a wave, or of an impact. Each has its own run, its own resume and its record.
 
 A study asks the functions of this module, and never which of the two it has.
 """

@@ -1,4 +1,4 @@
-"""What the table of a sweep says of an impact: what arrives at the sphere farthest from the strikers, and the energy.
+"""The columns of an impact in the table of a sweep: arrival at the sphere farthest from the strikers, and energy.
 
 The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers
 and from what else moves at the beginning, across periodic sides too; of several the first, by row and then column.
@@ -27,7 +27,7 @@ COLUMNS = (
 )
 _ALIKE = 1e-9  # distances that differ by less are equal: their rounding chooses no sphere
 _STILL = 1e-12  # m v²: less at the beginning is rounding
-_RISING = 1e-3  # of the largest speed, in the last sample: the wave has not passed yet
+_RISING = 1e-3  # A rise by this share of the largest speed in the last sample: the wave has not passed
 
 
 def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, Any]:
