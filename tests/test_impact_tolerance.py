@@ -267,7 +267,10 @@ def test_a_sweep_and_the_commands_take_a_tolerance(tmp_path: Path, capsys: pytes
     file = str(tmp_path / "mine.toml")
     steps = planned(prepare(scene)).scene.time.steps * 7 // 4  # 1 + 2 + 4 of the first run, which has a quarter
     assert main(["check", file]) == 0
-    assert f"steps     {steps}; 11 records of 6 spheres" in capsys.readouterr().out
+    assert (
+        f"steps     {steps} in 3 runs, or more if their errors ask for it; 11 records of 6 spheres"
+        in capsys.readouterr().out
+    )
     assert main(["effects", file]) == 0
     assert "chooses the step" in capsys.readouterr().out
     assert main(["build", file, "-o", str(tmp_path / "deck")]) == 0

@@ -60,7 +60,16 @@ def test_a_scene_is_read_back_from_its_text() -> None:
         ({"inclusion": 3}, r"inclusion = 3: must be tables, each under a line \[\[inclusion\]\]"),
         (
             {"inclusion": [{"rows": [1]}]},
-            r"inclusion\.1\.rows = \[1\]: must be \[\.\.\., \.\.\.\], each a whole",
+            r"inclusion\.1\.rows = \[1\]: must be \[first, last\], each a whole",
+        ),
+        (
+            {"inclusion": [{"half_plane": [6, 2], "density": 9000.0}]},
+            r"inclusion\.1\.half_plane = \[6, 2\]: must be \[row, column, degrees\], each a number",
+        ),
+        ({"inclusion": [{"disc": 2.5}]}, r"inclusion\.1\.disc = 2\.5: must be \[row, column, radius\], each a number"),
+        (
+            {"inclusion": [{"disc": [6, 2, -1.5]}]},
+            r"inclusion\.1\.disc\[2\] \(radius\) = -1\.5: must be a number in \[0, 10000000\]",
         ),
         ({"inclusion": [{"rows": [1, 2], "mass": 2.0}]}, r"inclusion\.1\.mass: unknown key"),
         ({"inclusion.2.density": 1000.0}, r"inclusion\.2\.density: the scene has 0 \[\[inclusion\]\], counted from 1"),

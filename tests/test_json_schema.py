@@ -149,7 +149,8 @@ def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
         for end in (interval.low, interval.high):
             for value in (end, rule.kind(end)):
                 if isinstance(rule, ArrayRule):
-                    value = [[value] * rule.length] if rule.several else [value] * rule.length
+                    value = [value] * len(rule.entries)
+                    value = [value] if rule.several else value
                     assert is_read(key, value)
                 assert fits(key, value) == is_read(key, value)
 

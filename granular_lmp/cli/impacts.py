@@ -136,18 +136,24 @@ def cost(scene: "ImpactScene", options: Options) -> int:
 def check(scene: "ImpactScene", options: Options) -> int:
     """Say what a run would take and do."""
     from granular_lmp.impact.problem import prepare
-    from granular_lmp.impact.tolerance import planned, planned_steps
+    from granular_lmp.impact.tolerance import planned
+    from granular_lmp.studies.forecast import forecast_of_impact
 
     declared = prepare(scene)
-    problem, steps = planned(declared), planned_steps(declared)  # with a tolerance the finest of the planned runs
+    problem, found = planned(declared), forecast_of_impact(declared)  # with a tolerance the finest of the planned runs
     scale, time, at_rest = scene.scale, problem.scene.time, problem.at_rest
     said = {
         "name": scene.name,
         "description": scene.description,
         "spheres": len(problem.crystal),
         "recorded": len(problem.recorded),
-        "steps": steps,
-        "records": time.samples + 1,
+        "steps": found.steps,
+        "records": found.records,
+        "runs": found.runs,
+        "seconds": found.seconds,
+        "basis": found.basis,
+        "memory": found.memory,
+        "checkpoint": found.checkpoint,
         "t0_s": scale.time,
         "length_m": scale.length,
         "velocity_m_s": scale.velocity,
@@ -161,7 +167,12 @@ def check(scene: "ImpactScene", options: Options) -> int:
         return 0
     say(f"{scene.name}: {scene.words}")
     say(f"spheres   {said['spheres']}")
-    say(f"steps     {said['steps']}; {said['records']} records of {said['recorded']} spheres")
+    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
+    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
+    say(f"steps     {found.steps}{runs}; {found.records} records of {said['recorded']} spheres")
+    say(f"time      {seconds}{found.basis}")
+    say(f"restart   a checkpoint about every {found.checkpoint:.3g} minutes")
+    say(f"memory    about {found.memory / 1e6:.0f} MB")
     say(f"scale     t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, l/R = {scale.length / scene.sphere.radius:.3g}")
     if at_rest:
         force, residual = at_rest["contact_force_over_impact"], at_rest["residual_force_over_impact"]

@@ -115,7 +115,7 @@ def _values(rule: Rule) -> dict[str, Any]:
         return {"anyOf": [{"enum": list(rule.words)}, {"type": "string", "pattern": r"\.csv$"}, pairs]}
     if isinstance(rule, ArrayRule):
         number = _values(Rule(rule.kind, rule.unit, "", rule.interval))
-        one = {"type": "array", "items": number, "minItems": rule.length, "maxItems": rule.length}
+        one = {"type": "array", "items": number, "minItems": len(rule.entries), "maxItems": len(rule.entries)}
         return {"type": "array", "items": one} if rule.several else one
     if isinstance(rule, NameRule):
         return {"type": "string", "pattern": f"^{NAME_PATTERN}$"}

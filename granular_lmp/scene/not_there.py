@@ -101,6 +101,8 @@ ELSEWHERE = {
     "a file with [[striker]] or [start] is an impact and holds no [wave]: adopt, kick, scatter, view --at-rest and "
     "granular-analysis compare do not take it; in Python it is an ImpactScene": "striker strikers impact projectile "
     "start state",
+    "a file with [contact] or [collision] is a collision of two bodies: granular-lmp collide runs it": "contact "
+    "collision",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "
     "random polydispersity dispersity spread seed impurity impurities interface alloy",
     "[[monitor]] declares what is recorded beside the centre sphere": "monitors flux probe probes detector receiver",

@@ -19,7 +19,7 @@ _ANY = Interval(0, 10_000_000)  # rows or columns
 
 def rows_rule(meaning: str = "first and last row, counted from 0") -> ArrayRule:
     """Return the rule of a key that holds two rows."""
-    return ArrayRule(int, "", meaning, _ANY)
+    return ArrayRule(int, "", meaning, _ANY, entries=("first", "last"))
 
 
 def spheres_rule(meaning: str = "[row, column] of each") -> ArrayRule:

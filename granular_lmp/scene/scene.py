@@ -125,6 +125,8 @@ class Scene(Document):
         shipped_at = (SHIPPED / path / "scene.toml", SHIPPED / "impacts" / path / "scene.toml")  # an impact is refused
         found = first_file(source, (path, path / "scene.toml", *shipped_at))
         if found is None:
+            if str(source) in {each.stem for each in SHIPPED.glob("collisions/*.toml")}:
+                raise SceneError(f"{source}: is a collision, not a scene: granular-lmp collide {source} runs it")
             shipped = sorted(folder.parent.name for folder in SHIPPED.glob("*/scene.toml"))
             impacts = sorted(folder.parent.name for folder in SHIPPED.glob("impacts/*/scene.toml"))
             raise SceneError(

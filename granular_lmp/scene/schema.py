@@ -122,23 +122,23 @@ class Rule:
 
 @dataclass(frozen=True)
 class ArrayRule(Rule):
-    """Allowed values of a key that holds numbers in brackets: `length` of them, or any number of such arrays.
+    """Allowed values of a key that holds numbers in brackets, one for each entry, or any number of such arrays.
 
     Attributes
     ----------
-    length : int
-        Numbers in an array.
+    entries : tuple of str
+        What the numbers of an array are.
     several : bool
         True if the key holds a list of such arrays.
     """
 
-    length: int = 2
+    entries: tuple[str, ...] = ("row", "column")
     several: bool = False
 
     @property
     def _allowed_values(self) -> str:
         number = Rule(self.kind, self.unit, "", self.interval)._allowed_values
-        one = f"[{', '.join(['...'] * self.length)}], each {number}"
+        one = f"[{', '.join(self.entries)}], each {number}"
         return f"a list of {one}" if self.several else one
 
     def value(self, value: Any, key: str) -> Any:
@@ -153,10 +153,11 @@ class ArrayRule(Rule):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
         if self.several:
             return tuple(replace(self, several=False).value(each, key) for each in value)
-        if len(value) != self.length:
+        if len(value) != len(self.entries):
             raise SceneError(f"{key} = {shown(list(value))}: must be {self.allowed}")
         number = Rule(self.kind, self.unit, "", self.interval)
-        return tuple(number.value(each, f"{key}[{place}]") for place, each in enumerate(value))
+        named = zip(value, enumerate(self.entries), strict=True)
+        return tuple(number.value(each, f"{key}[{place}] ({entry})") for each, (place, entry) in named)
 
 
 @dataclass(frozen=True)

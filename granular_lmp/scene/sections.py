@@ -266,9 +266,19 @@ INCLUSION_RULES = {
     "rows": rows_rule(),
     "every": Rule(int, "", "of rows: the first and each so many after it", Interval(1, 10_000_000)),
     "spheres": spheres_rule(),
-    "disc": ArrayRule(float, "", "[row, column, radius in lattice constants]", Interval(0, 10_000_000), length=3),
+    "disc": ArrayRule(
+        float,
+        "",
+        "[row, column, radius in lattice constants]",
+        Interval(0, 10_000_000),
+        entries=("row", "column", "radius"),
+    ),
     "half_plane": ArrayRule(
-        float, "", "[row, column, degrees]: left of a line, or on it", Interval(-180, 10_000_000), length=3
+        float,
+        "",
+        "[row, column, degrees]: left of a line, or on it",
+        Interval(-180, 10_000_000),
+        entries=("row", "column", "degrees"),
     ),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     **SPHERE_RULES,

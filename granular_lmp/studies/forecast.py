@@ -1,7 +1,8 @@
 """Forecast of a run, made without doing it: its size, seconds on this machine, and memory.
 
 The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
-cell of the same spheres and effects, for a few steps of it would take as long as many runs.
+cell of the same spheres and effects, for a few steps of it would take as long as many runs. An impact is tried from its
+beginning on.
 """
 
 from dataclasses import dataclass
@@ -12,16 +13,26 @@ from tempfile import TemporaryDirectory
 from granular_lmp.accuracy.ladder import RUNGS, build, planned_steps
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
+from granular_lmp.impact.problem import ImpactProblem
+from granular_lmp.impact.run import run_impact
+from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.tolerance import RUNS, planned
+from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.runnable import Runnable
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
+_FEWEST_STEPS = 100  # of a short run whose sample was cut: its two records then take 8 % of it at most
 _LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
 _CELL = 100  # rows and columns of the cell that stands for a larger one
 # Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
 _PROCESS = 71e6
 _SPHERE = 1160.0
+# Of an impact also its record, while it is read: 300 MB for 1.0e6 places of a sphere, 479 MB for 2.0e6; and 40 bytes of
+# each in the records of the other runs to a tolerance: 149 MB for 2.5e5 places in three runs
+_READ, _KEPT = 230.0, 40.0
 # Share of the loop that more ranks do not shorten, at most: 2 ranks took 0.52 to 0.55 of it, 4 ranks 0.30
 SERIAL = 0.1
 
@@ -73,6 +84,32 @@ class Forecast:
         return self.start + loop / ranks, self.start + loop * (1 / ranks + SERIAL * (1 - 1 / ranks))
 
 
+def forecast_of_impact(declared: ImpactProblem) -> Forecast:
+    """Return what a run of an impact would take; a short run of its beginning is made in a temporary folder.
+
+    The seconds were 0.55 to 1 of what nine runs took, among them the shipped impacts: few contacts are closed in the
+    beginning, and a record is read at the end. Take them for a factor of two. A run to a tolerance takes more steps if
+    its errors ask for it.
+    """
+    scene = planned(declared).scene  # with a tolerance the finest of the planned runs
+    spheres, steps = len(declared.crystal), planned_impact_steps(declared)
+    runs = 1 if declared.scene.time.tolerance is None else RUNS
+    lines = len(declared.recorded) * (scene.time.samples + 1)
+    rate, start, basis = _tried(scene, _small_impact(scene), spheres)
+    return Forecast(
+        spheres=spheres,
+        steps=steps,
+        records=scene.time.samples + 1,
+        runs=runs,
+        snapshots=scene.time.samples + 1 if scene.output.everyone else 0,
+        start=None if start is None else runs * start,
+        seconds=None if rate is None or start is None else runs * start + spheres * steps / rate,
+        basis=basis,
+        memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * lines,
+        checkpoint=minutes_between(scene.output.checkpoint, spheres),
+    )
+
+
 def forecast(problem: Problem) -> Forecast:
     """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
 
@@ -82,10 +119,7 @@ def forecast(problem: Problem) -> Forecast:
     scene, declared = problem.scene, problem.declared
     spheres, steps = scene.shape.spheres, planned_steps(declared)
     every = scene.output.particles
-    try:
-        rate, start, basis = _measured(scene)
-    except GranularError as error:
-        rate, start, basis = None, None, f"unknown: {error}"
+    rate, start, basis = _tried(scene, _small(scene), spheres)
     return Forecast(
         spheres=spheres,
         steps=steps,
@@ -100,31 +134,57 @@ def forecast(problem: Problem) -> Forecast:
     )
 
 
-def _measured(scene: Scene) -> tuple[float | None, float | None, str]:
-    """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
-    spheres, small = scene.shape.spheres, scene
-    if spheres > _LARGEST:
-        columns = _CELL if scene.lattice.endless_rows else 1
-        small = scene.with_values(
-            {
-                **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
-                **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
-                **{"source": [], "monitor": []},
-                **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
-            }
-        )
-    rate, overhead = speed(small)
-    cell = "this scene" if small is scene else f"a cell of {small.shape.words}"
-    start = overhead * spheres / small.shape.spheres
+def _tried(scene: Runnable, small: Runnable, spheres: int) -> tuple[float | None, float | None, str]:
+    """Return sphere-steps a second, seconds beside the loop, and what they were made of, or why they are not known."""
+    try:
+        rate, overhead = speed(small)
+    except GranularError as error:
+        return None, None, f"unknown: {error}"
+    cell = "this scene" if small.shape.spheres == scene.shape.spheres else f"a cell of {small.shape.words}"
+    start = overhead * max(1.0, spheres / small.shape.spheres)
     return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
 
 
-def speed(scene: Scene) -> tuple[float, float]:
+def _small(scene: Scene) -> Scene:
+    """Return the scene, or that of a cell which stands for it."""
+    if scene.shape.spheres <= _LARGEST:
+        return scene
+    columns = _CELL if scene.lattice.endless_rows else 1
+    return scene.with_values(
+        {
+            **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
+            **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
+            **{"source": [], "monitor": []},
+            **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
+        }
+    )
+
+
+def _small_impact(scene: ImpactScene) -> ImpactScene:
+    """Return the beginning of an impact, on a cell of equal spheres struck in the middle if it is large."""
+    if scene.shape.spheres > _LARGEST:
+        columns = _CELL if scene.lattice.endless_rows else 1
+        rows = _CELL**2 // columns
+        striker = {"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}
+        size = {"packing.rows": rows, "packing.columns": columns}
+        output = {} if scene.output.everyone else {"rows": [0, 0]}
+        scene = scene.with_values(size | {"striker": [striker], "inclusion": [], "start": {}, "output": output})
+    steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
+    if steps >= scene.time.steps_per_sample:
+        return scene
+    sample = steps * scene.time.step
+    return scene.with_values({"time.sample": sample, "time.duration": sample})
+
+
+def speed(scene: Runnable) -> tuple[float, float]:
     """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS
-            info = run(build(short), Path(folder) / name).info
-    return info["particles"] * info["steps"] / info["wall_seconds"]["loop"], info["wall_seconds"]["other"]
+            place = Path(folder) / name
+            record = run_impact(short, place) if isinstance(short, ImpactScene) else run(build(short), place)
+    info = record.info
+    seconds = info["wall_seconds"]
+    return info["particles"] * info["steps"] / seconds["loop"], seconds["total"] - seconds["loop"]

@@ -5,6 +5,7 @@ from functools import partial
 from math import pi
 
 from analysis.second_harmonic import ModeName
+from tests.hard import damped, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
 from tests.hard.case import Cases
@@ -22,6 +23,7 @@ from tests.hard.symmetry import instability, subspace
 from tests.hard.zone import ENDS, MODES, degenerate, end
 
 Measure = Callable[[], Cases]
+ROUGH = ("secant", "incremental")
 DEGENERATE: tuple[tuple[ModeName, float], ...] = (("L", 0.0), ("TR", 0.0), ("L", 0.4), ("RT", 0.4))
 
 FAST: Mapping[str, Measure] = {
@@ -58,6 +60,17 @@ FAST: Mapping[str, Measure] = {
     "sticking speed": sticking,
     "parting velocity": parting,
     "a long chain": partial(long_chain, 10_000, 20.0),
+    "a struck sheet": partial(struck_sheets.kept, {}, 100.0),
+    "mirror of a struck sheet": partial(struck_sheets.mirrored, {}, 100.0),
+    **{f"a rough sheet, {law}": partial(struck_sheets.kept, struck_sheets.rough(law), 30.0) for law in ROUGH},
+    **{
+        f"mirror of a rough sheet, {law}": partial(struck_sheets.mirrored, struck_sheets.rough(law), 30.0)
+        for law in ROUGH
+    },
+    **{f"order of a rough sheet, {law}": partial(struck_sheets.order, law) for law in ROUGH},
+    "energy of a struck sheet": partial(struck_sheets.energy, 500.0),
+    "a damped chain": damped.kept,
+    "order of a damped chain": damped.order,
     "a breather": partial(breathes, 100),
     "order of a breather": order_of_breathers,
 }
@@ -80,6 +93,7 @@ LONG: Mapping[str, Measure] = {
     "where the drift comes from": drift_order,
     "seed of TR on L": instability,
     "energy of a struck chain, a million steps": partial(energy, 50_000.0),
+    "energy of a struck sheet, long": partial(struck_sheets.energy, 10_000.0),
     "a chain of 1e5": partial(long_chain, 100_000, 20.0),
     "a breather, long": partial(breathes, 2000),
 }

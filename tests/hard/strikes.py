@@ -21,9 +21,9 @@ COUNT, STEPS = 20, (0.2, 0.1, 0.05, 0.025)
 EPSILON = 1.1e-16
 
 
-def struck(changes: dict[str, Any], edits: Edits = ()) -> ImpactRecord:
-    """Return the record of a chain with values changed, whose deck is broken by edits."""
-    deck = deck_of(prepare(CHAIN.with_values(changes)))
+def struck(changes: dict[str, Any], edits: Edits = (), scene: ImpactScene = CHAIN) -> ImpactRecord:
+    """Return the record of an impact with values changed, whose deck is broken by edits."""
+    deck = deck_of(prepare(scene.with_values(changes)))
     for old, new in edits:
         assert old in deck.input_text, old
         deck = replace(deck, input_text=deck.input_text.replace(old, new))

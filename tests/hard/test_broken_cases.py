@@ -4,6 +4,7 @@ from functools import partial
 
 import pytest
 
+from tests.hard import damped, struck_sheets
 from tests.hard.breathers import breathes
 from tests.hard.breathers import order as order_of_breathers
 from tests.hard.cases import Measure
@@ -34,6 +35,10 @@ FAST_STRIKE = (("equal v_sample/v_every\n", "equal 1.01*v_sample/v_every\n"),)
 WEAKER = ((" 0.34 50.0 ", " 0.34 49.0 "),)  # mJ/m², half of the work of adhesion
 UNLOADED = (("fix          load2", "# fix          load2"),)
 LOSSY_STRIKE = ((" 0.0 0.3 &", " 0.02 0.3 &"),)  # m/t0
+ANOTHER_INCREMENT = (("tangential mindlin/force ", "tangential mindlin "),)
+UNTURNED = (("fix          move mobile nve/sphere", "fix          move mobile nve"),)
+A_HELD_END = (("group        mobile type 1\n", "group        mobile id < 20\n"),)
+PUMPED = ((" 0.7 0.3 &", " 1.05 0.3 &"),)  # restitution
 
 # Each is a measurement made on something broken, and a part of the names of the figures that each have to say so. Runs
 # are shorter than those of the table: what is wrong shows from the start.
@@ -73,6 +78,32 @@ BROKEN: dict[str, tuple[Measure, str]] = {
     "a fast striker of lossy contacts": (partial(velocities, 1e2, LOSSY_STRIKE), "velocities"),
     "a long chain on a fast clock": (partial(long_chain, 1000, 20.0, FAST_STRIKE), "velocities"),
     "a struck chain of lossy contacts": (partial(energy, 200.0, LOSSY_STRIKE), "energy"),
+    "a struck sheet with a held sphere": (partial(struck_sheets.kept, {}, 15.0, A_HELD_SPHERE), "struck sheet"),
+    "a rough sheet whose spheres do not turn": (
+        partial(struck_sheets.kept, struck_sheets.rough("secant"), 15.0, UNTURNED),
+        "angular momentum",
+    ),
+    "a rough sheet with a held sphere": (
+        partial(struck_sheets.kept, struck_sheets.rough("incremental"), 15.0, A_HELD_SPHERE),
+        "momentum",
+    ),
+    "a mirror image with a held sphere": (partial(struck_sheets.mirrored, {}, 15.0, A_HELD_SPHERE), "mirror"),
+    "a rough mirror image with a held sphere": (
+        partial(struck_sheets.mirrored, struck_sheets.rough("secant"), 15.0, A_HELD_SPHERE),
+        "mirror",
+    ),
+    "a rough sheet of another law at all steps but the finest": (
+        partial(struck_sheets.order, "secant", ANOTHER_LAW),
+        "order",
+    ),
+    "an incremental sheet of another law at all steps but the finest": (
+        partial(struck_sheets.order, "incremental", ANOTHER_INCREMENT),
+        "order",
+    ),
+    "a struck sheet of lossy contacts": (partial(struck_sheets.energy, 100.0, LOSSY_STRIKE), "energy"),
+    "a damped chain with a held end": (partial(damped.kept, A_HELD_END), "momentum"),
+    "dashpots that push": (partial(damped.kept, PUMPED), "rise of the energy"),
+    "a damped chain on a fast clock": (partial(damped.order, FAST_STRIKE), "order"),
     "a breather in a chain that comes loose": (partial(breathes, 20, edits=UNLOADED), "breather"),
     "a breather of lossy contacts": (partial(breathes, 20, edits=LOSSY_STRIKE), "energy"),
     "a breather on a fast clock": (partial(order_of_breathers, FAST_STRIKE), "order"),

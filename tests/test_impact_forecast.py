@@ -1,0 +1,113 @@
+"""`granular-lmp check` of an impact: its size is that of the run, its seconds and bytes are made as they are said."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from granular_lmp import ImpactScene, run_impact
+from granular_lmp.cli import main
+from granular_lmp.errors import LammpsMissingError
+from granular_lmp.impact.problem import prepare
+from granular_lmp.impact.scene import SHIPPED_IMPACTS
+from granular_lmp.studies import forecast
+from granular_lmp.studies.forecast import forecast_of_impact
+from granular_lmp.studies.runnable import Runnable
+
+CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 5.0})
+SHEET = ImpactScene.load("point_impact")
+LARGE = {"packing.rows": 150, "packing.columns": 150}
+PEAK = """
+import resource, sys
+from granular_lmp import ImpactScene, run_impact
+run_impact(ImpactScene.load(sys.argv[1]), sys.argv[2])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024))
+"""
+
+
+@pytest.fixture
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[Runnable]:
+    """Scenes whose speed was asked for, each said to make 1e6 sphere-steps a second and to start in 0.5 s."""
+    scenes: list[Runnable] = []
+
+    def speed(scene: Runnable) -> tuple[float, float]:
+        scenes.append(scene)
+        return 1e6, 0.5
+
+    monkeypatch.setattr(forecast, "speed", speed)
+    return scenes
+
+
+@pytest.mark.parametrize("tolerance", [None, 1e-2])
+def test_check_says_what_a_run_then_is(
+    tolerance: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = CHAIN.with_values({"time.tolerance": tolerance} if tolerance else {})
+    (tmp_path / "mine.toml").write_text(scene.to_toml())
+    assert main(["check", str(tmp_path / "mine.toml"), "--json"]) == 0
+    said, record = json.loads(capsys.readouterr().out), run_impact(scene, tmp_path / "run")
+    assert (said["spheres"], said["records"]) == (10, len(record.tau))
+    assert said["steps"] == record.info["steps"]
+    assert said["runs"] == (3 if tolerance else 1)
+    assert said["seconds"] > 0
+    assert said["basis"].startswith("a short run of this scene just now, ")
+
+
+@pytest.mark.parametrize("changes", [{}, {"time.tolerance": 1e-3}, {"disorder.vacancies": 0.3}])
+def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Runnable]) -> None:
+    problem = prepare(SHEET.with_values(changes))
+    found = forecast_of_impact(problem)
+    assert found.spheres == len(problem.crystal)
+    assert found.seconds == pytest.approx(0.5 * found.runs + found.spheres * found.steps / 1e6)
+
+
+def test_check_says_time_and_memory(tried: list[Runnable], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "point_impact", "--set", "time.tolerance=1e-3"]) == 0
+    said = capsys.readouterr().out
+    assert "in 3 runs, or more if their errors ask for it; 46 records of 2501 spheres" in said
+    assert " s on one rank; a short run of this scene just now, 1e+06 sphere-steps a second" in said
+    assert "memory    about " in said
+    assert "restart   a checkpoint about every 0.5 minutes" in said
+
+
+def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def missing(scene: Runnable) -> None:
+        raise LammpsMissingError("LAMMPS cannot be loaded")
+
+    monkeypatch.setattr(forecast, "speed", missing)
+    assert main(["check", "solitary_chain"]) == 0
+    assert "time      unknown: LAMMPS cannot be loaded" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in SHIPPED_IMPACTS.iterdir() if path.is_dir()))
+def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> None:
+    scene = ImpactScene.load(name)
+    sheet = scene.lattice.endless_rows
+    larger = scene.with_values(LARGE if sheet else {"packing.rows": 20_001})
+    found = forecast_of_impact(prepare(larger))
+    (small,) = tried
+    assert isinstance(small, ImpactScene)
+    assert small.shape.spheres == 10_000
+    assert small.scale.velocity == pytest.approx(larger.scale.velocity, rel=1e-12)  # rounding
+    assert (small.effects, small.packing.contact_force) == (larger.effects, larger.packing.contact_force)
+    assert found.basis.startswith("a short run of a cell of ")
+
+
+def test_a_long_sample_is_cut_for_the_short_run(tried: list[Runnable]) -> None:
+    forecast_of_impact(prepare(SHEET.with_values({"time.sample": 40.0, "time.timestep": 5e-4})))
+    (short,) = tried
+    assert short.time.steps == 100
+    assert short.time.step == pytest.approx(5e-4)
+
+
+def test_the_memory_is_that_of_a_run(tried: list[Runnable], tmp_path: Path) -> None:
+    scene = SHEET.with_values({"time.duration": 20.0, "time.sample": 0.1})
+    (tmp_path / "mine.toml").write_text(scene.to_toml())
+    words = [sys.executable, "-c", PEAK, str(tmp_path / "mine.toml"), str(tmp_path / "run")]
+    peak = float(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    # A factor of two: what interpreter and libraries take differs between machines. The record is most of it
+    said = forecast_of_impact(prepare(scene)).memory
+    assert 0.5 * said < peak < 2 * said
+    assert not peak < 2 * forecast_of_impact(prepare(scene.with_values({"output.rows": [0, 0]}))).memory
