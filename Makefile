@@ -13,7 +13,7 @@
 # make published (published cases of impacts, three minutes: docs/published-impacts.md),
 # make pull-off (snap-in and pull-off in collisions, by JKR and in LAMMPS, half a minute: docs/collisions.md),
 # make adhesion (the second harmonic by the DMT and by the JKR law, ten minutes of processor time: docs/adhesion-laws.md),
-# make onset (where contacts of the paper's wave open and slide, three minutes: docs/strongly-nonlinear.md),
+# make onset (where contacts of the paper's wave open and slide, eight minutes: docs/strongly-nonlinear.md),
 # make witness (error over time in a crystal that is not perfect, half a minute: docs/accuracy.md; and the network beside
 # LAMMPS over the number of spheres, five minutes: benchmarks/RESULTS.md),
 # make scattering (what passes rows that differ, and the second harmonic behind: docs/experiments.md),
@@ -275,7 +275,7 @@ pull-off: .venv/ready
 ENDS = $(BIN)/granular-lmp sweep tr_periodic --workers $(CORES) --set time.duration=60 --set packing.rows=32 \
     --set effects.contact_opening=true --set effects.friction=0.3
 CLOSED = --set effects.sliding=false \
-    --over wave.amplitude=0.1:0.5:5,0.7,0.9,1.1:1.7:7,1.9:2.9:6,3.2,3.6,4,4.4,4.7,5,5.5
+    --over wave.amplitude=0.1:0.5:5,0.7,0.9,1.1:2.9:37,3:5.5:26
 
 onset: .venv/ready
 	$(ENDS) $(CLOSED) -o runs/onset/plane --over sphere.poisson_ratio=0,0.17,0.45 --over wave.form=running,standing \
