@@ -24,7 +24,7 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.runnable import Runnable
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
-_FEWEST_STEPS = 100  # of a short run whose sample was cut: its two records then take 8 % of it at most
+_FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
 _LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
 _CELL = 100  # rows and columns of the cell that stands for a larger one
 # Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000

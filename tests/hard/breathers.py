@@ -1,18 +1,14 @@
 """Breathers: one sphere of a chain that is pressed together moves strongly, and must not leak in a hundred periods."""
 
-import tempfile
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 
 from analysis.measure.norms import slope
 from analysis.theory.chain import Chain, bands, compressed
 from analysis.theory.chain_motion import integrate
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
-from granular_lmp.impact.deck import deck_of
+from granular_lmp import ImpactRecord, ImpactScene
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from tests.hard.case import Case, Cases, Edits
+from tests.hard.strikes import struck
 
 BREATHER = ImpactScene.load("breather")
 SHARE = 0.75  # of the bottom of the optical band, the frequency of the shipped breather
@@ -31,12 +27,7 @@ def chain_of(problem: ImpactProblem) -> tuple[Chain, float]:
 def breathing(step: float, sample: float, duration: float, edits: Edits = ()) -> ImpactRecord:
     """Return the record of the shipped breather with another step, whose deck is broken by edits."""
     changes = {"time.timestep": step, "time.sample": sample, "time.duration": duration * (1 + 1e-9)}
-    deck = deck_of(prepare(BREATHER.with_values(changes)))
-    for old, new in edits:
-        assert old in deck.input_text, old
-        deck = replace(deck, input_text=deck.input_text.replace(old, new))
-    with tempfile.TemporaryDirectory() as folder:
-        return run_impact(deck, Path(folder) / "run")
+    return struck(changes, edits, BREATHER)
 
 
 def breathes(periods: int, step: float = 0.0125, edits: Edits = ()) -> Cases:
