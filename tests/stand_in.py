@@ -14,6 +14,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import scene_digest
+from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.record import TRAJECTORY, write_status
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
@@ -26,6 +27,7 @@ def status_of(scene: Scene) -> dict[str, Any]:
     """Return what ``run.json`` says of the scene of a run, its effects and guards, all of which were quiet."""
     found = switches(scene)
     return {
+        "format": FORMAT,
         "scene_sha256": scene_digest(scene.to_toml()),
         "particles": scene.shape.spheres,
         "wavenumber_used": scene.wavenumber,

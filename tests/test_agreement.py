@@ -18,6 +18,7 @@ from granular_lmp.effects.selection import EFFECTS, select, switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import SAME, refuse_other_trajectory
+from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from tests.conftest import PAPER
@@ -124,6 +125,14 @@ def test_what_a_resolved_scene_switches_is_what_the_rules_chose(changes: dict[st
     scene = PAPER.with_values(changes)
     chosen = {effect.name: (effect.on, effect.guard) for effect in select(scene)}
     assert switches(prepare(scene).scene) == chosen
+
+
+@pytest.mark.parametrize("number", [FORMAT + 1, 0, "2", True, None], ids=repr)
+def test_a_folder_of_another_format_is_refused(number: Any, folder: Path) -> None:
+    change = json.loads((folder / "run.json").read_text()) | {"format": number}
+    write_status(folder, change)
+    newer = number == FORMAT + 1
+    refused(folder, "written by a newer release" if newer else "must be a whole number from 1 to")
 
 
 def test_a_run_that_was_stopped_may_say_less_but_nothing_else(folder: Path) -> None:

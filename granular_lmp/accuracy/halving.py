@@ -16,6 +16,7 @@ from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text,
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.sections import Sampled
@@ -91,6 +92,7 @@ def begun(scene: AnyScene, folder: Path, options: Options) -> Iterator[dict[str,
         with writable(folder):
             replace_text(folder / SCENE, text)
         yield {
+            "format": FORMAT,
             "name": scene.name,
             "scene_sha256": scene_digest(text),
             "tolerance": scene.time.tolerance,

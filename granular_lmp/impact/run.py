@@ -41,6 +41,7 @@ from granular_lmp.lammps.outputs import (
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start, read_unfinished
 from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.routes import Job, Route, log_tail, route_of
@@ -255,6 +256,7 @@ def description(problem: ImpactProblem, launcher: str, ranks: int) -> dict[str, 
     """Return the entries of ``run.json`` that are known before the run."""
     scene = problem.scene
     return {
+        "format": FORMAT,
         "name": scene.name,
         "scene_sha256": scene_digest(scene.to_toml()),
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},

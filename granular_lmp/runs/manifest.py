@@ -15,6 +15,7 @@ from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
+from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import CrystalAtRest
 from granular_lmp.scene.scene import Scene
@@ -24,6 +25,7 @@ def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict
     """Return the entries of ``run.json`` that are known before the run; `edits` are those of the deck."""
     problem, scene, sphere, time_ = deck.problem, deck.scene, deck.scene.sphere, deck.scene.time
     return {
+        "format": FORMAT,
         "name": scene.name,
         "scene_sha256": scene_digest(scene.to_toml()),
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},

@@ -30,6 +30,7 @@ from granular_lmp.runs.agreement import (
     refuse_other_trajectory,
 )
 from granular_lmp.runs.folder import is_held
+from granular_lmp.runs.formats import format_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
@@ -291,6 +292,10 @@ def _status(folder: Path) -> dict[str, Any]:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     if not isinstance(info, dict):
         raise RunFolderError(f"{path}: must hold a JSON object")
+    try:
+        format_of(info)
+    except ValueError as error:
+        raise RunFolderError(f"{path}: {error}") from error
     for key, needed in _ENTRIES.items():
         table = info.get(key, {})
         if not isinstance(table, dict):
