@@ -27,6 +27,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import read_unfinished
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
@@ -100,6 +101,7 @@ def run(
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-4. At 1e-5 some waves take more than 256 steps per sample, and
     below it the rounding of positions dominates (docs/accuracy.md).
     """
+    folder = absolute(folder)
     options = launch.Options(launcher, ranks, force, progress, kernel)
     if isinstance(what, Deck) or what.time.tolerance is None:
         return launch.launch(what, folder, options, _budget)
@@ -131,7 +133,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     LammpsMissingError, LammpsError, EffectError, ToleranceError, RunInterrupted
         As in `run`.
     """
-    folder = Path(folder).absolute()
+    folder = absolute(folder)
     if (folder / SWEEP).is_file():
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
     if "tolerance" not in read_status(folder):
@@ -146,11 +148,11 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         return refine(Scene.load(folder / SCENE), folder, one, progress, info)
 
 
-def _to_tolerance(scene: Scene, folder: str | Path, options: launch.Options) -> Record:
+def _to_tolerance(scene: Scene, folder: Path, options: launch.Options) -> Record:
     scene = prepare(scene).scene
     check_floor(scene, linear_signals(scene))
     kernel = {"kernel": library.description()} if options.kernel else {}
-    with begun(scene, folder := Path(folder).absolute(), options) as info:
+    with begun(scene, folder, options) as info:
         return refine(scene, folder, _one(options), options.progress, info | kernel)
 
 

@@ -40,6 +40,7 @@ from granular_lmp.lammps.outputs import (
 )
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start, read_unfinished
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import Options, Progress
@@ -91,18 +92,17 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
     *Good values*: ``time.tolerance`` from 1e-2 to 1e-5, or a step of 1/70 of the collision time, which leaves errors of
     1e-3 after 12 of them.
     """
-    options = options or Options()
+    folder, options = absolute(folder), options or Options()
     if options.kernel:
         raise LaunchError("kernel=True: impacts run without it")
     if isinstance(what, ImpactScene) and what.time.tolerance is not None:
-        return _to_tolerance(what, Path(folder).absolute(), options)
+        return _to_tolerance(what, folder, options)
     began = perf_counter()
     deck = what if isinstance(what, ImpactDeck) else deck_of(prepare(what))
     info = description(deck.problem, "lmp" if options.program else "module", options.ranks)
     if deck is what and (edits := differing_lines(deck_of(deck.problem).input_text, deck.input_text)):
         info["edited"] = edits
     route = route_of(options.program, options.ranks)
-    folder = Path(folder).absolute()
     with locked(folder, make=True, force=options.force) as lock:
         clear(folder)
         write_files(folder, deck.files())
@@ -124,7 +124,7 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
     EffectError, LammpsMissingError, LammpsError, RunInterrupted
         As `run_impact`.
     """
-    folder = Path(folder).absolute()
+    folder = absolute(folder)
     began = perf_counter()
     if "tolerance" in read_status(folder):
         return _resumed(folder, progress)

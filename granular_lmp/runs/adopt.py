@@ -22,6 +22,7 @@ from granular_lmp.lammps.deck import Deck, deck_of, written_text
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.launch import Job, execute, mend
 from granular_lmp.runs.manifest import description, wall_seconds
@@ -78,8 +79,9 @@ def adopt(
     EffectError
         When an effect that the deck leaves out was there.
     """
-    source = Path(source).absolute()
+    source = absolute(source)
     declared = scene or _scene(source)
+    place = absolute(folder or f"runs/{declared.name}")
     log = _text(source / LOG)
     said = said_variables(log)
     if said is None and not changes:
@@ -101,7 +103,6 @@ def adopt(
     deck = _deck(source, declared, problem)
     info = description(deck, deck.edits(), "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
     info["wall_seconds"] = wall_seconds({}, read_log(source / LOG).sections)  # all of the time that is known
-    place = Path(folder or f"runs/{declared.name}").absolute()
     with locked(place, make=True, force=force) as lock:
         clear(place)
         write_files(place, {**deck.files(), SCENE: [deck.scene.to_toml()]})

@@ -41,6 +41,7 @@ from granular_lmp.lammps.outputs import (
 )
 from granular_lmp.problem import prepare
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
@@ -95,6 +96,7 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
     SceneError, RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
         As in `granular_lmp.run`.
     """
+    folder = absolute(folder)
     with collected() as seconds:
         with phase("build"):
             deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
@@ -103,7 +105,6 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
         # Missing programs and libraries are reported before a file is written
         route = route_of(options.program, options.ranks)
         kernel = _kernel_of(deck) if options.kernel else None
-        folder = Path(folder).absolute()
         with locked(folder, make=True, force=options.force) as lock:
             with phase("write"):
                 clear(folder)
@@ -140,7 +141,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
     between held rows they may differ by 1e-14 D0, because contacts are summed in another order. With damping or sliding
     they differ by up to 1e-6 D0, because LAMMPS sets up a run with other velocities than those between its steps.
     """
-    folder = Path(folder).absolute()
+    folder = absolute(folder)
     read_status(folder)  # raises if the folder holds no run
     with collected() as seconds, locked(folder) as lock:
         info = read_start(folder)

@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import chdir, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,13 +23,14 @@ from granular_lmp.lammps.guards import ELSEWHERE
 from granular_lmp.lammps.installation import environment, lammps_module, lmp_command
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
+from granular_lmp.runs.directory import working_in
 from granular_lmp.runs.phases import phase
 
 LAUNCHERS = ("module", "lmp")
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
 _GRACE = 0.5  # s between the request to stop and the kill of a program
-_working_directory = threading.Lock()  # LAMMPS opens files relative to it, and a process has only one
+_one_at_a_time = threading.Lock()  # for LAMMPS in this process
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def route_of(program: bool, ranks: int) -> Route:
 
 
 def _run_module(module: Any, job: Job) -> None:
-    with _working_directory, chdir(job.folder), ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool:
+    with _one_at_a_time, ThreadPoolExecutor(1, thread_name_prefix="lammps") as pool, working_in(job.folder, pool):
         try:
             with phase("start"):
                 instance = pool.submit(_instance, module, job).result()

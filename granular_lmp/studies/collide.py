@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from granular_lmp.errors import LammpsError, SceneError
 from granular_lmp.lammps.outputs import SCENE, read_dump, writable
 from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.launch import run_files
 from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
 
@@ -161,7 +162,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
-    folder = Path(folder).absolute()
+    folder = absolute(folder)
     name = f"in.{collision.name}"
     run_files(folder, {SCENE: [collision.to_toml()], name: [deck_text(collision)]}, name, force=force)
     with writable(folder):

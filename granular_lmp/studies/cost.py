@@ -23,6 +23,7 @@ from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.ladder import build
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.outputs import COST, replace_text, writable
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.launch import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
@@ -120,7 +121,7 @@ def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = 
         If the budget is too small for the reference and one setting.
     """
     started = monotonic()
-    folder, scene = Path(folder).absolute(), base(scene)
+    folder, scene = absolute(folder), base(scene)
     _check_folder(folder, scene)
     made, left_out = points(scene)
     whole = Plan(folder, scene, [reference(scene), *made], left_out, repeats, budget, started, 1.0, 0.0, {})

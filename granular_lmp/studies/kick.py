@@ -18,6 +18,7 @@ from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
 from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.launch import run_files
 from granular_lmp.scene.scene import Scene
 
@@ -97,8 +98,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
+    folder = absolute(folder)
     _refuse_unfit(scene)
-    folder = Path(folder).absolute()
     deck = kicked(build(scene), seed)
     scene = deck.scene
     dump = " ".join([SHEET_DUMP, *SHEET_COLUMNS])

@@ -24,6 +24,7 @@ from granular_lmp.crystal.row_waves import Line, lattice_at, line_of, row_waves
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.lammps.outputs import SCATTER, csv_text, replace_text, writable
 from granular_lmp.problem import Problem, prepare
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.linear import physics_of, unit_contacts
@@ -157,6 +158,7 @@ def scatter(
     RunFolderError, EffectError, LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
+    folder = absolute(folder)
     source = _source_of(scene)
     if tones and source.kind != "burst":
         raise SceneError(f"tones = {tones}: must be 0 for a source that is a tone itself")
@@ -183,7 +185,6 @@ def scatter(
     frequencies = _running(windows, scene, frequency * np.linspace(1 - width, 1 + width, FREQUENCIES if width else 1))
     inner = frequencies[np.abs(frequencies / frequency - 1) <= width / 2]
     chosen = inner[np.unique(np.round(np.linspace(0, len(inner) - 1, tones)).astype(int))] if tones else inner[:0]
-    folder = Path(folder).absolute()
     runs = [(scene, "", frequencies)]
     runs += [(_as_tone(scene, float(each)), f"tone_{k}_", np.array([each])) for k, each in enumerate(chosen, 1)]
     rows: list[Row] = []

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
+from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import optional_package, write_status
 from granular_lmp.studies.executors import stop_requested
@@ -73,7 +74,7 @@ class Sweep:
         SceneError
             If the scene is not valid in this version.
         """
-        folder = Path(folder).absolute()
+        folder = absolute(folder)
         request = _read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
@@ -188,7 +189,7 @@ def sweep(
     RunInterrupted
         On Ctrl-C; finished runs are kept.
     """
-    folder = Path(folder).absolute()
+    folder = absolute(folder)
     asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
     grid = points(scene, asked)
     made = {name: each for _, name, each in grid}
