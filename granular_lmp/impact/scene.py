@@ -6,7 +6,6 @@ A TOML file with a table ``[[striker]]`` or ``[start]`` is such a scene. It has 
 (`granular_lmp.crystal.scale`).
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,8 +21,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.impact.sections import FREE, PERIODIC, Effects, Output, Packing, Striker, Time
 from granular_lmp.impact.start import Start, located
 from granular_lmp.scene.document import Document
+from granular_lmp.scene.files import file_text, first_file, toml_tables
 from granular_lmp.scene.places import place_troubles
-from granular_lmp.scene.schema import NOT_TOML, file_text, first_file
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -335,6 +334,6 @@ def is_impact(source: str | Path) -> bool:
     if found is None:
         return False
     try:
-        return not tomllib.loads(file_text(found)).keys().isdisjoint(ImpactScene.marks)
-    except NOT_TOML:
+        return not toml_tables(file_text(found)).keys().isdisjoint(ImpactScene.marks)
+    except SceneError:
         return False  # the reader of scenes says what is wrong

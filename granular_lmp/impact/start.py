@@ -8,6 +8,8 @@ time of a run is a state; the shear of contacts that rub is not in it.
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
+from itertools import islice
 from math import hypot, isfinite
 from pathlib import Path
 from typing import Any
@@ -16,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.schema import Rule, one_line, shown
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
 TIME = "t_s"  # A file may have it too, as it names each sphere once
-MOST = 5000  # spheres: a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
+MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 SMALLEST, LARGEST = 1e-30, 1e9  # any number but 0, in SI: no power of it overflows, or is lost
 
 
@@ -120,10 +123,10 @@ def _checked(values: Any, where: str) -> tuple[float, ...]:
 def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
     """Yield where each line of a file is and its numbers, in the order of COLUMNS; columns left out are 0."""
     file = f"{key} = {shown(name)}"
+    text = file_text(Path(name), LARGEST_TABLE, file)
     try:
-        with Path(name).open(encoding="utf-8-sig", newline="") as stream:
-            lines = [line for _, line in zip(range(MOST + 2), csv.reader(stream), strict=False)]
-    except (OSError, ValueError, csv.Error) as error:  # ValueError: bytes that are not UTF-8, a name that no file has
+        lines = [*islice(csv.reader(StringIO(text, newline="")), MOST + 2)]
+    except csv.Error as error:
         raise SceneError(f"{file}: cannot be read as a CSV file: {one_line(error)}") from error
     names = [each.strip() for each in lines[0]] if lines else []
     for needed in COLUMNS[:2]:

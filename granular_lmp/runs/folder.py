@@ -3,7 +3,6 @@
 import fcntl
 import os
 import re
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -26,7 +25,8 @@ from granular_lmp.lammps.outputs import (
     SWEEP,
     writable,
 )
-from granular_lmp.scene.schema import NAME_PATTERN, NOT_TOML, checked_name, file_text, shown
+from granular_lmp.scene.files import file_text, toml_tables
+from granular_lmp.scene.schema import NAME_PATTERN, checked_name, shown
 
 # Files that a run, a kicked sheet, a collision, or a comparison with theory writes beside its deck
 _FILES = (
@@ -110,8 +110,8 @@ def clear(folder: Path) -> None:
 
 def _names(folder: Path) -> tuple[str, list[str]]:
     """Return the names of the scene in a folder and of its monitors, which are parts of file names; "" without one."""
-    with suppress(SceneError, *NOT_TOML):
-        tables = tomllib.loads(file_text(folder / SCENE))
+    with suppress(SceneError):
+        tables = toml_tables(file_text(folder / SCENE))
         monitors = tables.get("monitor", ())
         named = [str(each.get("name")) for each in monitors if isinstance(each, dict)]
         safe = [each for each in named if re.fullmatch(NAME_PATTERN, each)]

@@ -1,6 +1,5 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,18 +7,17 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.schema import (
-    NOT_TOML,
     Rules,
     checked_description,
     checked_name,
     cut,
     declared_fields,
     default_name,
-    file_text,
     head_lines,
-    one_line,
     plain,
+    plain_value,
     record,
     refuse_unknown,
     shown,
@@ -84,10 +82,7 @@ class Document:
 
         Files that it names are relative to `folder`, by default the current one.
         """
-        try:
-            tables = tomllib.loads(text)
-        except NOT_TOML as error:
-            raise SceneError(f"not valid TOML: {one_line(error)}") from error
+        tables = toml_tables(text)
         return cls.from_dict(cls.located(tables, folder) if folder else tables, default)
 
     @classmethod
@@ -98,6 +93,7 @@ class Document:
     @classmethod
     def from_dict(cls, tables: Mapping[str, Any], default: str | None = None) -> Self:
         """Return the document of nested mappings, as `to_dict` gives them; every key and value is checked."""
+        tables = plain_value(tables)
         refuse_unknown(tables, ("name", "description", *cls.sections, *cls.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), cls.named)
         tables = cls.completed(tables)

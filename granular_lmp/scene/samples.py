@@ -7,6 +7,8 @@ the first sample it is 0, and after the last one it keeps the value of that.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
+from itertools import islice
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import Rule, one_line, shown
+from granular_lmp.scene.files import LARGEST_TABLE, file_text
+from granular_lmp.scene.schema import Rule, shown
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
 Samples = Sequence[tuple[float, float]]  # (τ, value) of each
 HEADER = "tau,value"
 FEWEST = 5
-# All sources together: a deck of 1 MB, and a scene file below `granular_lmp.scene.schema.LARGEST_FILE`
+# All sources together: a deck of 1 MB, and a scene file below `granular_lmp.scene.files.LARGEST_FILE`
 MOST = 10_000
 LARGEST = 1e6
 UNEVEN = 1e-6  # Steps of τ differ by this share at most: files with seven digits pass
@@ -78,11 +81,8 @@ def _is_number(value: Any) -> bool:
 
 
 def _read(name: str, key: str) -> list[list[float]]:
-    try:
-        with Path(name).open(encoding="utf-8-sig") as stream:
-            lines = [line.strip() for _, line in zip(range(MOST + 3), stream, strict=False)]
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have, or bytes that are not UTF-8
-        raise SceneError(f"{key} = {shown(name)}: cannot be read as UTF-8 text: {one_line(error)}") from error
+    text = file_text(Path(name), LARGEST_TABLE, f"{key} = {shown(name)}")
+    lines = [line.strip() for line in islice(StringIO(text, newline=None), MOST + 3)]
     if not lines or lines[0].replace(" ", "") != HEADER:
         raise SceneError(f"{key} = {shown(name)}: line 1 must be {HEADER}, here {shown(lines[0] if lines else '')}")
     pairs = []

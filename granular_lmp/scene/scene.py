@@ -22,11 +22,11 @@ from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import remarks, validation
 from granular_lmp.scene.document import Document
+from granular_lmp.scene.files import assignment as assignment
+from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
-from granular_lmp.scene.schema import assignment as assignment
-from granular_lmp.scene.schema import first_file
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,

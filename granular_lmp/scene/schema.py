@@ -6,7 +6,6 @@ writing and the error messages.
 
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from decimal import Decimal
@@ -16,19 +15,17 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.not_there import elsewhere, not_supported
 
 AUTO = "auto"
-# tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
-# Python's stack ends
-NOT_TOML = (ValueError, RecursionError)
 LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.part takes more of them
 LONGEST_PART = 40  # characters of a name that is a part of file names
 NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
 MOST_IN_LINE = 20  # arrays in an array
-LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 _JSON = json.JSONEncoder(ensure_ascii=False)
 
 
@@ -215,6 +212,23 @@ def switch(meaning: str) -> Any:
     return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,))}, default=AUTO)
 
 
+def plain_value(value: Any) -> Any:
+    """Return numpy's numbers and arrays as Python's, in mappings and lists too; all else stays as it is.
+
+    A scalar of numpy compares, but writes itself into a deck with its type, and JSON does not know it. Subclasses of
+    arrays are left alone: they have units or masks, which a number would lose.
+    """
+    if isinstance(value, Mapping):
+        return {key: plain_value(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [plain_value(each) for each in value]
+    if isinstance(value, tuple):
+        return tuple(plain_value(each) for each in value)
+    if isinstance(value, np.generic) or type(value) is np.ndarray:
+        value = value.tolist()
+    return float(value) if isinstance(value, np.longdouble) else value
+
+
 def short(value: float) -> str:
     """Return a number in its usual short form: 1e-9, 0.05, 10000000."""
     if isinstance(value, int):
@@ -280,39 +294,6 @@ def toml(value: Any) -> str:
     if isinstance(value, float) and not 1e-4 <= abs(value) < 1e6 and value:
         return f"{Decimal(repr(value)).normalize():e}"
     return _JSON.encode(value)
-
-
-def assignment(text: str) -> tuple[str, Any]:
-    """Return ``("wave.wavenumber", 1.2)`` for ``"wave.wavenumber=1.2"``; a value that is not TOML is a bare word."""
-    key, equals, value = text.partition("=")
-    if not equals or not key.strip() or not value.strip():
-        raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
-    try:
-        (parsed,) = tomllib.loads(f"value = {value}").values()
-    except NOT_TOML:  # also where a second line sets another key
-        return key.strip(), value.strip()
-    return key.strip(), parsed
-
-
-def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
-    """Return the first candidate that is a file, or raise SceneError if no file can have that name."""
-    try:
-        return next((path for path in candidates if path.is_file()), None)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
-
-
-def file_text(path: Path) -> str:
-    """Return the text of a scene file, or raise SceneError if it cannot be read, is not UTF-8, or is too large."""
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST_FILE + 1)
-        text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: cannot be read as UTF-8 text: {one_line(error)}") from error
-    if len(raw) > LARGEST_FILE:
-        raise SceneError(f"{path}: is no scene file: larger than {LARGEST_FILE} bytes")
-    return text
 
 
 def refuse_unknown(table: Mapping[str, Any], names: Iterable[str], prefix: str) -> None:

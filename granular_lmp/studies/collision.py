@@ -20,8 +20,9 @@ from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.document import Document
+from granular_lmp.scene.files import first_file
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
-from granular_lmp.scene.schema import choice, count, first_file, number
+from granular_lmp.scene.schema import choice, count, number
 from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
 

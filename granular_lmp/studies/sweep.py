@@ -23,6 +23,7 @@ from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, w
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import optional_package, write_status
+from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.executors import stop_requested
 from granular_lmp.studies.runnable import Motion, Runnable, load, resume, run, scene_of, spheres_and_steps
 from granular_lmp.studies.sweep_points import points, scene_hash
@@ -190,7 +191,7 @@ def sweep(
         On Ctrl-C; finished runs are kept.
     """
     folder = absolute(folder)
-    asked = {key: [x.item() if isinstance(x, np.generic) else x for x in values] for key, values in over.items()}
+    asked = {key: plain_value([*values]) for key, values in over.items()}
     grid = points(scene, asked)
     made = {name: each for _, name, each in grid}
     with locked(folder, make=True, force=True):

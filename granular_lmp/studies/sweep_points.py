@@ -10,7 +10,8 @@ from math import prod
 from typing import Any
 
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import assignment, cut, shown
+from granular_lmp.scene.files import assignment
+from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.runnable import Runnable, decided
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair

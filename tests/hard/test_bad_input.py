@@ -22,7 +22,7 @@ from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.run import description as describe_impact
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
-from granular_lmp.scene.schema import assignment
+from granular_lmp.scene.files import assignment
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies.collision import Collision, deck_text
 from granular_lmp.studies.sweep_points import axes, points

@@ -1,0 +1,75 @@
+"""Files that a user names: scenes in TOML and tables in CSV, read whole and never more than a bound.
+
+A name may lead to a device or a pipe, which never end, and a TOML key of thousands of parts takes minutes to parse.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.schema import one_line, shown
+
+LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
+LARGEST_TABLE = 4_000_000  # bytes of a CSV file; the largest that a scene can hold has 0.8 MB at full precision
+MOST_PARTS = 100  # of a dotted key, for which tomllib takes a time that grows as the square; ours have two
+# tomllib raises a plain ValueError for whole numbers of more than 4300 digits, and recurses into nested brackets until
+# Python's stack ends
+_NOT_TOML = (ValueError, RecursionError)
+# Possessive, so that the search takes one pass over the text; no key begins in the middle of a word or of a string
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')[ \t]*+"""
+_LONG_KEY = re.compile(rf"(?<![\w\\-])(?:{_PART}\.[ \t]*+){{{MOST_PARTS}}}")
+
+
+def first_file(source: object, candidates: Iterable[Path]) -> Path | None:
+    """Return the first candidate that is a file, or raise SceneError if no file can have that name."""
+    try:
+        return next((path for path in candidates if path.is_file()), None)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{shown(source)}: no such scene file: {one_line(error)}") from error
+
+
+def file_text(path: Path, largest: int = LARGEST_FILE, said: str = "") -> str:
+    """Return the text of a file; `said` is what the user wrote for it, if that is not its path.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read, is a device or a pipe, is not UTF-8, or has more than `largest` bytes.
+    """
+    said = said or str(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise SceneError(f"{said}: must be a regular file, not a folder, device or pipe")
+        with path.open("rb") as stream:
+            raw = stream.read(largest + 1)
+        text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have, or bytes that are not UTF-8
+        raise SceneError(f"{said}: cannot be read as UTF-8 text: {one_line(error)}") from error
+    if len(raw) > largest:
+        raise SceneError(f"{said}: is too large: must be at most {largest} bytes")
+    return text
+
+
+def toml_tables(text: str) -> dict[str, Any]:
+    """Return the tables of TOML text, or raise SceneError if it is not valid, or a key has too many parts."""
+    if _LONG_KEY.search(text):
+        raise SceneError(f"not a scene: a key has more than {MOST_PARTS} parts")
+    try:
+        return tomllib.loads(text)
+    except _NOT_TOML as error:
+        raise SceneError(f"not valid TOML: {one_line(error)}") from error
+
+
+def assignment(text: str) -> tuple[str, Any]:
+    """Return ``("wave.wavenumber", 1.2)`` for ``"wave.wavenumber=1.2"``; a value that is not TOML is a bare word."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip() or not value.strip():
+        raise SceneError(f"{shown(text)}: must be KEY=VALUE, for instance wave.wavenumber=1.2")
+    try:
+        (parsed,) = toml_tables(f"value = {value}").values()
+    except (SceneError, ValueError):  # ValueError: a second line sets another key
+        return key.strip(), value.strip()
+    return key.strip(), parsed
