@@ -1,6 +1,7 @@
 """What plain lmp left becomes a run folder, and what its files do not say is asked for."""
 
 import json
+import random
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -11,7 +12,7 @@ import pytest
 
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
-from granular_lmp.errors import LammpsError, RunFolderError
+from granular_lmp.errors import GranularError, LammpsError, RunFolderError
 from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.adopt import adopt
@@ -121,6 +122,61 @@ def test_a_file_that_is_missing_is_named(name: str, left: Left, tmp_path: Path) 
     with pytest.raises(RunFolderError, match=name):
         adopt(folder, tmp_path / "adopted")
     assert not (tmp_path / "adopted").exists()
+
+
+@pytest.mark.parametrize(
+    ("found", "put", "message"),
+    [
+        ("variables: ", "variables: x ", "says 'x' among its variables: must be NAME=VALUE"),
+        (" amplitude=0.2 ", " amplitude ", "says 'amplitude' among its variables: must be NAME=VALUE"),
+        (" amplitude=0.2 ", " amplitude= ", "says 'amplitude=' among its variables: must be NAME=VALUE"),
+        (" amplitude=0.2 ", " amplitude=much ", "says a variable that must be a number: .*'much'"),
+        (" amplitude=0.2 ", " amplitude=nan ", r"wave\.amplitude = nan: must be a number"),
+        (" dump=dump.centre", " dump=../left/dump.centre", "must be a file of the same folder"),
+        (
+            "Loop time of ",
+            "Loop time of x",
+            "cannot be read as a log of LAMMPS: 'x.*': must be a number of",
+        ),
+        ("Loop time of ", "Loop time of 1e400\nLoop time of ", "'1e400': must be a number of seconds"),
+        ("Pair    | ", "Pair    | nan | x | ", "'x': must be a number of seconds"),
+    ],
+)
+def test_a_malformed_log_is_one_line_that_says_what_is_wrong(
+    found: str, put: str, message: str, left: Left, tmp_path: Path
+) -> None:
+    log = left() / "log.lammps"
+    text = log.read_text()
+    assert found in text
+    log.write_text(text.replace(found, put))
+    with pytest.raises(GranularError, match=message) as error:
+        adopt(log.parent, tmp_path / "adopted")
+    assert len(str(error.value)) < 400
+
+
+def garbled(lines: list[str], at: int, draw: random.Random) -> str:
+    """The lines with one of them cut off, or with another word in it."""
+    words = ["nan", "-1", "1e400", "x", "", "=", "9" * 5000, "\0", "Step", "../x", "a=b"]
+    line = lines[at].split(" ")
+    line[draw.randrange(len(line))] = draw.choice(words)
+    instead = draw.choice([" ".join(line), lines[at][: draw.randrange(len(lines[at]))]])
+    return "".join([*lines[:at], instead, *lines[at + 1 :]])
+
+
+def test_a_garbled_log_is_one_line(left: Left, tmp_path: Path) -> None:
+    folder, draw, said = left(), random.Random(1), []
+    log = folder / "log.lammps"
+    lines = log.read_text().splitlines(True)
+    begins = ("granular-lmp", "Loop", "Step", "Pair ", "  1 by", "Neighbor")
+    wanted = [at for at, line in enumerate(lines) if line.startswith(begins)]
+    for _ in range(80):
+        log.write_text(garbled(lines, draw.choice(wanted), draw))
+        try:
+            adopt(folder, tmp_path / "adopted", force=True)
+        except GranularError as error:
+            said.append(str(error))
+    assert max(map(len, said)) < 400
+    assert len(said) > 10  # else nothing was garbled
 
 
 def test_a_run_that_was_cut_off_is_kept_as_failed(left: Left, tmp_path: Path) -> None:

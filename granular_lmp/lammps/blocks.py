@@ -7,8 +7,11 @@ out.
 import re
 from collections.abc import Mapping
 
+from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps import sources
+from granular_lmp.lammps.outputs import LOG
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import cut
 
 _HEADING = """\
 # <title>
@@ -217,9 +220,23 @@ def variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
 
 
 def said_variables(log: str) -> dict[str, str] | None:
-    """Return the variables of the run of a log, name → value; None if the log does not say them."""
+    """Return the variables of the run of a log, name → value; None if the log does not say them.
+
+    Raises
+    ------
+    RunFolderError
+        If it says a word that is not NAME=VALUE.
+    """
     lines = [line for line in log.splitlines() if line.startswith(_SAID)]
-    return dict(pair.split("=", 1) for pair in lines[-1].removeprefix(_SAID).split()) if lines else None
+    if not lines:
+        return None
+    said = {}
+    for word in lines[-1].removeprefix(_SAID).split():
+        name, equals, value = word.partition("=")
+        if not (name and equals and value):
+            raise RunFolderError(f"{LOG}: says {cut(word)!r} among its variables: must be NAME=VALUE")
+        said[name] = value
+    return said
 
 
 def written(scene: Scene) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
+from granular_lmp.scene.schema import cut
 
 SCENE = "scene.toml"
 DUMP = "dump.centre"
@@ -39,6 +40,7 @@ DUMP_COLUMNS = (
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
 _LIST_BUILDS = re.compile(r"^Neighbor list builds = (\d+)", re.MULTILINE)
+_LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
 
@@ -109,7 +111,7 @@ def read_snapshot(stream: TextIO) -> tuple[int, list[str], NDArray[np.float64]] 
     if len(head) < _LINES_BEFORE_ATOMS or not head[-1].endswith("\n"):
         return None
     if head[0] != _SNAPSHOT.decode():
-        raise ValueError(f"line {head[0].strip()!r}, expected {_SNAPSHOT.decode().strip()!r}")
+        raise ValueError(f"line {cut(head[0].strip())!r}, expected {_SNAPSHOT.decode().strip()!r}")
     step, entries, names = int(head[1]), int(head[3]), head[-1].split()[2:]
     lines = list(islice(stream, entries))
     if len(lines) < entries or (lines and not lines[-1].endswith("\n")):
@@ -145,7 +147,7 @@ def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[s
     for step, names, table in read_snapshots(path):
         if names not in map(list, allowed) or len(table) != spheres:
             raise RunFolderError(
-                f"{path}: holds {' '.join(names)} of {len(table)} spheres at step {step}, "
+                f"{path}: holds {cut(' '.join(names))} of {len(table)} spheres at step {step}, "
                 f"expected {' or '.join(map(' '.join, allowed))} of {spheres}"
             )
         allowed = (names,)  # the same in all snapshots
@@ -312,15 +314,18 @@ def read_log(path: str | Path) -> RunLog:
     Raises
     ------
     RunFolderError
-        If the log cannot be read.
+        If the log cannot be read, or says seconds that are no number.
     """
+    try:
+        return _log_of(Path(path).read_text(encoding="utf-8", errors="replace"))
+    except (OSError, ValueError) as error:
+        raise RunFolderError(f"{path}: cannot be read as a log of LAMMPS: {error}") from error
+
+
+def _log_of(text: str) -> RunLog:
     tables: dict[tuple[str, ...], list[list[float]]] = {}
     seconds: dict[tuple[str, ...], float] = {}
     names: tuple[str, ...] = ()
-    try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise RunFolderError(f"{path}: cannot be read: {error}") from error
     inside = False
     for line in text.split("\n")[:-1]:
         words = line.split()
@@ -328,7 +333,7 @@ def read_log(path: str | Path) -> RunLog:
             names, inside = tuple(words), True
             tables.setdefault(names, [])
         elif words[:3] == ["Loop", "time", "of"]:
-            seconds[names] = seconds.get(names, 0.0) + float(words[3])
+            seconds[names] = seconds.get(names, 0.0) + _seconds(" ".join(words[3:4]))
             inside = False
         elif inside and len(words) == len(names):
             try:
@@ -350,8 +355,18 @@ def read_log(path: str | Path) -> RunLog:
     )
 
 
+def _seconds(word: str) -> float:
+    try:
+        seconds = float(word)
+    except ValueError:
+        seconds = nan
+    if not 0 <= seconds < _LONGEST:
+        raise ValueError(f"{cut(word.strip())!r}: must be a number of seconds")
+    return seconds
+
+
 def _sections(log: str, loop: float) -> dict[str, float]:
     sections = dict.fromkeys(LOOP_SECTIONS, 0.0)
     for name, seconds in _SECTION.findall(log):  # the preload of one step has none
-        sections[f"loop.{name.lower()}"] += float(seconds)
+        sections[f"loop.{name.lower()}"] += _seconds(seconds)
     return sections | {"loop.other": loop - sum(sections.values())}

@@ -5,6 +5,7 @@ guessed: it is asked for by name. The record is held against the scene: at its f
 where the wave of the scene puts it.
 """
 
+import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -30,6 +31,7 @@ from granular_lmp.runs.phases import collected
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import shown
 
 # Variable of a deck → key of the scene
 _KEYS = {
@@ -40,6 +42,7 @@ _KEYS = {
     "ramp": "envelope.ramp",
     "particles": "output.particles",
 }
+_GRID = re.compile(r"^ *(\d{1,6}) by (\d{1,6}) by (\d{1,6}) MPI processor grid$", re.MULTILINE)
 _SAME = 1e-9  # relative, of a number that was written with 17 digits and read back
 _PLACED = 1e-6  # D0: LAMMPS puts a sphere to 1e-10 of where the wave has it; another amplitude is off by far more
 
@@ -94,6 +97,8 @@ def adopt(
     values = said or {}
     problem = prepare(declared.with_values({**_overrides(declared, values), **(changes or {})}))
     dump = source / values.get("dump", DUMP)
+    if dump.parent != source:
+        raise RunFolderError(f"{source / LOG}: says dump = {shown(values['dump'])}: must be a file of the same folder")
     if not dump.is_file():
         raise RunFolderError(f"{dump}: missing; the record is made from it")
     for name in monitor_files(problem.scene):
@@ -140,7 +145,7 @@ def _overrides(scene: Scene, said: Mapping[str, str]) -> dict[str, Any]:
         given = {_KEYS[name]: float(value) for name, value in said.items() if name in _KEYS}
         friction = float(said["friction"]) if "friction" in said else None
     except ValueError as error:
-        raise RunFolderError(f"{LOG}: a variable is no number: {error}") from error
+        raise RunFolderError(f"{LOG}: says a variable that must be a number: {error}") from error
     declared = scene.to_dict()
     changed = {key: value for key, value in given.items() if not _same(value, _at(declared, key))}
     if friction is not None:
@@ -194,6 +199,6 @@ def _deck(source: Path, declared: Scene, problem: Problem) -> Deck:
 
 
 def _ranks(log: str) -> int:
-    """Return the number of MPI ranks from "2 by 1 by 1 MPI processor grid"."""
-    words = next((line.split() for line in log.splitlines() if line.endswith("MPI processor grid")), ["1", "by"])
-    return prod(int(word) for word in words[:5:2])
+    """Return the number of MPI ranks from "2 by 1 by 1 MPI processor grid"; 1 if the log does not say it."""
+    grid = _GRID.search(log)
+    return prod(map(int, grid.groups())) if grid else 1
