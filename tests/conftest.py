@@ -30,13 +30,12 @@ PAPER = Scene.load("tr_nonresonant")
 def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]:
     """Runs of the paper's set-up with values changed, each made once: ``paper_run({"wave.wavenumber": 1.475})``.
 
-    A strip has the rows that the centre hears and one column, which tests/test_effects.py and
-    tests/test_single_column.py find to be the same as 201 rows and three columns.
+    A strip has the rows that the centre hears, which tests/test_effects.py finds to be the same as 201.
     """
     done: dict[str, Record] = {}
 
     def make(changes: dict[str, Any] | None = None) -> Record:
-        changes = {"packing.rows": "auto", "packing.columns": 1} | (changes or {})
+        changes = {"packing.rows": "auto"} | (changes or {})
         key = repr(sorted(changes.items()))
         if key not in done:
             folder = tmp_path_factory.mktemp("paper") / "run"

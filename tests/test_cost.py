@@ -175,12 +175,6 @@ def test_what_a_scene_cannot_have_is_left_out_with_the_reason(small: Scene) -> N
     assert "tolerance, strip: 1e-06" not in map(str, made)
 
 
-def test_one_column_leaves_the_dumps_of_all_spheres_out(small: Scene) -> None:
-    made, refused = points(small.with_values({"packing.columns": 1}))
-    assert [point.setting for point in made if point.knob == "output"] == ["probe", "probe, 6 digits"]
-    assert "takes no dump of all spheres" in refused["output: all, binary"]
-
-
 def test_an_effect_that_is_off_is_not_switched_off_again(small: Scene) -> None:
     made, refused = points(small.with_values({"effects.rotation": False}))
     assert refused == {

@@ -264,10 +264,9 @@ def test_a_longitudinal_wave_is_the_same_with_every_effect_on(scene: Scene, boun
     assert everything.info["effects"]["rotation"]["on"] is True
 
 
-# One column, which tests/test_single_column.py finds to be the same as three
 @pytest.mark.parametrize("xi", [0.802, 1.475, 2.127])
 def test_the_fewest_quiet_rows_give_the_same_as_201(xi: float, tmp_path: Path) -> None:
-    scene = PAPER.with_values({"wave.wavenumber": xi, "packing.columns": 1})
+    scene = PAPER.with_values({"wave.wavenumber": xi})
     few = run(scene.with_values({"packing.rows": "auto"}), tmp_path / "few")
     assert few.scene.packing.rows == 151
     # The echo time promises 1e-6 of the wave
@@ -276,11 +275,11 @@ def test_the_fewest_quiet_rows_give_the_same_as_201(xi: float, tmp_path: Path) -
 
 @pytest.mark.parametrize(("xi", "rows"), [(0.802, 94), (1.475, 98), (2.127, 130)])
 def test_a_periodic_cell_gives_the_same_as_201_rows_of_its_wave_number(xi: float, rows: int, tmp_path: Path) -> None:
-    one = PAPER.with_values({"wave.wavenumber": xi, "packing.columns": 1})
-    cell = one.with_values({"packing.rows": "auto", "packing.ends": "periodic"})
+    declared = PAPER.with_values({"wave.wavenumber": xi})
+    cell = declared.with_values({"packing.rows": "auto", "packing.ends": "periodic"})
     assert cell.shape.rows == rows
     assert abs(cell.wavenumber - xi) <= 1e-3
-    strip = one.with_values({"wave.wavenumber": cell.wavenumber})
+    strip = declared.with_values({"wave.wavenumber": cell.wavenumber})
     assert same(run(cell, tmp_path / "cell"), run(strip, tmp_path / "strip")) < 1e-6
 
 

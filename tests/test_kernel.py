@@ -145,11 +145,6 @@ def test_an_interrupted_tolerance_continues_with_the_kernel(tmp_path: Path) -> N
     assert all("kernel" in read_status(each) for each in (tmp_path / "run").glob("*_per_sample"))
 
 
-def test_one_column_has_the_numbers_of_lammps_on_the_list_that_is_never_renewed(tmp_path: Path) -> None:
-    kernel, lammps = both(short("tr_nonresonant", **{"packing.columns": 1}), tmp_path)
-    assert largest_difference(kernel, lammps) < ROUNDING
-
-
 def test_a_run_after_one_with_the_kernel_is_without_it(tmp_path: Path) -> None:
     _, kernel = both(SCENES["contacts that open"], tmp_path)
     plain = run(SCENES["contacts that open"], tmp_path / "again")

@@ -68,10 +68,6 @@ def test_a_scene_is_read_back_from_its_text() -> None:
         ({"monitor.1.sample": 2.0}, r"monitor\.1\.sample: unknown key"),
         ({"packing.rows": "auto", "wave.form": "running", "source": []}, r"packing\.rows = 'auto': must be a number"),
         (
-            {"packing.columns": 1, "wave.form": "running", "source": [], "monitor": [LINE]},
-            r"packing\.columns = 1: must be at least 3 with \[\[monitor\]\]",
-        ),
-        (
             {"packing.columns": "auto", "wave.form": "running", "source": []},
             r"packing\.columns = 'auto': must be a number where a monitor has single spheres",
         ),

@@ -12,6 +12,7 @@ from analysis.second_harmonic import mode, ratios
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import rows, torus
 from analysis.theory.wave import Wave
+from granular_lmp import build
 from granular_lmp.crystal.lattices import lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import MODES, bloch_modes
 from granular_lmp.crystal.sphere import Sphere
@@ -366,3 +367,11 @@ def test_one_assignment_sets_one_value() -> None:
     assert assignment("wave.amplitude=1 # half of it") == ("wave.amplitude", 1)
     with pytest.raises(SceneError, match=r"wave.amplitude = '1.nname=2'"):
         PAPER.with_values(dict([assignment("wave.amplitude=1\nname=2")]))
+
+
+def test_one_column_of_an_earlier_release_is_read_as_three_with_a_remark(small: Scene) -> None:
+    scene = small.with_values({"packing.columns": 1})
+    assert scene.shape.columns == 3
+    assert build(scene).input_text == build(small).input_text
+    assert scene.remarks()[0] == "packing.columns 1 is read as 3, the fewest that LAMMPS simulates right"
+    assert not Scene.load("l_chain").remarks()  # a chain has one

@@ -122,9 +122,7 @@ def _check(options: Options) -> int:
         bounds = found.on(ranks)
         if bounds and found.spheres >= WORTH_RANKS:
             say(f"{f'on {ranks}':10}{bounds[0]:.2g} to {bounds[1]:.2g} s{how}")
-    restart = "none: one column cannot be continued"
-    if found.checkpoint is not None:
-        restart = f"a checkpoint about every {found.checkpoint:.3g} minutes"
+    restart = f"a checkpoint about every {found.checkpoint:.3g} minutes"
     say(f"restart   {restart}")
     say(f"memory    about {found.memory / 1e6:.0f} MB")
     say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")

@@ -49,10 +49,10 @@ class Lattice:
 
     @property
     def fewest_columns(self) -> int:
-        """Fewest columns that LAMMPS simulates correctly on any neighbour list.
+        """Fewest columns that LAMMPS simulates correctly.
 
-        With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, which share one shear
-        history when the list is renewed; see `Shape.single_column`.
+        With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
+        the shear of a contact by the neighbour's tag, mixes up the shear of both.
         """
         return 3 if self.endless_rows else 1
 
@@ -86,11 +86,6 @@ class Shape:
     def spheres(self) -> int:
         """Number of spheres."""
         return self.rows * self.columns
-
-    @property
-    def single_column(self) -> bool:
-        """True if one column stands for rows of many, which is right as long as the neighbour list is not renewed."""
-        return self.lattice.endless_rows and self.columns == 1
 
     @property
     def words(self) -> str:

@@ -214,10 +214,6 @@ def _no_law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {}
 
 
-def _always(scene: Scene) -> bool:
-    return True
-
-
 def _second_order(scene: Scene) -> bool:
     return False
 
@@ -249,8 +245,6 @@ class Effect:
         Scene → True if LAMMPS's error is of first order in the time step while the effect is on.
     guard : Guard, optional
         Guard that proves that the effect did not occur.
-    shows : callable
-        Scene → True if the effect could occur in its spheres, so that a guard would show it.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
     in_all : bool
@@ -272,7 +266,6 @@ class Effect:
     refuse: Callable[[Case], str] = _nothing_refused
     first_order: Callable[[Scene], bool] = _second_order
     guard: Guard | None = None
-    shows: Callable[[Scene], bool] = _always
     always: bool = False
     in_all: bool = True
     switch: str = ""
@@ -287,9 +280,9 @@ class Effect:
         """Return whether a scene forces the effect on or off, or "auto"."""
         return self.declared(scene) if self.declared else getattr(scene.effects, self.name)
 
-    def guard_name(self, on: Mapping[str, bool], scene: Scene) -> str:
+    def guard_name(self, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in a deck with these effects on, or "" if no guard is needed."""
-        watched = on.get(self.needs, True) and (self.always or not on[self.name]) and self.shows(scene)
+        watched = on.get(self.needs, True) and (self.always or not on[self.name])
         return self.guard.title if self.guard and watched else ""
 
 

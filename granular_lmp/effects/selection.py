@@ -49,7 +49,7 @@ def select(scene: Scene) -> list[Chosen]:
         finding = effect.called_for(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
         loss = effect.loss(case) if finding.called_for else "nothing"
-        guard = effect.guard_name(on, scene)
+        guard = effect.guard_name(on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
     complete = Case(scene, on)
@@ -76,7 +76,7 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
     found = {}
     for effect in EFFECTS:
         on[effect.name] = effect.wanted(scene) is True
-        found[effect.name] = on[effect.name], effect.guard_name(on, scene)
+        found[effect.name] = on[effect.name], effect.guard_name(on)
     return found
 
 

@@ -3,7 +3,6 @@
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.schema import AUTO
 
 GUARD = Guard(
     title="row_spread",
@@ -22,17 +21,10 @@ GUARD = Guard(
 )
 
 
-# Reasons against one column by effect that is on: its neighbour list is that of spheres at rest, and the forces at the
-# start are those of the preload, whose velocities are not those of the wave
-_NOT_IN_ONE_COLUMN = ("damping", "sliding", "contact_opening", "rolling", "twisting", "quiet_ends")
-
-
 def called_for(case: Case) -> Finding:
     columns, fewest = float(case.scene.shape.columns), case.scene.lattice.fewest_columns
     if not case.scene.lattice.endless_rows:
         return Finding(False, columns, "column: a chain has no other")
-    if case.scene.shape.single_column:
-        return Finding(False, columns, "column stands for any number, on a neighbour list that is never renewed")
     if case.scene.uniform_rows:
         return Finding(False, columns, f"columns; {fewest} stand for any number where all of a row move alike")
     return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")
@@ -40,29 +32,6 @@ def called_for(case: Case) -> Finding:
 
 def loss(case: Case) -> str:
     return "waves whose rows do not move alike"
-
-
-def refuse(case: Case) -> str:
-    """Return why a single column cannot carry the scene, or ""."""
-    scene = case.scene
-    if not scene.shape.single_column:
-        return ""
-    effects = [name for name in _NOT_IN_ONE_COLUMN if case.on[name]]
-    reasons = {
-        f"no effect {' and '.join(effects)}": bool(effects),
-        "a perfect crystal": not scene.perfect,
-        "a plane wave along y": not scene.uniform_rows or scene.declared_vector.axis != "y",
-        f'wave.form = "running" or "standing", not "{scene.wave.form}"': scene.wave.form not in ("running", "standing"),
-        "no snapshots, output.particles = 0": scene.output.particles > 0,
-        'no checkpoint, output.checkpoint = "auto"': scene.output.checkpoint != AUTO,
-    }
-    missing = [reason for reason, broken in reasons.items() if broken]
-    return f"packing.columns = 1: needs {', '.join(missing)}; or take 3 columns" if missing else ""
-
-
-def shows(scene: Scene) -> bool:
-    """Return whether a row has spheres that could differ."""
-    return not scene.shape.single_column
 
 
 def declared(scene: Scene) -> bool:
@@ -74,9 +43,7 @@ WIDTH = Effect(
     called_for,
     cost="columns",
     loss=loss,
-    refuse=refuse,
     guard=GUARD,
-    shows=shows,
     switch="packing.columns",
     declared=declared,
 )

@@ -30,7 +30,7 @@ variable duration  index <duration>  # tau
 variable data      index data.<name>
 variable dump      index <dump>
 <particles_variables>
-<checkpoint_variable>
+variable checkpoint index <checkpoint_steps>  # steps between checkpoints, here for one core
 if "<refused>" then "print 'ERROR: this deck is of one wave in one lattice: <names> is no variable of it'" "quit 1"
 print "<said>"
 
@@ -42,8 +42,7 @@ variable D0     equal v_amplitude*v_Delta0
 variable every  equal ceil(v_sample/v_timestep-1e-9)
 variable step   equal $(v_sample/v_every*v_t0:%.17g)
 variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
-<first>
-variable tau    equal <elapsed>*v_step/v_t0"""
+variable tau    equal step*v_step/v_t0"""
 
 FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
 
@@ -76,13 +75,11 @@ _PRELOAD = """\
 #     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of dashpots
 variable     slow  equal 1e6*v_step
 timestep     $(v_slow:%.17g)
-<reference>
+compute      u all displace/atom
 variable     to_ux atom v_D0*d_ux/v_slow
 variable     to_uy atom v_D0*d_uy/v_slow
 velocity     all set v_to_ux v_to_uy NULL units box
-<preload_spin>"""
-
-_FORCE_FREE = """
+<preload_spin>
 fix          plane all enforce2d
 fix          move mobile nve/noforce
 thermo_style custom step
@@ -115,8 +112,8 @@ _GUARDS = """\
 <guards>"""
 
 _RECORD = """\
-# --- record of the centre sphere, all digits; <recorded>
-<restart>
+# --- record of the centre sphere, all digits; a checkpoint about every <checkpoint> minutes
+restart      ${checkpoint} <checkpoints>
 group        centre id <centre>
 <read_angle>
 dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column> vx vy<spin_column>
@@ -155,50 +152,11 @@ UNCALLED = dict.fromkeys(
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
 _STARTS = {
-    "running": (_PRELOAD + _FORCE_FREE, _WAVE),
-    "standing": (_PRELOAD + _FORCE_FREE, _WAVE),
+    "running": (_PRELOAD, _WAVE),
+    "standing": (_PRELOAD, _WAVE),
     "driven": (_MEASURES, sources.DRIVEN_ROW),
     "none": (_MEASURES, "<sources>"),
 }
-
-
-# Slots that differ in a deck of a single column
-MANY_COLUMNS = {
-    "checkpoint_variable": "variable checkpoint index <checkpoint_steps>"
-    "  # steps between checkpoints, here for one core",
-    "first": "",
-    "elapsed": "step",
-    "reference": "compute      u all displace/atom",
-    "recorded": "a checkpoint about every <checkpoint> minutes",
-    "restart": "restart      ${checkpoint} <checkpoints>",
-}
-SINGLE_COLUMN = {
-    "checkpoint_variable": "",
-    "first": "variable first  equal $(v_every*<lines>)  # step at which the wave begins",
-    "elapsed": "(step-${first})",
-    "reference": "",
-    "recorded": "no checkpoint, as none can be continued",
-    "restart": "",
-}
-
-_BEFORE_PRELOAD = """\
-# --- one column: a sphere touches two images of its neighbour, whose shear LAMMPS mixes up when it renews the neighbour
-#     list, as it does before a run. So all is set up before the preload, from which the run goes on with the same list
-compute      u all displace/atom
-fix          plane all enforce2d
-group        loading type <mobile>
-group        mobile clear
-fix          load loading nve/noforce
-reset_timestep $(v_first-1)
-variable     later equal 1e12"""
-
-_AFTER_PRELOAD = """
-run          1 stop $(v_first+v_steps) post no  # the looks of guards are numbered up to there
-group        loading clear
-group        mobile type <mobile>
-timestep     $(v_step:%.17g)
-<extremes>
-dump_modify  centre every ${every} first yes"""
 
 
 def variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
@@ -242,10 +200,6 @@ def said_variables(log: str) -> dict[str, str] | None:
 def written(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of the deck of a scene."""
     start = _STARTS[scene.wave.form]
-    if scene.shape.single_column:
-        set_up = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, _BEFORE_PRELOAD, _MOTION, _GUARDS)
-        unwritten = _RECORD + "\ndump_modify  centre every v_later"
-        return (*set_up, unwritten, _PRELOAD + _AFTER_PRELOAD, _WAVE, "run ${steps} pre no")
     before = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD)
     return (*before, *_monitors(scene), "run ${steps}")
 

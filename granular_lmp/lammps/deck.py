@@ -246,8 +246,6 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
         "append": "",
         "continued": "",
-        "extremes": "\n".join(guards.after_preload(problem.guards, problem.left_out)),
-        "lines": str(guards.due_together(scene)),
         "refused": "$(" + " || ".join(f"is_defined(variable,{name})" for name in blocks.NO_VARIABLES) + ")",
         "names": " or ".join(blocks.NO_VARIABLES),
         "said": blocks.variables_line(scene, selection.lines(problem.on)),
@@ -277,7 +275,6 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "t0": units.number(scene.scale.time, time=1),
         "skin": units.number(sphere.radius / 10, length=1),
     }
-    plain |= blocks.SINGLE_COLUMN if scene.shape.single_column else blocks.MANY_COLUMNS
     optional = blocks.PARTICLES if all_seen else dict.fromkeys(blocks.PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
     numbers |= _quiet_values(problem, units)

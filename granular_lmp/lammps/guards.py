@@ -31,7 +31,6 @@ from granular_lmp.scene.shape import quiet_rows
 GUARDS = guards()
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 LINE = 10.0  # tau between two lines of the thermo table
-NEXT_LOOK = "variable     next_look equal time+dt*(${look}-step%${look})"
 
 
 @dataclass(frozen=True)
@@ -85,19 +84,6 @@ def look_interval(scene: Scene) -> int:
     """Return the steps between two looks: `LOOKS` looks per period of `fastest`, a whole number of them in the run."""
     most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps)
     return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps % steps == 0)
-
-
-def first_step(scene: Scene) -> int:
-    """Return the step at which the wave begins: 0, or in a single column one at which all that is periodic is due.
-
-    LAMMPS cannot set the step back to 0 after the preload of a single column, because guards are already there.
-    """
-    return scene.time.steps_per_sample * due_together(scene) if scene.shape.single_column else 0
-
-
-def due_together(scene: Scene) -> int:
-    """Return the interval of lines, looks and the cone together, steps."""
-    return line_interval(scene) * (_group_interval(scene) if watches_part(scene) else 1)
 
 
 def line_interval(scene: Scene) -> int:
@@ -198,7 +184,7 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
         text.append(
             f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)"
         )
-    text += _unmoved(names) if scene.shape.single_column else extremes(names)
+    text += _extremes(names)
     kept, text = kept_at_looks(text, "v_tau")
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
@@ -226,29 +212,12 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     ]
 
 
-def extremes(names: list[str]) -> list[str]:
+def _extremes(names: list[str]) -> list[str]:
     """Return the lines of the thermo columns of some guards: extremes over the looks since the line before."""
     text = []
     for name in (GUARDS[name].name for name in names):
         text += [f"variable     {name} equal max(v_{name}_looks)", f"variable     {name}_at equal min(v_{name}_when)"]
     return [*text, "variable     overlap equal min(v_overlap_looks)"]
-
-
-def _unmoved(names: list[str]) -> list[str]:
-    """Return the lines of the same columns for the preload, in which there was no look."""
-    text = []
-    for name in (GUARDS[name].name for name in names):
-        text += [f"variable     {name} equal 0", f"variable     {name}_at equal {NEVER:g}"]
-    return [*text, "variable     overlap equal 1"]
-
-
-def after_preload(names: list[str], judged: list[str]) -> list[str]:
-    """Return the lines of a single column behind its preload, with which guards and their dump begin.
-
-    Variables are defined anew under their names: without a set-up LAMMPS would not find others.
-    """
-    written_out = any(GUARDS[name].per_contact and name in judged for name in names)
-    return [*extremes(names), *([NEXT_LOOK, "dump_modify  contacts first yes"] if written_out else [])]
 
 
 def columns(names: list[str], scene: Scene) -> list[str]:
@@ -278,7 +247,6 @@ def _written_out(scene: Scene) -> list[str]:
     if not scene.perfect:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
-    first = "" if scene.shape.single_column else " first yes"
     force = sliding_force(scene.sphere.adhesion_law, "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
     return [
         "# each contact, distance and shear force, at the looks where the bound v_slip does not decide; the interval",
@@ -286,9 +254,9 @@ def _written_out(scene: Scene) -> list[str]:
         *ends,
         overlap_line("now", equal=scene.perfect),
         f"variable     slip_holds equal {SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}",
-        "variable     next_look equal v_later" if scene.shape.single_column else NEXT_LOOK,
+        "variable     next_look equal time+dt*(${look}-step%${look})",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts every/time v_next_look{first} skip v_slip_holds format line "{numbers}"<append>',
+        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"<append>',
     ]
 
 
@@ -300,8 +268,6 @@ def header(names: list[str], scene: Scene) -> str:
         + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
         for name in names
     ]
-    if scene.shape.single_column:
-        limits.append("#   the log does not say 'Neighbor list builds = 0': the shear of two images was mixed up")
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return "\n".join([top, *limits]) if limits else ""
 
@@ -358,4 +324,4 @@ def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
         sliding = friction * units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
-        yield step - first_step(scene), float(np.max(ratio, initial=0.0))
+        yield step, float(np.max(ratio, initial=0.0))

@@ -39,7 +39,6 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
-_LIST_BUILDS = re.compile(r"^Neighbor list builds = (\d+)", re.MULTILINE)
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
@@ -294,14 +293,11 @@ class RunLog:
     sections : dict of str to float
         The same by LAMMPS's own sections, ``loop.pair`` to ``loop.other``, on average of the ranks; empty if no time
         loop has ended.
-    list_builds : int or None
-        How often the last run renewed its neighbour list; None if no time loop has ended.
     """
 
     table: dict[str, NDArray[np.float64]]
     loop: float
     sections: dict[str, float]
-    list_builds: int | None = None
 
 
 def read_log(path: str | Path) -> RunLog:
@@ -346,13 +342,7 @@ def _log_of(text: str) -> RunLog:
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     loop = seconds.get(names, float("nan"))
-    builds = _LIST_BUILDS.findall(text)
-    return RunLog(
-        dict(zip(names, table.T, strict=True)),
-        loop,
-        _sections(text, loop) if isfinite(loop) else {},
-        int(builds[-1]) if builds else None,
-    )
+    return RunLog(dict(zip(names, table.T, strict=True)), loop, _sections(text, loop) if isfinite(loop) else {})
 
 
 def _seconds(word: str) -> float:

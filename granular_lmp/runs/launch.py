@@ -22,7 +22,7 @@ from granular_lmp.errors import (
 )
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.deck import Deck, checkpoint_steps, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, first_step, line_interval
+from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
@@ -147,11 +147,6 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         info = read_start(folder)
         with phase("build"):
             deck = deck_of(prepare(Scene.load(folder / SCENE)))
-        if deck.scene.shape.single_column:
-            raise RunFolderError(
-                f"{folder}: packing.columns = 1: a run of one column cannot be continued, since LAMMPS would renew its "
-                "neighbour list; run it again with force=True"
-            )
         last = last_checkpoint(folder, DUMP)
         route = route_of(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"
@@ -193,24 +188,20 @@ def core_count() -> int:
 
 
 def _step_reporter(progress: Progress | None, scene: Scene) -> Callable[[int], None]:
-    steps, first = scene.time.steps, first_step(scene)
+    steps = scene.time.steps
     if progress is None:
         return lambda step: None
-    return lambda step: progress(min(max(step - first, 0), steps), steps)
+    return lambda step: progress(min(step, steps), steps)
 
 
 def _columns(deck: Deck) -> tuple[str, ...]:
-    """Return the thermo columns, none of a single column, which is not continued after a stop."""
-    return () if deck.scene.shape.single_column else tuple(columns(deck.problem.guards, deck.scene))
+    """Return the thermo columns."""
+    return tuple(columns(deck.problem.guards, deck.scene))
 
 
 def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
     """Return the words that override what a deck says for one rank."""
-    return (
-        ()
-        if ranks == 1 or deck.scene.shape.single_column
-        else ("-var", "checkpoint", str(checkpoint_steps(deck.scene, ranks)))
-    )
+    return () if ranks == 1 else ("-var", "checkpoint", str(checkpoint_steps(deck.scene, ranks)))
 
 
 def execute(
@@ -299,18 +290,10 @@ def _defect(record: Record, log: RunLog, job: Job, guards: list[str]) -> LammpsE
         if not is_whole(job.folder / name, expected, record.scene.time.steps):
             return LammpsError(f"{name} lacks records", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
-    first = first_step(record.scene)
-    last, table = first + record.scene.time.steps, log.table
-    missed = sorted({*range(first, last, line_interval(record.scene)), last} - {*table.get("Step", ())})
+    last, table = record.scene.time.steps, log.table
+    missed = sorted({*range(0, last, line_interval(record.scene)), last} - {*table.get("Step", ())})
     absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
     if missed or absent:
         lack = f"step {missed[0]}" if missed else f"the guard {absent[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
-    if record.scene.shape.single_column and log.list_builds != 0:
-        return LammpsError(
-            f"packing.columns = 1: the neighbour list was renewed {log.list_builds} times, must be 0 times, or LAMMPS "
-            "mixes up the shear of two images of one sphere; take 3 columns",
-            job.input_name,
-            log_tail(job.folder),
-        )
     return None

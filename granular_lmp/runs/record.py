@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
-from granular_lmp.lammps.guards import first_step
 from granular_lmp.lammps.outputs import DUMP, SCENE, csv_text, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
@@ -145,7 +144,7 @@ class Record:
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         return cls(
-            tau=(table["step"] - first_step(scene)) * scene.time.step,
+            tau=table["step"] * scene.time.step,
             p=scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
             q=scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
             phi=table.get("theta", untracked) * scene.sphere.radius / displacement,

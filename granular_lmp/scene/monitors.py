@@ -109,11 +109,6 @@ def check_monitors(monitors: Sequence[Monitor], packing: Packing, shape: Shape) 
         return
     if packing.rows == AUTO:
         raise SceneError(f"packing.rows = {packing.rows!r}: must be a number with [[monitor]], which counts rows")
-    if shape.single_column:
-        raise SceneError(
-            f"packing.columns = {shape.columns}: must be at least {shape.lattice.fewest_columns} with [[monitor]], as "
-            "the deck of one column has no place for it"
-        )
     names: dict[str, int] = {}
     for number, each in enumerate(monitors, 1):
         if not each.name:

@@ -22,7 +22,9 @@ def on_frequency(wave: Wave, wavenumbers: tuple[float, ...]) -> list[str]:
 
 
 def on_packing(packing: Packing, shape: Shape) -> list[str]:
-    """Return what became of every "auto" of the packing."""
+    """Return what became of every "auto" of the packing, and of a single column."""
+    if packing.columns != shape.columns and packing.columns != AUTO:
+        return [f"packing.columns {packing.columns} is read as {shape.columns}, the fewest that LAMMPS simulates right"]
     declared = AUTO not in (packing.rows, packing.columns, packing.ends)
     return [] if declared else [f"the packing is {shape.words}, {shape.ends} ends"]
 

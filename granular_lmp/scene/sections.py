@@ -32,9 +32,7 @@ class Packing:
 
     lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
     rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
-    columns: int | Auto = count(
-        "along x: at least 3, or 1 (plane waves along y)", 1, 1_000_000, words=(AUTO,), default=AUTO
-    )
+    columns: int | Auto = count("along x: at least 3; 1 is read as 3", 1, 1_000_000, words=(AUTO,), default=AUTO)
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")

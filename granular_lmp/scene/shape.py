@@ -54,7 +54,7 @@ def decide(
 ) -> Shape:
     """Return rows, columns and ends of a packing with every "auto" decided.
 
-    ``columns = "auto"`` is `Lattice.fewest_columns` for a plane wave along y, in which all spheres of a row move alike;
+    ``columns = "auto"`` or 1 is `Lattice.fewest_columns` for a plane wave along y, in which all of a row move alike;
     in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed ends ``rows = "auto"`` is the
     fewest whose echo reaches the centre after the run, and in a periodic cell the fewest that carry the wave to
     1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell is periodic if one with
@@ -101,6 +101,8 @@ def decide(
         rows = quiet if ends == "fixed" else smallest_cell(vector.per_row, SNAP, cells)
     if columns == AUTO and not lattice.endless_rows:
         columns = 1
+    if columns == 1:  # as scenes of earlier releases say for a plane wave, whose columns are all alike
+        columns = lattice.fewest_columns
     if columns == AUTO:
         columns = smallest_cell(vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1))
     return Shape(int(rows), int(columns), ends, lattice)

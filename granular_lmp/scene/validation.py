@@ -80,10 +80,10 @@ def check_lattice(
     lattice, columns = shape.lattice, shape.columns
     if columns > 1 and not lattice.endless_rows:
         raise SceneError(f'packing.columns = {columns}: must be 1 or "auto" with packing.lattice = "{lattice.name}"')
-    if columns < lattice.fewest_columns and not shape.single_column:
+    if columns < lattice.fewest_columns:
         raise SceneError(
-            f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or 1 for a plane wave along y, "
-            'or "auto" (with 1 or 2 columns a sphere touches two images of the same neighbour, which share one shear '
+            f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "
+            '"auto" (with 2 columns a sphere touches two images of the same neighbour, which share one shear '
             "history in LAMMPS)"
         )
     if lattice != HEXAGONAL and wave.degrees != 90:

@@ -184,8 +184,6 @@ def _ends(scene: Scene) -> dict[str, Make]:
 def _outputs(scene: Scene) -> dict[str, Make]:
     def make(name: str) -> Make:
         def run() -> tuple[Run, ...]:
-            if OUTPUTS[name].everything and scene.shape.single_column:
-                raise SceneError("packing.columns = 1: its deck takes no dump of all spheres; take 3 columns")
             return (Run(scene, name),)
 
         return run

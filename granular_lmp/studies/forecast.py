@@ -55,8 +55,8 @@ class Forecast:
         What the seconds were made of, or why there are none.
     memory : float
         Bytes.
-    checkpoint : float or None
-        Minutes between two checkpoints; None for a single column, which is not continued.
+    checkpoint : float
+        Minutes between two checkpoints.
     """
 
     spheres: int
@@ -68,7 +68,7 @@ class Forecast:
     seconds: float | None
     basis: str
     memory: float
-    checkpoint: float | None
+    checkpoint: float
 
     def on(self, ranks: int) -> tuple[float, float] | None:
         """Return the least and the most seconds on some MPI ranks; None where those on one are unknown.
@@ -130,7 +130,7 @@ def forecast(problem: Problem) -> Forecast:
         seconds=None if rate is None or start is None else start + spheres * steps / rate,
         basis=basis,
         memory=_PROCESS + _SPHERE * spheres,
-        checkpoint=None if scene.shape.single_column else minutes_between(scene.output.checkpoint, scene.shape.spheres),
+        checkpoint=minutes_between(scene.output.checkpoint, scene.shape.spheres),
     )
 
 
