@@ -49,6 +49,7 @@ DOORS = {"compare", "design"}  # scripts whose answer is a table
 def main(argv: list[str] | None = None) -> int:
     """Run one script of `analysis`; returns its exit status."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads would only wait for each other
+    os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
     parser = argparse.ArgumentParser(
         prog="granular-analysis",
         description="Theory that shares no code with LAMMPS, beside runs of granular-lmp.",

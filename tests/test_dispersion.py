@@ -11,6 +11,7 @@ from analysis.measure import dispersion
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from granular_lmp import Scene, build
+from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.studies.kick import kicked, run_kicked
 
@@ -118,8 +119,17 @@ def test_a_kick_changes_nothing_but_the_wave() -> None:
 
 
 def test_spheres_that_do_not_turn_are_refused() -> None:
-    with pytest.raises(EffectError, match=r"effects\.rotation"):
+    with pytest.raises(SceneError, match=r"effects\.rotation is off: must be on for a sheet that is kicked"):
         kicked(build(SMALL.with_values({"effects.rotation": False})))
+
+
+@pytest.mark.parametrize("change", ["wave.mode=L", "packing.columns=4", "time.duration=1.0", "wave.form=driven"])
+def test_a_scene_that_cannot_be_kicked_is_bad_input(
+    change: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["kick", "tr_periodic", "--set", change, "-o", str(tmp_path / "run")]) == 2
+    assert "must be" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_strip_between_walls_is_refused_before_anything_is_written(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Pictures: spheres are where their snapshot says, what is missing is said, a notebook shows its objects."""
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -36,6 +38,12 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     scene = Scene.load("tr_periodic").with_values({"packing.rows": 16, "time.duration": 2.0})
     over = {"wave.wavenumber": [np.pi / 8, np.pi / 4, np.pi / 2], "wave.amplitude": [0.1, 0.2]}
     return sweep(scene, over, tmp_path_factory.mktemp("view") / "sweep")
+
+
+def test_a_picture_needs_no_backend_of_matplotlib(seen: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "granular_lmp", "view", str(seen), "-o", str(tmp_path / "seen.png"), "--tau", "1"]
+    done = subprocess.run(command, env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{tmp_path}/seen.png\n", "")
 
 
 def drawn(folder: Path, **options: Any) -> tuple[Any, Any]:

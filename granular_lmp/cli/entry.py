@@ -30,6 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     _open_streams()
     # Before numpy is imported: its matrices are small here, and threads would take a quarter of the processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
     started = time.perf_counter()
     try:
         options = parsers()[0].parse_args(argv)

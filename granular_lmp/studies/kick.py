@@ -50,12 +50,12 @@ def kicked(deck: Deck, seed: int = 0) -> Deck:
 
     Raises
     ------
-    EffectError
+    SceneError
         If the spheres of the deck do not turn.
     """
     if not deck.problem.physics.rotation:
-        raise EffectError(
-            "effects.rotation is off: a kicked sheet needs spheres that turn, for instance wave.mode = TR"
+        raise SceneError(
+            "effects.rotation is off: must be on for a sheet that is kicked, for instance with wave.mode = TR"
         )
     if len(deck.data.wave) < len(deck.packing):  # LAMMPS would make the spheres and their wave
         deck = deck_of(deck.problem, all_spheres=True)
@@ -89,12 +89,12 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        If the lattice is not hexagonal, the scene has fixed ends or monitors, its columns are not a multiple of 3, or
-        its records are too few or too far apart.
+        If the lattice is not hexagonal, the scene has fixed ends or monitors, its columns are not a multiple of 3,
+        spheres do not turn, or its records are too few or too far apart.
     RunFolderError
         If the folder exists (without `force`).
     EffectError
-        If spheres do not turn, or contacts slid or opened because the velocities were too large.
+        If contacts slid or opened because the velocities were too large.
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
