@@ -27,6 +27,7 @@ Breaks where contacts are not small against the spheres: the contacts of a spher
 spheres that are near and do not touch is left out, as in LAMMPS.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
@@ -147,18 +148,29 @@ class Network:
 
     def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:
         """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
-        modulus, ratio, adhesion = np.array(
-            [(one.youngs_modulus, one.poisson_ratio, one.work_of_adhesion) for one in self.materials]
-        ).T
         i, j = self.kinds[first], self.kinds[second]
-        stretching, shearing = (1 - ratio**2) / modulus, 2 * (2 - ratio) * (1 + ratio) / modulus
-        young, shear = 1 / (stretching[i] + stretching[j]), 1 / (shearing[i] + shearing[j])
-        if self.shear_mixing == "lammps":
-            mean = np.sqrt(ratio[i] * ratio[j])
-            shear = np.where(i == j, shear, young / (4 * (2 - mean) * (1 + mean)))
-        radius = self.radius[first] * self.radius[second] / (self.radius[first] + self.radius[second])
-        root = np.sqrt(radius)
-        return 4 / 3 * young * root, 8 * shear * root, 2 * np.pi * np.sqrt(adhesion[i] * adhesion[j]) * radius
+        return mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)[:3]
+
+
+def mixed(
+    materials: Sequence[Material],
+    kinds: tuple[Integers, Integers],
+    radii: tuple[Floats, Floats],
+    rule: ShearMixing = "mindlin",
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return A, B, F and Rc of contacts, each (M,), from the materials and radii (M,) of both ends; inf is a plane."""
+    modulus, ratio, adhesion = np.array(
+        [(one.youngs_modulus, one.poisson_ratio, one.work_of_adhesion) for one in materials]
+    ).T
+    i, j = kinds
+    stretching, shearing = (1 - ratio**2) / modulus, 2 * (2 - ratio) * (1 + ratio) / modulus
+    young, shear = 1 / (stretching[i] + stretching[j]), 1 / (shearing[i] + shearing[j])
+    if rule == "lammps":
+        mean = np.sqrt(ratio[i] * ratio[j])
+        shear = np.where(i == j, shear, young / (4 * (2 - mean) * (1 + mean)))
+    radius = 1 / (1 / radii[0] + 1 / radii[1])
+    root = np.sqrt(radius)
+    return 4 / 3 * young * root, 8 * shear * root, 2 * np.pi * np.sqrt(adhesion[i] * adhesion[j]) * radius, radius
 
 
 @dataclass(frozen=True, eq=False)

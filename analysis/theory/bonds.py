@@ -1,0 +1,221 @@
+"""A contact of two spheres, or of a sphere and a wall, to second order in the displacements.
+
+A contact at rest has the unit normal n from its first sphere to its second, the length ℓ between the centres and the
+overlap δ. It pushes with f(δ) and resists slip with the stiffness k(δ). Sphere i moves by u_i and turns by θ_i, written
+φ_i = R_i θ_i, all vectors in space. To first order, with P = 1 − n nᵀ,
+
+    w = u_j − u_i,  Φ = φ_i + φ_j,   stretch x = n·w,   sideways P w,   slip s = P w − Φ × n
+    force on i     F₁ = f′ x n − (f/ℓ) P w + k s          (the opposite on j)
+    torque on both, over R,  (arm/R) n × k s,             arm = R − δ/2 of a pair, R of a wall
+
+**Second order** comes from the law and the geometry themselves. The normal turns by ν = P w/ℓ, a sideways shift
+lengthens the contact by |P w|²/2ℓ, the slip follows the tangent of now, ds/dt = P(n)(ẇ − Φ̇ × n), and is carried along
+as n turns, and the arm grows by x/2:
+
+    n·F₂ = ½(f′/ℓ + f/ℓ²)|P w|² − ½f″ x² − k s·ν
+    P F₂ = (f′/ℓ + f/ℓ²) x P w + T,     torque  (arm/R)(n × T + ν × k s) + (x/2R) n × k s
+    secant law        T = k ξ − k′ x s                            (LAMMPS mindlin: force k(δ) times slip)
+    incremental law   T = k ξ − k′ (x s)₀ − k′ ∫x ds              (LAMMPS mindlin/force: dS = k(δ) ds)
+    ξ = −(x ν + Φ·n n × ν)₀ − ∫(ẋ ν + Φ̇·n n × ν) dt
+
+Subscript 0 is τ = 0: LAMMPS loads the springs of a wave in one step, along the tangents of the displaced lattice. The
+potential law adds −½k′|s|² to the normal force of the secant one, which then has an energy (no LAMMPS model).
+
+**Two waves** A e^{−iω₁t} and B e^{−iω₂t} meet in the symmetric bilinear form of these products. With Ω = ω₁ + ω₂ and
+[A, B] = ½(A₁B₂ + A₂B₁) the integral ∫Ȧ B dt has a part ½[A, B] that runs with e^{−iΩt}, a part −½[A, B] that stays, and
+a part −¼i(ω₁ − ω₂)(A₁B₂ − A₂B₁) that *winds up* as ∫e^{−iΩt} dt: without bound where Ω = 0, unless A and B are in
+phase.
+
+A length of infinity is the paper's contact, whose normal is fixed and whose arm is R. Units are any consistent ones.
+Source: the laws of the paper (springN, springS) and of LAMMPS's pair style granular; the expansion is not in the paper.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.theory import jkr as johnson
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Integers = NDArray[np.intp]
+ShearLaw = Literal["secant", "incremental", "potential"]
+
+
+class Law(NamedTuple):
+    """Forces of contacts at rest, each (C,): f, f′, f″ of the push, and k, k′ of the stiffness against slip."""
+
+    push: Floats
+    stiffness: Floats
+    curvature: Floats
+    shear: Floats
+    shear_growth: Floats
+
+
+def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike = 0.0) -> Law:
+    """Return f = A δ^{3/2} − F and k = B δ^{1/2} at overlaps δ > 0: Hertz's law, with the pull F of adhesion."""
+    delta, A, B, F = (np.asarray(each, dtype=float) for each in (overlap, hertz, mindlin, pull))
+    root = np.sqrt(delta)
+    return Law(A * delta * root - F, 1.5 * A * root, 0.75 * A / root, B * root, 0.5 * B / root)
+
+
+def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike, radius: ArrayLike) -> Law:
+    """Return the law of Johnson, Kendall and Roberts at overlaps δ, from the coefficients of `dmt` and 1/R = Σ 1/R_i.
+
+    With E* = 3A/4√R, w = F/2πR and the radius a of the contact (`analysis.theory.jkr`),
+
+        f = 4E*a³/3R − √(8πwE*a³),   δ = a²/R − √(2πwa/E*),   k = B a/√R
+    """
+    deltas, A, B, F, R = np.broadcast_arrays(*np.atleast_1d(overlap, hertz, mindlin, pull, radius))
+    E, w = 0.75 * A / np.sqrt(R), F / (2 * np.pi * R)
+    a = np.array(
+        [float(johnson.Contact(*each).contact_radius(delta)) for *each, delta in zip(R, E, w, deltas, strict=True)]
+    )
+    attraction, sinking = np.sqrt(8 * np.pi * w * E), np.sqrt(2 * np.pi * w / E)
+    f = 4 * E * a**3 / (3 * R) - attraction * a**1.5
+    f1, f2 = 4 * E * a**2 / R - 1.5 * attraction * np.sqrt(a), 8 * E * a / R - 0.75 * attraction / np.sqrt(a)
+    d1, d2 = 2 * a / R - 0.5 * sinking / np.sqrt(a), 2 / R + 0.25 * sinking / a**1.5
+    k = B / np.sqrt(R)
+    return Law(f, f1 / d1, (f2 * d1 - f1 * d2) / d1**3, k * a, k / d1)
+
+
+class Strain(NamedTuple):
+    """Deformation of contacts in a field: x (..., C), P w (..., C, 3), s (..., C, 3) and Φ·n (..., C)."""
+
+    stretch: Complexes
+    sideways: Complexes
+    slip: Complexes
+    twist: Complexes
+
+
+class Quadratic(NamedTuple):
+    """Second-order forces of two waves, each (..., C, 2, 6): see `Bonds.quadratic`."""
+
+    running: Complexes
+    left: Complexes
+    winding: Complexes
+
+
+@dataclass(frozen=True, eq=False)
+class Bonds:
+    """C contacts of a crystal.
+
+    Attributes
+    ----------
+    first, second : (C,) spheres; second is −1 for a wall.
+    apart : (C, 3) from the centre of the first to that of the second, in the unit of 1/wave vector; 0 for a wall.
+    normal : (C, 3) unit vectors.
+    curving : (C,) 1/ℓ; 0 for a wall and for the paper's geometry.
+    arms : (C, 2) arm/R of both ends, over the mean of the sphere, which its moment of inertia then bears.
+    widening : (C, 2) 1/2R of both ends, over the same mean; 0 for a wall and for the paper's geometry.
+    law : forces at rest.
+    shear_law : "secant", "incremental" or "potential".
+    """
+
+    first: Integers
+    second: Integers
+    apart: Floats
+    normal: Floats
+    curving: Floats
+    arms: Floats
+    widening: Floats
+    law: Law
+    shear_law: ShearLaw = "secant"
+
+    @property
+    def has_history(self) -> bool:
+        """True if the slip of a contact, or its force, depends on how it came about."""
+        return self.shear_law == "incremental" or bool(np.any(self.curving * self.law.shear))
+
+    def strain(self, field: ArrayLike, wavevector: ArrayLike) -> Strain:
+        """Return the deformation in a field (..., B, 6) e^{ik·r}, k (..., 3), at the middles of the contacts."""
+        field = np.asarray(field, dtype=complex)
+        half = self._half(wavevector)
+        here = field[..., self.first, :] * half.conj()
+        there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]
+        w, turned = (there - here)[..., :3], (there + here)[..., 3:]
+        stretch = np.sum(self.normal * w, axis=-1)
+        sideways = w - stretch[..., None] * self.normal
+        return Strain(
+            stretch, sideways, sideways - np.cross(turned, self.normal), np.sum(self.normal * turned, axis=-1)
+        )
+
+    def gather(self, ends: Complexes, wavevector: ArrayLike, spheres: int) -> Complexes:
+        """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""
+        half = self._half(wavevector)
+        ends = ends * np.stack([half, half.conj()], axis=-2)
+        where = np.zeros((spheres, 2 * len(self.first)))  # which end acts on which sphere
+        count = np.arange(len(self.first))
+        where[self.first, 2 * count] = 1.0
+        pairs = self.second >= 0
+        where[self.second[pairs], 2 * count[pairs] + 1] = 1.0
+        return np.asarray(where @ ends.reshape(*ends.shape[:-3], -1, 6))
+
+    def linear(self, strain: Strain) -> Complexes:
+        """Return the first-order forces at both ends, (..., C, 2, 6)."""
+        law, n = self.law, self.normal
+        sheared = law.shear[:, None] * strain.slip
+        force = (law.stiffness * strain.stretch)[..., None] * n + sheared
+        force = force - (law.push * self.curving)[:, None] * strain.sideways
+        return self._ends(force, self.arms[..., None] * np.cross(n, sheared)[..., None, :])
+
+    def energy(self, strain: Strain) -> Floats:
+        """Return Σ f′|x|² − (f/ℓ)|P w|² + k|s|² (...), which is U†D U, without the cancellation of that product."""
+        law = self.law
+        total = law.stiffness * np.abs(strain.stretch) ** 2 + law.shear * _square(strain.slip)
+        return np.sum(total - law.push * self.curving * _square(strain.sideways), axis=-1)
+
+    def quadratic(self, one: Strain, other: Strain, frequencies: tuple[ArrayLike, ArrayLike]) -> Quadratic:
+        """Return the second-order forces of two complex waves: what runs with e^{−i(ω₁+ω₂)t}, stays, and winds up.
+
+        Of fields Re(A e^{iα}) and Re(B e^{iβ}) these are, for each order of the two, ½Re of the form. frequencies are
+        ω₁ and ω₂ (...), of either sign.
+        """
+        law, n, curving = self.law, self.normal, self.curving
+        k, growth = law.shear[:, None], law.shear_growth[:, None]
+        difference = np.asarray(frequencies[0]) - np.asarray(frequencies[1])
+        rate = -0.25j * np.asarray(difference)[..., None, None]
+        x, y = (each.stretch[..., None] for each in (one, other))
+        nu, mu = (each.sideways * curving[:, None] for each in (one, other))
+        twists = tuple(each.twist[..., None] for each in (one, other))
+
+        together = 0.5 * (x * mu + y * nu + np.cross(n, twists[0] * mu + twists[1] * nu))  # [x, ν] + [Φ·n, n × ν]
+        apart = x * mu - y * nu + np.cross(n, twists[0] * mu - twists[1] * nu)
+        sheared = 0.5 * (x * other.slip + y * one.slip)
+        gathered = 0.5 if self.shear_law == "incremental" else 0.0  # share of k′[x, s] that is memory
+        tangent = -0.5 * k * together - (1 - gathered) * growth * sheared
+        left = -0.5 * k * together - gathered * growth * sheared
+        winding = -k * rate * apart
+        if gathered:
+            winding = winding - growth * rate * (one.slip * y - other.slip * x)
+
+        bending = law.stiffness * curving + law.push * curving**2
+        rolled = bending * np.sum(one.sideways * other.sideways, axis=-1)
+        pressed = law.curvature * one.stretch * other.stretch
+        slid = law.shear * np.sum(one.slip * mu + other.slip * nu, axis=-1)
+        if self.shear_law == "potential":
+            slid = slid + law.shear_growth * np.sum(one.slip * other.slip, axis=-1)
+        force = (0.5 * (rolled - pressed - slid))[..., None] * n + tangent
+        force = force + (0.5 * bending)[:, None] * (x * other.sideways + y * one.sideways)
+        twisting = np.cross(n, tangent) + 0.5 * k * (np.cross(nu, other.slip) + np.cross(mu, one.slip))
+        couples = self.arms[..., None] * twisting[..., None, :]
+        couples = couples + self.widening[..., None] * (k * np.cross(n, sheared))[..., None, :]
+        return Quadratic(self._ends(force, couples), *(self._sheared(each) for each in (left, winding)))
+
+    def _sheared(self, tangent: Complexes) -> Complexes:
+        return self._ends(tangent, self.arms[..., None] * np.cross(self.normal, tangent)[..., None, :])
+
+    def _ends(self, force: Complexes, couples: Complexes) -> Complexes:
+        """Return both ends of a force on the first sphere (..., C, 3) and couples (..., C, 2, 3)."""
+        forces = np.stack([force, -force], axis=-2)
+        return np.concatenate([forces, np.broadcast_to(couples, forces.shape)], axis=-1)
+
+    def _half(self, wavevector: ArrayLike) -> Complexes:
+        """Return e^{ik·apart/2} (..., C, 1)."""
+        return np.exp(0.5j * (np.asarray(wavevector, dtype=float) @ self.apart.T))[..., None]
+
+
+def _square(vector: Complexes) -> Floats:
+    return np.sum(np.abs(vector) ** 2, axis=-1)

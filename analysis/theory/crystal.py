@@ -1,0 +1,348 @@
+"""Any periodic crystal of spheres, in the plane or in space: its contacts, found from places and radii, and its modes.
+
+A cell of B spheres repeats by one, two or three vectors (a chain, a plane, space); walls are planes at rest. Spheres
+have six freedoms (u, φ = Rθ), of which a plane keeps (u_x, u_y, φ_z): a constraint, no other theory. Spheres touch
+where their centres are nearer than their radii add up to. Their laws are those of `analysis.theory.bonds`.
+
+**Modes** U e^{i(k·r − ωt)}, r the place of each sphere, with D U = ω²M U. Torques have the arm R − δ/2, which the
+moment of inertia takes over: I/(1 − δ/2R). Where the contacts of a sphere have different δ or R, the rest is no
+symmetric matrix, and modes come with their duals: what a force does to mode j is dual_j·M⁻¹F.
+
+Units are any consistent ones; wave vectors are in those of 1/place. `hexagonal` is the paper's crystal in the units of
+`analysis.theory.contact`: displacements in Δ0, time in t0, wave vectors in 1/lattice constant.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any, Literal, NamedTuple, Self, TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.theory.bonds import Bonds, Law, ShearLaw, dmt, jkr
+from analysis.theory.contact import Contact
+from analysis.theory.network import Material, ShearMixing, mixed
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Adhesion = Literal["dmt", "jkr"]
+Array = TypeVar("Array", bound=NDArray[Any])
+PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
+_EVEN = 1e-13  # difference of arms that is rounding
+_AT_REST = 1e-6  # net force on a sphere, in f′δ of its stiffest contact; rounding of places leaves 1e-9
+_ONE_SIGN = 1e-6  # components within this share of the largest are as large
+_TOUCHES_TWICE = 1e-9
+_SLOW = 1e-7  # frequencies below this share of the highest are those of a rigid motion, or unstable if squared < 0
+
+
+class Wall(NamedTuple):
+    """A plane at rest through a point, with the normal that points out of the crystal.
+
+    A rigid one has a Young's modulus far above the spheres'.
+    """
+
+    point: tuple[float, float, float]
+    normal: tuple[float, float, float]
+    material: Material
+
+
+class Modes(NamedTuple):
+    """Modes at wave vectors (...): ω (..., J) ascending, U (..., J, B, 6), and duals (..., J, B, 6) of U.
+
+    Σ|U|² is B, so that amplitudes are the root mean square of (u, φ) over the spheres. The largest translation is
+    real and positive, as near along k as there is one; the largest rotation, of a mode that only turns, is −i times it.
+    """
+
+    frequencies: Floats
+    shapes: Complexes
+    duals: Complexes
+
+
+@dataclass(frozen=True, eq=False)
+class Crystal:
+    """A periodic crystal at rest.
+
+    Attributes
+    ----------
+    bonds : its contacts.
+    mass : (B, 6) M: masses, and moments of inertia over R² and the mean arm/R.
+    position : (B, 3) places of the spheres of a cell.
+    vectors : (d, 3) by which the cell repeats.
+    freedoms : those of the six that move: `PLANE`, `SPACE`, or fewer.
+    """
+
+    bonds: Bonds
+    mass: Floats
+    position: Floats
+    vectors: Floats
+    freedoms: tuple[int, ...] = SPACE
+
+    def __len__(self) -> int:
+        """Return the number of spheres of a cell."""
+        return len(self.mass)
+
+    @property
+    def reciprocal(self) -> Floats:
+        """Return the reciprocal lattice (d, 3), 2π included."""
+        return np.asarray(2 * np.pi * np.linalg.pinv(self.vectors).T, dtype=float)
+
+    @cached_property
+    def even(self) -> bool:
+        """True if all contacts of a sphere have one arm, so that D is symmetric."""
+        return not self.turns or bool(np.all(np.abs(self.bonds.arms - 1.0) < _EVEN))
+
+    @property
+    def turns(self) -> bool:
+        """True if spheres turn."""
+        return max(self.freedoms) > 2
+
+    @cached_property
+    def highest(self) -> float:
+        """Return a bound of all frequencies: that of a sphere whose neighbours move against it."""
+        law, bonds = self.bonds.law, self.bonds
+        stiff = law.stiffness + np.abs(law.push) * bonds.curving + 2 * law.shear * (1 + self.turns)
+        total = np.zeros(len(self))
+        np.add.at(total, bonds.first, stiff)
+        np.add.at(total, bonds.second[bonds.second >= 0], stiff[bonds.second >= 0])
+        return float(np.sqrt(np.max(2 * total / self.mass[:, list(self.freedoms)].min(axis=1))))
+
+    def stiffness(self, wavevector: ArrayLike) -> Complexes:
+        """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
+        k = padded(wavevector)[..., None, :]
+        units = np.eye(6 * len(self)).reshape(len(self), 6, len(self), 6)[:, list(self.freedoms)]
+        units = units.reshape(-1, len(self), 6)
+        forces = self.bonds.gather(self.bonds.linear(self.bonds.strain(units, k)), k, len(self))
+        return -np.swapaxes(self.moving(forces), -1, -2)
+
+    def moving(self, vector: Array) -> Array:
+        """Return the components (..., F) that move of (..., B, 6)."""
+        chosen = vector[..., list(self.freedoms)]
+        return cast(Array, chosen.reshape(*chosen.shape[:-2], -1))
+
+    def whole(self, vector: NDArray[Any]) -> Complexes:
+        """Return (..., B, 6) from components that move (..., F), 0 elsewhere."""
+        result = np.zeros((*vector.shape[:-1], len(self), 6), dtype=complex)
+        result[..., list(self.freedoms)] = vector.reshape(*vector.shape[:-1], len(self), -1)
+        return result
+
+    def modes(self, wavevector: ArrayLike) -> Modes:
+        """Return all modes at wave vectors (..., 3) or (..., 2).
+
+        Raises ValueError where one is unstable: a compressed contact that buckles.
+        """
+        k = padded(wavevector)
+        root = np.sqrt(self.moving(self.mass))
+        matrix = self.stiffness(k) / (root[:, None] * root)
+        if self.even:
+            _, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, -1, -2).conj()))
+            inverse = np.swapaxes(vectors, -1, -2).conj()
+        else:
+            values, vectors = np.linalg.eig(matrix)
+            vectors = np.take_along_axis(vectors, np.argsort(values.real, axis=-1)[..., None, :], axis=-1)
+            inverse = np.linalg.inv(vectors)
+        shapes = self.whole(np.swapaxes(vectors, -1, -2) / root)
+        duals = self.whole(inverse * root)
+        if self.even:  # the energy keeps the digits of a low frequency, which eigh rounds to those of the highest
+            squares = self.bonds.energy(self.bonds.strain(shapes, k[..., None, :]))
+        else:
+            if np.any(np.abs(values.imag) > _SLOW * self.highest**2):
+                raise ValueError("modes grow or decay: torques with unequal arms are not conservative here")
+            squares = np.sort(values.real, axis=-1)
+        if np.any(squares < -((_SLOW * self.highest) ** 2)):
+            raise ValueError(f"the crystal is unstable: a squared frequency is {squares.min():.3g}; compress it less")
+        scale = np.sqrt(np.sum(np.abs(shapes) ** 2, axis=(-2, -1)) / len(self)) * _phase(shapes, k)
+        shapes, duals = shapes / scale[..., None, None], duals * scale[..., None, None]
+        return Modes(np.sqrt(np.maximum(squares, 0.0)), shapes, duals)
+
+    def accelerations(self, forces: Complexes) -> Complexes:
+        """Return M⁻¹F (..., B, 6), 0 where nothing moves."""
+        result = np.zeros(np.shape(forces), dtype=complex)
+        chosen = list(self.freedoms)
+        result[..., chosen] = forces[..., chosen] / self.mass[:, chosen]
+        return result
+
+    @classmethod
+    def of(
+        cls,
+        vectors: ArrayLike,
+        position: ArrayLike,
+        radius: ArrayLike,
+        density: ArrayLike,
+        materials: Sequence[Material],
+        *,
+        kind: ArrayLike = 0,
+        walls: Sequence[Wall] = (),
+        adhesion: Adhesion = "dmt",
+        shear_law: ShearLaw = "secant",
+        shear_mixing: ShearMixing = "mindlin",
+        shear: bool = True,
+        rotation: bool = True,
+        true_geometry: bool = True,
+    ) -> Self:
+        """Return the crystal of spheres at these places, with the contacts that it finds.
+
+        Parameters
+        ----------
+        vectors, position : (d, 2 or 3), (B, 2 or 3); two components make a crystal in the plane
+        radius, density, kind : (B,) or one for all; kind is an index into `materials`
+        walls : planes that spheres touch
+        adhesion : "dmt" (Hertz's law without adhesion) or "jkr"
+        shear, rotation : whether contacts resist shear, and whether spheres turn, which they do only then
+        true_geometry : LAMMPS's, normals that turn and arms R − δ/2; False: the paper's
+
+        Raises
+        ------
+        ValueError
+            For a crystal without contacts or not in equilibrium.
+        """
+        place, cell = padded(position), padded(vectors)
+        if len(place) == 0 or place.shape[1:] != (3,):
+            raise ValueError(f"position must be of shape (B, 2) or (B, 3), not {np.shape(position)}")
+        R, rho = (np.broadcast_to(np.asarray(each, dtype=float), len(place)).copy() for each in (radius, density))
+        kinds = np.broadcast_to(np.asarray(kind, dtype=np.intp), len(place))
+        first, second, apart = find_contacts(cell, place, R)
+        length = np.linalg.norm(apart, axis=1)
+        overlap = R[first] + R[second] - length
+        coefficients = mixed(materials, (kinds[first], kinds[second]), (R[first], R[second]), shear_mixing)
+        parts: list[tuple[NDArray[Any], ...]] = [
+            (first, second, apart, apart / length[:, None], 1 / length, overlap, *coefficients)
+        ]
+        parts += [_touching(wall, place, R, kinds, materials) for wall in walls]
+        first, second, apart, normal, curving, overlap, A, B, F, effective = map(
+            np.concatenate, zip(*parts, strict=True)
+        )
+        if not len(first):
+            raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
+        law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F, effective)
+        if not shear:
+            law = law._replace(shear=0 * law.shear, shear_growth=0 * law.shear_growth)
+        plane = np.shape(position)[1] == 2
+        moves = (PLANE if plane else SPACE) if shear and rotation else (PLANE if plane else SPACE)[: 2 if plane else 3]
+        both = np.stack([R[first], R[second]], axis=1)
+        bends = (curving > 0)[:, None] & true_geometry
+        bonds = Bonds(
+            *(first, second, apart, normal, curving * true_geometry),
+            arms=np.where(bends, 1 - overlap[:, None] / (2 * both), 1.0),
+            widening=np.where(bends, 1 / (2 * both), 0.0),
+            law=law,
+            shear_law=shear_law,
+        )
+        mass = 4 / 3 * np.pi * R**3 * rho
+        result = cls(bonds, mass[:, None] * np.array([1, 1, 1, 0.4, 0.4, 0.4]), place, cell, moves)
+        result._refuse_moving(overlap)
+        return result._with_mean_arms()
+
+    def _with_mean_arms(self) -> Self:
+        """Return the crystal with the mean arm of each sphere, weighted by k, in its moment of inertia."""
+        bonds, shear = self.bonds, self.bonds.law.shear
+        weight, total = np.zeros((2, len(self)))
+        pairs = bonds.second >= 0
+        for spheres, arms, k in (
+            (bonds.first, bonds.arms[:, 0], shear),
+            (bonds.second[pairs], bonds.arms[pairs, 1], shear[pairs]),
+        ):
+            np.add.at(weight, spheres, k)
+            np.add.at(total, spheres, k * arms)
+        mean = np.where(weight > 0, total / np.where(weight > 0, weight, 1.0), 1.0)
+        ends = np.stack([mean[bonds.first], np.where(pairs, mean[bonds.second], 1.0)], axis=1)
+        turned = replace(bonds, arms=bonds.arms / ends, widening=bonds.widening / ends)
+        mass = self.mass * np.where(np.arange(6) < 3, 1.0, 1 / mean[:, None])
+        return type(self)(turned, mass, self.position, self.vectors, self.freedoms)
+
+    def _refuse_moving(self, overlap: Floats) -> None:
+        """Raise ValueError for spheres on which the contacts leave a force."""
+        push = (self.bonds.law.push[:, None] * self.bonds.normal)[:, None] * np.array([[-1.0], [1.0]])
+        ends = np.concatenate([push, np.zeros_like(push)], axis=-1)
+        left = np.abs(self.bonds.gather(ends, np.zeros(3), len(self))[:, list(self.freedoms)]).max()
+        allowed = _AT_REST * float(np.max(self.bonds.law.stiffness * np.abs(overlap)))
+        if left > allowed:
+            raise ValueError(
+                f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
+            )
+
+
+def hexagonal(contact: Contact) -> Crystal:
+    """Return the paper's crystal with a contact, along x a row: lengths in Δ0, forces in k1Δ0, time in t0.
+
+    Wave vectors are in 1/lattice constant. Dashpots are left out.
+    """
+    angles = np.radians([0.0, 60.0, 120.0])
+    normal = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    ratio, expansion, k = contact.overlap_ratio, contact.adhesion.expansion, contact.shear_stiffness
+    law = Law(
+        *(
+            np.full(3, float(each))
+            for each in (contact.adhesion.load / 1.5, 1, 2 * expansion.normal, k, k * expansion.shear)
+        )
+    )
+    bonds = Bonds(
+        *(np.zeros(3, dtype=np.intp), np.zeros(3, dtype=np.intp), normal, normal),
+        curving=np.full(3, ratio / (1 - ratio)),
+        arms=np.ones((3, 2)),
+        widening=np.full((3, 2), ratio / (1 - ratio)),
+        law=law,
+        shear_law=contact.law,
+    )
+    mass = 2 * (contact.kappa + 3) * np.array([1.0, 1, 1, *3 * [contact.inertia / (1 - ratio)]])
+    return Crystal(bonds, mass[None], np.zeros((1, 3)), normal[:2], PLANE if contact.turns else PLANE[:2])
+
+
+def find_contacts(
+    vectors: Floats, position: Floats, radius: Floats
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
+    """Return first and second sphere (C,) and the way between them (C, 3) of all that touch, each contact once."""
+    reach = 2 * float(radius.max()) + float(np.ptp(position, axis=0).max()) * np.sqrt(3)
+    # Planes of the lattice are 1/|b| apart, b the reciprocal vector without 2π
+    most = np.floor(reach * np.linalg.norm(np.linalg.pinv(vectors), axis=0) + _TOUCHES_TWICE).astype(int)
+    found: list[tuple[int, int, Floats]] = []
+    for steps in product(*(range(-each, each + 1) for each in most)):
+        shift = np.array(steps, dtype=float) @ vectors
+        apart = position[None] + shift - position[:, None]
+        touch = np.linalg.norm(apart, axis=2) < radius[:, None] + radius
+        onward = next((step > 0 for step in steps if step), None)
+        upper = np.triu(touch, 1)
+        own = np.diag(np.diag(touch)) if onward else np.zeros_like(touch)
+        for i, j in zip(*np.nonzero(upper | own), strict=True):
+            found.append((int(i), int(j), apart[i, j]))
+    if not found:
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 3))
+    first, second, ways = zip(*found, strict=True)
+    return np.array(first, dtype=np.intp), np.array(second, dtype=np.intp), np.array(ways)
+
+
+def padded(vector: ArrayLike) -> Floats:
+    """Return vectors (..., 3) of (..., 2) or (..., 3)."""
+    result = np.asarray(vector, dtype=float)
+    return np.concatenate([result, np.zeros((*result.shape[:-1], 3 - result.shape[-1]))], axis=-1)
+
+
+def _touching(
+    wall: Wall, place: Floats, radius: Floats, kinds: NDArray[np.intp], materials: Sequence[Material]
+) -> tuple[NDArray[Any], ...]:
+    """Return the contacts of a wall, in the order of `Crystal.of`."""
+    normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
+    overlap = radius - (np.asarray(wall.point, dtype=float) - place) @ normal
+    first = np.flatnonzero(overlap > 0)
+    size, other = radius[first], np.full(len(first), len(materials))
+    plane = np.full(len(first), np.inf)
+    coefficients = mixed([*materials, wall.material], (kinds[first], other), (size, plane))
+    none = np.zeros((len(first), 3))
+    return first, np.full(len(first), -1), none, none + normal, 0 * size, overlap[first], *coefficients
+
+
+def _phase(shapes: Complexes, wavevector: Floats) -> Complexes:
+    """Return the phase (...) that the leading component of each mode (..., J, B, 6) is to lose."""
+    size = np.linalg.norm(wavevector, axis=-1, keepdims=True)
+    along = np.where(size > 0, wavevector / np.where(size > 0, size, 1.0), [0.0, 1.0, 0.0])
+    across = np.stack([-along[..., 1], along[..., 0], 0 * along[..., 0]], axis=-1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
+    frame = np.stack([along, across, up], axis=-2)[..., None, None, :, :]
+    ways = (frame @ shapes[..., :3, None])[..., 0]  # (..., J, B, 3)
+    ways, turns = (each.reshape(*each.shape[:-2], -1) for each in (ways, 1j * shapes[..., 3:]))
+    only_turns = np.abs(ways).max(axis=-1) < 1e-12 * np.abs(shapes).max(axis=(-2, -1))
+    parts = np.where(only_turns[..., None], turns, ways)
+    large = np.abs(parts) > (1 - _ONE_SIGN) * np.abs(parts).max(axis=-1, keepdims=True)
+    leading = np.take_along_axis(parts, np.argmax(large, axis=-1)[..., None], axis=-1)[..., 0]
+    return leading / np.abs(leading)

@@ -1,0 +1,280 @@
+"""Second order of any wave, or of any two, in any periodic crystal: forced and free waves, and the signal from τ = 0.
+
+The crystal (`analysis.theory.crystal`) has contacts whose forces are known to second order (`analysis.theory.bonds`).
+A field of real waves Re[A U e^{i(k·r − ωt)}] then has, to second order, at every sum and difference (K, Ω) of two of
+them, each wave with itself among them,
+
+    M X″ = −D(K) X + F e^{−iΩt} + F₀ + F_w ∫₀ᵗ e^{−iΩs} ds,       X = X′ = 0 at t = 0,
+
+with what the products of two make that run (F), that the start leaves in the contacts (F₀) and that winds up where two
+waves are out of phase in a contact whose slip has a history (F_w). Of this follow
+
+* the forced wave X e^{−iΩt}, X = [D(K) − Ω²M]⁻¹F: second harmonic, static, sum and difference fields;
+* the free waves of the modes at K, which the start launches because X must vanish there (`free_waves`);
+* the signal: each mode j of D(K) answers with Z_j(t) = ∫₀ᵗ sin(ω_j(t−s))/ω_j e^{−iΩs} ds, regular on resonance.
+
+**Rigid motions** at K = 0 are driven by no contact, and stay. **Degenerate branches** need no care in an answer, which
+is a sum over all; for a wave that is given, `wave` takes the polarisation.
+
+Everything is in the units of the crystal. Amplitudes multiply modes whose Σ|U|² is the number of spheres of a cell.
+
+When it breaks: where contacts open or slide; where the second order is no longer small, as for long on a resonance;
+where slip winds up, for long (`Mixed.creep`). It knows no third order: frequencies do not shift. `validity` estimates.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from analysis.theory.bonds import Quadratic, Strain
+from analysis.theory.crystal import Crystal, Modes, padded
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_DEGENERATE = 1e-9  # frequencies within this share of the highest are one
+_RIGID = 1e-7  # frequencies below this share of the highest are 0
+_IN_PHASE = 1e-12  # share of the forces that winds up which is rounding
+
+
+class Wave(NamedTuple):
+    """Linear waves Re[U e^{i(k·r − ωt)}]: k (..., 3), ω (...), and U (..., B, 6) with its amplitude and phase."""
+
+    wavevector: Floats
+    frequency: Floats
+    shape: Complexes
+
+    def times(self, amplitude: ArrayLike) -> "Wave":
+        """Return the wave times an amplitude, complex for a phase."""
+        return self._replace(shape=self.shape * np.asarray(amplitude)[..., None, None])
+
+    @property
+    def reversed(self) -> "Wave":
+        """Return the same real wave, written with −k and −ω, as a difference needs it."""
+        return Wave(-self.wavevector, -self.frequency, self.shape.conj())
+
+
+def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: ArrayLike | None = None) -> Wave:
+    """Return the wave of a branch (0, 1, … by frequency) at wave vectors (..., 2 or 3), of amplitude 1.
+
+    Parameters
+    ----------
+    along : (6,) or (B, 6); of branches of one frequency the wave is the share of this shape (u, φ) in them
+
+    Raises
+    ------
+    ValueError
+        For a branch that is not there, one of several of one frequency without `along`, and an `along` that has
+        nothing of them.
+    """
+    k = padded(wavevector)
+    modes = crystal.modes(k)
+    count = modes.frequencies.shape[-1]
+    index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
+    if not np.isin(index, range(count)).all():
+        raise ValueError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
+    frequency = np.take_along_axis(modes.frequencies, index[..., None], axis=-1)
+    same = np.abs(modes.frequencies - frequency) < _DEGENERATE * crystal.highest
+    if along is None:
+        if np.any(same.sum(axis=-1) > 1):
+            raise ValueError(f"branch {branch!r} has the frequency of another one here: give `along`, its polarisation")
+        return Wave(
+            k, frequency[..., 0], np.take_along_axis(modes.shapes, index[..., None, None, None], -3)[..., 0, :, :]
+        )
+    wanted = np.broadcast_to(np.asarray(along, dtype=complex), (len(crystal), 6))
+    shares = np.where(same, np.sum(modes.duals * wanted, axis=(-2, -1)), 0.0)
+    shape = np.einsum("...j,...jbc->...bc", shares, modes.shapes)
+    norm = np.sqrt(np.sum(np.abs(shape) ** 2, axis=(-2, -1)) / len(crystal))
+    if not np.all(norm > _RIGID * np.linalg.norm(wanted)):
+        raise ValueError(f"along = {along!r} has no share in branch {branch!r}")
+    return Wave(k, frequency[..., 0], shape / norm[..., None, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Mixed:
+    """What two waves make of each other at the sum of their wave vectors, or, for a reversed one, at the difference.
+
+    Amplitudes are those of the field Re[X e^{iK·r}] of Re(first)·Re(second), each product once: two waves (first,
+    second) hold each twice, a wave with itself once, so that one wave makes ½ of ``Mixed(crystal, wave, wave)``. Waves
+    (...) are many pairs side by side.
+    """
+
+    crystal: Crystal
+    first: Wave
+    second: Wave
+
+    @cached_property
+    def wavevector(self) -> Floats:
+        """Return K (..., 3)."""
+        return self.first.wavevector + self.second.wavevector
+
+    @cached_property
+    def frequency(self) -> Floats:
+        """Return Ω (...), of either sign."""
+        return np.asarray(self.first.frequency + self.second.frequency)
+
+    @cached_property
+    def targets(self) -> Modes:
+        """Return the modes at K."""
+        return self.crystal.modes(self.wavevector)
+
+    @cached_property
+    def strains(self) -> tuple[Strain, Strain]:
+        """Return the deformation of the contacts in both waves."""
+        first, second = (self.crystal.bonds.strain(each.shape, each.wavevector) for each in (self.first, self.second))
+        return first, second
+
+    @cached_property
+    def forces(self) -> Quadratic:
+        """Return F, F₀ and F_w (..., B, 6) on the spheres."""
+        bonds, frequencies = self.crystal.bonds, (self.first.frequency, self.second.frequency)
+        ends = bonds.quadratic(*self.strains, frequencies)
+        return Quadratic(*(bonds.gather(each, self.wavevector, len(self.crystal)) for each in ends))
+
+    @cached_property
+    def shares(self) -> Quadratic:
+        """Return what each mode at K has of the forces, over its mass: (..., J) of F, F₀ and F_w."""
+        pushed = (self.crystal.accelerations(each)[..., None, :, :] for each in self.forces)
+        return Quadratic(*(np.sum(self.targets.duals * each, axis=(-2, -1)) for each in pushed))
+
+    @cached_property
+    def winds(self) -> NDArray[np.bool_]:
+        """True (...) where contacts gather slip in proportion to time, so that nothing is steady."""
+        size = sum(np.abs(each).max(axis=(-2, -1)) for each in self.forces[:2])
+        wound = np.abs(self.forces.winding).max(axis=(-2, -1))
+        still = np.abs(self.frequency) < _RIGID * self.crystal.highest
+        return still & (wound > _IN_PHASE * self.crystal.highest * size)
+
+    @property
+    def creep(self) -> Complexes:
+        """Return the velocity (..., B, 6) at which spheres creep as slip winds up, 0 where it does not."""
+        return self._answer(np.where(self.winds[..., None], self.shares.winding, 0.0))
+
+    @cached_property
+    def steady(self) -> Complexes:
+        """Return what each mode (..., J) has of all forces e^{−iΩt}, over its mass.
+
+        Raises ValueError where contacts wind up.
+        """
+        if np.any(self.winds):
+            raise ValueError("slip winds up: two waves of one frequency are out of phase in a contact; use `signal`")
+        running, _, winding = self.shares
+        still = np.abs(self.frequency)[..., None] < _RIGID * self.crystal.highest
+        return running + np.where(still, 0.0, 1j * winding / np.where(still, 1.0, self.frequency[..., None]))
+
+    def forced(self) -> Complexes:
+        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)} that runs with the two; the fields of the start apart.
+
+        Infinite on a resonance that is met to the last bit. Raises ValueError where contacts wind up.
+        """
+        return self._answer(self.steady)
+
+    def static(self) -> Complexes:
+        """Return X (..., B, 6) of the field about which spheres move that were let go: forced and left, Ω = 0."""
+        return self._answer(self.shares.running + self.shares.left)
+
+    def _answer(self, shares: Complexes) -> Complexes:
+        natural, forcing = self.targets.frequencies, self.frequency[..., None]
+        rigid = (natural < _RIGID * self.crystal.highest) & (np.abs(forcing) < _RIGID * self.crystal.highest)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(rigid, 0.0, 1 / ((natural - forcing) * (natural + forcing)))
+            return np.einsum("...j,...jbc->...bc", shares * gain, self.targets.shapes)
+
+    def free_waves(self) -> tuple[Complexes, Complexes]:
+        """Return the amplitudes (..., J) of the modes at K that the start launches: e^{−iω_j t} and e^{+iω_j t}.
+
+        They cancel forced wave and static field at t = 0; infinite on resonance, where only the sum is finite.
+        """
+        natural, forcing = self.targets.frequencies, self.frequency[..., None]
+        running, left, winding = self.shares
+        wound = np.divide(1j * winding, forcing, out=np.zeros_like(winding), where=forcing != 0)
+        moving, still = running + wound, left - wound
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = moving / ((natural - forcing) * (natural + forcing))
+            return tuple(  # type: ignore[return-value]
+                -0.5 * (gain * (1 + sign * forcing / natural) + still / natural**2) for sign in (1, -1)
+            )
+
+    def signal(self, time: ArrayLike) -> Complexes:
+        """Return X(t) (..., B, 6) of the field Re[X e^{iK·r}], in a crystal without any at K at t = 0.
+
+        time (...) broadcasts against the pairs, so that pairs (P, 1) at times (T,) give (P, T, B, 6).
+        """
+        t = np.asarray(time, dtype=float)[..., None]
+        natural, forcing = self.targets.frequencies, self.frequency[..., None]
+        running, left, winding = self.shares
+        answer = running * duhamel(natural, forcing, t) + left * duhamel(natural, 0.0, t)
+        if np.any(np.abs(winding) > _IN_PHASE * self.crystal.highest * (np.abs(running) + np.abs(left))):
+            answer = answer + winding * wound_up(natural, forcing, t)
+        return np.einsum("...j,...jbc->...bc", answer, self.targets.shapes)
+
+    def growth_rates(self) -> Floats:
+        """Return the rate |dual_j·M⁻¹F|/2ω_j at which mode j at K grows on resonance, (..., J); nan at ω_j = 0.
+
+        Raises ValueError where contacts wind up.
+        """
+        size, natural = np.abs(self.steady), self.targets.frequencies
+        return np.divide(size, 2 * natural, out=np.full(size.shape, np.nan), where=natural > 0)
+
+
+def second_order(
+    crystal: Crystal, waves: Sequence[Wave], time: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
+) -> tuple[Floats, Floats]:
+    """Return first and second order of the waves together, real fields (T, B, 6), on the cell at a translation.
+
+    Parameters
+    ----------
+    waves : single ones; the crystal starts with their sum, and without anything of second order
+    time : (T,)
+    translation : (3,) a vector of the lattice
+    """
+    t, place = np.asarray(time, dtype=float), crystal.position + padded(translation)
+    first = np.zeros((len(t), len(crystal), 6))
+    second = np.zeros_like(first)
+    for each in waves:
+        motion = np.multiply.outer(np.exp(-1j * each.frequency * t), each.shape)
+        first += np.real(motion * np.exp(1j * place @ each.wavevector)[:, None])
+    for i, j in combinations_with_replacement(range(len(waves)), 2):
+        for partner in (waves[j], waves[j].reversed):
+            mixed = Mixed(crystal, waves[i], partner)
+            field = mixed.signal(t) * np.exp(1j * place @ mixed.wavevector)[:, None]
+            second += np.real(field) * (0.5 if i == j else 1.0)
+    return first, second
+
+
+def duhamel(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexes:
+    """Return Z = ∫₀ᵗ sin(w(t−s))/w e^{−iωs} ds for w = natural, ω = forcing, regular at ω = ±w and for w → 0.
+
+    Z = [e^{iwt}E(−ω−w) − e^{−iwt}E(w−ω)]/(2iw),    E(x) = ∫₀ᵗ e^{ixs} ds = t e^{ixt/2} sin(xt/2)/(xt/2).
+    """
+    w, omega, t = np.broadcast_arrays(np.asarray(natural, dtype=float), forcing, np.asarray(time, dtype=float))
+
+    def window(x: Floats) -> Complexes:
+        return np.asarray(t * np.exp(0.5j * x * t) * np.sinc(x * t / (2.0 * np.pi)))
+
+    slow = w < 1e-3 * np.abs(omega)  # the formula above divides by w; this one by ω² − w²
+    rate = np.where(slow, 1.0, np.where(w > 0, w, 1.0))
+    usual = (np.exp(1j * w * t) * window(-omega - w) - np.exp(-1j * w * t) * window(w - omega)) / (2j * rate)
+    gap = np.where(slow, w**2 - omega**2, 1.0)
+    far = (np.exp(-1j * omega * t) - np.cos(w * t) + 1j * omega * t * np.sinc(w * t / np.pi)) / gap
+    still = 0.5 * t**2 * np.sinc(w * t / (2.0 * np.pi)) ** 2
+    return np.where(omega == 0.0, still, np.where(slow, far, usual))
+
+
+def wound_up(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexes:
+    """Return ∫₀ᵗ Z(s) ds, the answer to ∫₀ᵗ e^{−iωs} ds, regular everywhere.
+
+    It is the divided difference of e^{zt} at iw, −iw, −iω and 0, a corner of the exponential of a matrix (Opitz).
+    """
+    w, omega, t = np.broadcast_arrays(natural, forcing, np.asarray(time, dtype=float))
+    matrix = np.zeros((*w.shape, 4, 4), dtype=complex)
+    for place, point in enumerate((1j * w, -1j * w, -1j * omega)):
+        matrix[..., place, place] = point * t
+        matrix[..., place, place + 1] = t
+    return np.asarray(expm(matrix)[..., 0, 3])

@@ -1,0 +1,415 @@
+"""Second order of any crystal, beside the closed form of the hexagonal crystal along y and beside exact crystals."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from analysis import second_harmonic as sh
+from analysis.theory import bonds, jkr
+from analysis.theory.contact import Contact
+from analysis.theory.crystal import Crystal, Wall, find_contacts, hexagonal
+from analysis.theory.network import Material, Network, mixed, start
+from analysis.theory.network_motion import integrate
+from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
+from tests.exact_space import Packing
+
+PLANE = [0, 1, 5]
+ROOT3 = np.sqrt(3)
+SILICA, SOFT = Material(73e3, 0.17, 63.0), Material(50e3, 0.3, 40.0)  # MPa, mJ/m²: lengths in nm, masses in ag
+R, DENSITY = 500.0, 2.2e-3
+
+
+def overlap(one: Material, other: Material, radius: float, other_radius: float = np.inf) -> float:
+    """Return the overlap at rest of two spheres, or of a sphere and a wall, that nothing presses."""
+    A, _, F, _ = mixed([one, other], (np.array([0]), np.array([1])), (np.array([radius]), np.array([other_radius])))
+    return float((F / A)[0] ** (2 / 3))
+
+
+D = overlap(SILICA, SILICA, R, R)
+A = 2 * R - D  # lattice constant
+HONEYCOMB = (
+    np.diag([A * ROOT3, 3 * A]),
+    np.array([[0, 0], [A * ROOT3 / 2, A / 2], [A * ROOT3 / 2, 1.5 * A], [0, 2 * A]]),
+)
+ROWS = (np.diag([A, A * ROOT3]), np.array([[0, 0], [A / 2, A * ROOT3 / 2]]))
+TRIANGULAR = np.array([[A, 0, 0], [A / 2, A * ROOT3 / 2, 0]])
+SUNK = overlap(SILICA, SILICA, R)
+FLOOR = Wall((0.0, 0.0, SUNK - R), (0.0, 0.0, -1.0), SILICA)
+
+
+# --- the closed form as teacher ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("wavenumber", ["resonance", "antiresonance", 0.3, 0.802, 1.475, 2.8])
+@pytest.mark.parametrize("poisson_ratio", [0.17, 0.3, -0.3])
+@pytest.mark.parametrize("overlap_ratio", [0.0, 2.5e-4])
+def test_it_meets_the_closed_form_along_y(wavenumber: float | str, poisson_ratio: float, overlap_ratio: float) -> None:
+    contact = Contact(poisson_ratio, overlap_ratio=overlap_ratio)
+    special = {"resonance": sh.resonance, "antiresonance": sh.antiresonance}
+    xi = special[wavenumber](contact.ratios) if isinstance(wavenumber, str) else wavenumber
+    if xi is None:
+        pytest.skip("no antiresonance")
+    crystal, tau = hexagonal(contact), np.linspace(0, 60, 31)
+    k = np.array([0, 2 / ROOT3 * xi])
+    modes = crystal.modes(k)
+    for name in ("L", "TR", "RT"):
+        mode = sh.mode(name, xi, contact.ratios)
+        branch = int(np.argmin(np.abs(modes.frequencies - mode.frequency)))
+        assert modes.frequencies[branch] == pytest.approx(mode.frequency, rel=1e-12)
+        # On the resonance and the antiresonance two numbers cancel that are known to 1e-15
+        tolerance = 1e-9 if isinstance(wavenumber, str) else 1e-11
+        one = wave(crystal, k, branch)
+        half = 0.5 * Mixed(crystal, one, one).forced()[0, 1].imag
+        if wavenumber != "resonance" or name != "TR":
+            closed = sh.nonlinearity(contact.ratios, 0.2) / 2 * sh.generated_amplitude(mode, contact.ratios)
+            size = np.abs(sh.nonlinearity(contact.ratios, 0.2))
+            assert 0.2 * half == pytest.approx(closed, rel=tolerance, abs=1e-12 * size)
+        first, second = second_order(crystal, [one.times(0.2)], tau, [0.5, ROOT3 / 2])
+        p, q, phi = sh.second_order(mode, contact.ratios, 0.2, tau, row=1)
+        doubled = sh.second_harmonic(mode, contact.ratios, 0.2, tau, row=1)
+        scale = max(np.abs(doubled).max(), 1e-4)  # of the antiresonance, where nothing is left
+        np.testing.assert_allclose(first[:, 0, PLANE] / 0.2, np.stack([-q, p - doubled, phi], 1), atol=1e-11)
+        np.testing.assert_allclose(second[:, 0, 1] / 0.2, doubled, atol=1e-11 * scale)
+        np.testing.assert_allclose(second[:, 0, [0, 5]], 0, atol=1e-11 * scale)
+
+
+def test_a_wrong_law_is_seen() -> None:
+    contact = Contact(0.17)
+    right = hexagonal(contact)
+    wrong = replace(right, bonds=replace(right.bonds, law=right.bonds.law._replace(curvature=np.full(3, 0.51))))
+    k = np.array([0, 0.9])
+    fields = [Mixed(each, *2 * (wave(each, k, 1),)).forced() for each in (right, wrong)]
+    assert not np.allclose(*fields, rtol=1e-3)
+
+
+# --- exact crystals: what is left falls as a² -------------------------------------------------------------------------
+
+
+def in_plane(
+    crystal: Crystal,
+    radius: np.ndarray,
+    materials: list[Material],
+    kind: np.ndarray,
+    repeats: tuple[int, int],
+    one: Wave,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return second order by theory, and by the network at amplitudes ±a, ±a/2 extrapolated to a → 0; per a²."""
+    shifts = np.array(list(product(range(repeats[0]), range(repeats[1])))) @ crystal.vectors[:, :2]
+    count, times = len(shifts), np.linspace(0, 3 * np.pi / one.frequency, 9)
+    place = (shifts[:, None] + crystal.position[:, :2]).reshape(-1, 2)
+    radii = np.tile(radius, count)
+    network = Network(
+        place,
+        radii,
+        np.full(len(place), 1.0),
+        tuple(materials),
+        kind=np.tile(kind, count),
+        cell=(repeats[0] * crystal.vectors[0, 0], repeats[1] * crystal.vectors[1, 1]),
+        law=crystal.bonds.shear_law,
+    )
+    mass = np.tile(crystal.mass[:, 0], count)
+    network = replace(network, density=mass / (4 / 3 * np.pi * radii**3))
+    field = np.tile(one.shape, (count, 1)) * np.exp(1j * (place @ one.wavevector[:2]) + 0.3j)[:, None]
+
+    def moved(amplitude: float) -> np.ndarray:
+        u, v = amplitude * field.real, (-1j * amplitude * one.frequency * field).real
+        state = start(network, u[:, :2], v[:, :2], u[:, 5] / radii, v[:, 5] / radii)
+        motion = np.moveaxis(integrate(network, state, times, rtol=1e-11).motion[:, :3], 1, 2)
+        return motion * np.stack([1 + 0 * radii, 1 + 0 * radii, radii], axis=1)
+
+    sizes = 0.08 * D, 0.04 * D
+    even = [(moved(size) + moved(-size)) / 2 / size**2 for size in sizes]
+    theory = [second_order(crystal, [one.times(np.exp(0.3j))], times, shift)[1][..., PLANE] for shift in shifts]
+    return np.concatenate(theory, axis=1), (4 * even[1] - even[0]) / 3
+
+
+def relative(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+@pytest.mark.parametrize("shear_law", ["secant", "incremental"])
+@pytest.mark.parametrize(
+    ("cell", "density", "repeats", "cycles", "branch"),
+    [
+        ((np.diag([A, A]), np.zeros((1, 2))), [1.0], (3, 6), (0, 1), 1),
+        (ROWS, [1.0, 2.0], (3, 3), (0, 1), 1),
+        (ROWS, [1.0, 2.0], (4, 3), (1, 1), 2),
+        (HONEYCOMB, [1.0] * 4, (2, 3), (0, 1), 2),
+    ],
+    ids=["square", "layered", "layered oblique", "honeycomb"],
+)
+def test_exact_lattices_have_the_second_order(cell, density, repeats, cycles, branch, shear_law) -> None:
+    vectors, basis = cell
+    crystal = Crystal.of(vectors, basis, R, DENSITY * np.array(density), [SILICA], shear_law=shear_law)
+    k = 2 * np.pi * np.array(cycles) / (np.array(repeats) * np.diag(vectors))
+    ones = np.ones(len(basis))
+    theory, exact = in_plane(crystal, R * ones, [SILICA], 0 * ones, repeats, wave(crystal, k, branch))
+    # Of the next even order, a⁴, the extrapolation leaves a part in 1e6; the integrator's 1e-11 is 1e-8 of a²
+    assert relative(theory, exact) < 1e-5
+
+
+def two_materials() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vectors, basis and radii of rows of two materials in turn, whose radii give them one spacing in a row."""
+    radius = R
+    for _ in range(60):
+        radius = (A + overlap(SOFT, SOFT, radius, radius)) / 2
+    between = R + radius - overlap(SILICA, SOFT, R, radius)
+    height = np.sqrt(between**2 - A**2 / 4)
+    return np.diag([A, 2 * height]), np.array([[0, 0], [A / 2, height]]), np.array([R, radius])
+
+
+def test_unequal_radii_and_materials_whose_torques_have_unequal_arms() -> None:
+    vectors, basis, radii = two_materials()
+    kind = np.array([0, 1])
+    crystal = Crystal.of(vectors, basis, radii, DENSITY, [SILICA, SOFT], kind=kind)
+    assert not crystal.even
+    one = wave(crystal, 2 * np.pi * np.array([1 / 4, 1 / 3]) / np.diag(vectors), 2)
+    theory, exact = in_plane(crystal, radii, [SILICA, SOFT], kind, (4, 3), one)
+    assert relative(theory, exact) < 1e-5
+
+
+def in_space(vectors, basis, cycles, repeats, walls, *, branch, along=None) -> tuple[np.ndarray, np.ndarray]:
+    """Return second order by theory, and by exact integration extrapolated to a → 0; per a²."""
+    vectors, basis = np.asarray(vectors, float), np.asarray(basis, float)
+    crystal = Crystal.of(vectors, basis, R, DENSITY, [SILICA], walls=walls)
+    shifts = np.array(list(product(*map(range, repeats)))) @ vectors
+    place = (shifts[:, None] + basis).reshape(-1, 3)
+    whole = Crystal.of(vectors * np.array(repeats)[:, None], place, R, DENSITY, [SILICA], walls=walls)
+    found = whole.bonds
+    way = np.where(found.second[:, None] < 0, found.normal * (R - SUNK), found.apart)
+    packing = Packing(found.first, found.second, way, np.full(len(place), R), DENSITY, SILICA)
+    one = wave(crystal, np.linalg.pinv(vectors) @ (2 * np.pi * np.array(cycles) / repeats), branch, along=along)
+    times = np.linspace(0, 3 * np.pi / one.frequency, 7)
+    field = np.tile(one.shape, (len(shifts), 1)) * np.exp(1j * (place @ one.wavevector) + 0.3j)[:, None]
+    even = []
+    for size in (0.08 * D, 0.04 * D):
+        u, v = size * field.real, (-1j * size * one.frequency * field).real
+        even.append((packing.motion(u, v, times) + packing.motion(-u, -v, times)) / 2 / size**2)
+    theory = [second_order(crystal, [one.times(np.exp(0.3j))], times, shift)[1] for shift in shifts]
+    return np.concatenate(theory, axis=1), (4 * even[1] - even[0]) / 3
+
+
+C = A * np.sqrt(2)
+FCC = np.array([[0, C / 2, C / 2], [C / 2, 0, C / 2], [C / 2, C / 2, 0]])
+HCP = np.array([[A, 0, 0], [A / 2, A * ROOT3 / 2, 0], [0, 0, A * np.sqrt(8 / 3)]])
+CUBE = np.array([[0, 0, 0], [0, C / 2, C / 2], [C / 2, 0, C / 2], [C / 2, C / 2, 0]])
+
+
+@pytest.mark.parametrize(
+    ("vectors", "basis", "cycles", "repeats", "walls", "branch", "along"),
+    [
+        (np.eye(3) * C, CUBE, (0, 0, 1), (1, 1, 3), (), 0, (1, 0, 0, 0, 0, 0)),
+        (HCP, [[0, 0, 0], [A / 2, A / 2 / ROOT3, A * np.sqrt(2 / 3)]], (0, 1, 1), (1, 3, 3), (), 3, None),
+        (TRIANGULAR, [[0, 0, 0]], (1, 1), (3, 4), (FLOOR,), 0, None),
+        (TRIANGULAR, [[0, 0, 0]], (1, 1), (3, 4), (FLOOR,), 3, None),
+    ],
+    ids=["fcc along [001]", "hcp", "layer on a wall", "layer on a wall, turning"],
+)
+def test_exact_crystals_in_space(vectors, basis, cycles, repeats, walls, branch, along) -> None:
+    theory, exact = in_space(vectors, basis, cycles, repeats, walls, branch=branch, along=along)
+    assert relative(theory, exact) < 1e-5  # as in the plane
+
+
+# --- space ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("vectors", "neighbours"), [(TRIANGULAR, 6), (np.array([[A, 0, 0], [0, A, 0]]), 4)])
+def test_a_layer_on_a_wall_has_the_frequencies_of_its_formula(vectors: np.ndarray, neighbours: int) -> None:
+    crystal = Crystal.of(vectors, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR])
+    law, mass = crystal.bonds.law, crystal.mass[0, 0]
+    pair, wall = law.shear[0], law.shear[-1]
+    eta = D / (2 * R)
+    g = pair / wall * (1 - eta)
+    root = np.sqrt((7 + 5 * neighbours * g) ** 2 - 40 * neighbours * g)
+    rocking = [wall / (4 * mass) * (7 + 5 * neighbours * g + sign * root) for sign in (-1, 1)]
+    known = [law.stiffness[-1] / mass, *rocking, *rocking, 5 * neighbours * pair * (1 - eta) / mass]
+    found = crystal.modes(np.zeros(3)).frequencies ** 2
+    # The overlap is the difference of places 4000 times as large, known to 1e-12
+    np.testing.assert_allclose(np.sort(found), np.sort(known), rtol=1e-10)
+
+
+def test_fcc_along_001_has_a_resonance_of_shear_and_longitudinal_waves() -> None:
+    crystal = Crystal.of(FCC, np.zeros((1, 3)), R, DENSITY, [SILICA])
+
+    def detuning(xi: float) -> float:
+        one = wave(crystal, [0, 0, 2 * xi / C], 0, along=[1, 0, 0, 0, 0, 0])
+        at = Mixed(crystal, one, one)
+        longitudinal = np.argmax(np.abs(at.targets.shapes[:, 0, 2]))
+        assert at.growth_rates()[longitudinal] > 0
+        return float(2 * one.frequency - at.targets.frequencies[longitudinal])
+
+    assert detuning(1.5411) * detuning(1.5421) < 0
+
+
+def test_contacts_are_found_each_once() -> None:
+    for vectors, count in ((FCC, 6), (TRIANGULAR, 3), (np.array([[A, 0, 0]]), 1), (np.eye(3) * C, 0)):
+        assert len(find_contacts(vectors, np.zeros((1, 3)), np.array([R]))[0]) == count
+    assert len(find_contacts(np.eye(3) * C, CUBE, np.full(4, R))[0]) == 24
+    skewed = FCC + np.array([[0], [3], [0]]) * FCC[:1] + np.array([[0], [0], [-2]]) * FCC[1:2]
+    assert len(find_contacts(skewed, np.zeros((1, 3)), np.array([R]))[0]) == 6
+
+
+# --- laws -------------------------------------------------------------------------------------------------------------
+
+
+def test_the_derivatives_of_the_law_of_jkr_are_those_of_its_force() -> None:
+    radius, modulus, work, B = 0.7, 1.3, 0.2, 2.1
+    contact = jkr.Contact(radius, modulus, work)
+    A, F = 4 / 3 * modulus * np.sqrt(radius), 2 * np.pi * work * radius
+    rest, step = contact.rest_overlap, 1e-4 * contact.rest_overlap
+    at = [bonds.jkr(rest + n * step, A, B, F, radius) for n in (-1, 0, 1)]
+    assert abs(at[1].push[0]) < 1e-12 * F  # at rest
+    assert at[1].shear[0] == pytest.approx(B * contact.rest_radius / np.sqrt(radius), rel=1e-12)
+    for value, slope in ((0, 1), (1, 2), (3, 4)):
+        difference = (at[2][value] - at[0][value]) / (2 * step)
+        assert difference == pytest.approx(at[1][slope], rel=1e-6)  # step² of a central difference
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        Contact(0.17, prestress=0.4, overlap_ratio=0.02, adhesion_law="jkr"),
+        Contact(0.3, prestress=0.7, overlap_ratio=0.02),
+    ],
+)
+def test_a_crystal_of_spheres_is_that_of_its_constants(contact: Contact) -> None:
+    eta, adhesion = contact.overlap_ratio, contact.adhesion
+    radius = 1 / (2 * eta)  # in Δ0
+    hertz, share = 1.0, contact.prestress
+    if contact.adhesion_law == "dmt":
+        pull = (1 - share) * hertz
+    else:
+        from scipy.optimize import brentq
+
+        def miss(pull: float) -> float:
+            law = bonds.jkr(1.0, hertz, 1.0, pull, radius / 2)
+            return float(law.push[0] / (law.push[0] + 0.75 * pull)) - share  # (3/2)πwR parts it, F = 2πwR
+
+        pull = brentq(miss, 1e-9, 10.0, xtol=1e-15)
+    poisson = contact.poisson_ratio
+    modulus = 0.75 / np.sqrt(radius / 2) * 2 * (1 - poisson**2)
+    material = Material(modulus, poisson, pull / (np.pi * radius))
+    spheres = Crystal.of(
+        (2 * radius - 1) * np.array([[1, 0], [0.5, ROOT3 / 2]]),
+        np.zeros((1, 2)),
+        radius,
+        3 / (4 * np.pi * radius**3),
+        [material],
+        adhesion=contact.adhesion_law,
+    )
+    mine, theirs = spheres.bonds.law, hexagonal(contact).bonds.law
+    for one, other in zip(mine, theirs, strict=True):
+        np.testing.assert_allclose(one / mine.stiffness, other, rtol=1e-10, atol=1e-12)
+    assert adhesion.load >= 0
+
+
+# --- what is degenerate, rigid, or does not exist ---------------------------------------------------------------------
+
+
+def test_a_degenerate_branch_needs_its_polarisation() -> None:
+    crystal = Crystal.of(FCC, np.zeros((1, 3)), R, DENSITY, [SILICA])
+    k = [0, 0, 1.2 / A]
+    with pytest.raises(ValueError, match="give `along`"):
+        wave(crystal, k, 0)
+    with pytest.raises(ValueError, match="no share"):
+        wave(crystal, k, 0, along=[0, 0, 1, 0, 0, 0])
+    turned = np.array([0.6, 0.8, 0, 0, 0, 0])
+    one = wave(crystal, k, 0, along=turned)
+    assert np.linalg.norm(one.shape) == pytest.approx(1, rel=1e-12)
+    np.testing.assert_allclose(np.cross(one.shape[0, :3], turned[:3]), 0, atol=1e-12)
+    # The answer does not depend on the axes: a shear wave along a face makes only a longitudinal one
+    for other in ([1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]):
+        pushed = [Mixed(crystal, each, each).forced()[0, 2] for each in (one, wave(crystal, k, 0, along=other))]
+        assert np.abs(pushed[0] / pushed[1]) == pytest.approx(1, rel=1e-10)
+
+
+def test_rigid_motions_stay_and_static_fields_are_finite() -> None:
+    crystal = hexagonal(Contact(0.17))
+    assert crystal.modes(np.zeros(2)).frequencies[:2].tolist() == [0, 0]
+    one = wave(crystal, [0.3, 0.8], 0)
+    at_rest = Mixed(crystal, one, one.reversed)
+    static = at_rest.static()
+    assert np.all(np.isfinite(static))
+    np.testing.assert_allclose(static[0, :2], 0, atol=1e-15)
+    # The mean rotation of an oblique wave: torques −(κ/2) Re δN δS* of six contacts, held by 12 κ
+    strain = crystal.bonds.strain(one.shape, one.wavevector)
+    across = np.cross([0, 0, 1], crystal.bonds.normal)
+    stretch, slip = strain.stretch, np.sum(across * strain.slip, axis=-1)
+    assert static[0, 5].real == pytest.approx(-np.sum(stretch * slip.conj()).real / 12, rel=1e-12)
+    assert abs(static[0, 5]) > 1e-4
+
+
+def test_forced_static_and_free_waves_add_to_the_signal() -> None:
+    crystal = hexagonal(Contact(0.17, overlap_ratio=0.02, law="incremental"))
+    pair = Mixed(crystal, wave(crystal, [0.3, 0.8], 0), wave(crystal, [-0.9, 0.5], 2).reversed)
+    t = np.linspace(0, 30, 7)
+    onward, backward = pair.free_waves()
+    natural = pair.targets.frequencies
+    swing = onward * np.exp(-1j * np.multiply.outer(t, natural)) + backward * np.exp(1j * np.multiply.outer(t, natural))
+    free = np.einsum("tj,jbc->tbc", swing, pair.targets.shapes)
+    # The static rest of a pair that runs: what the start leaves, and what the winding takes back
+    still = Mixed(crystal, pair.first, pair.second)
+    left = pair.shares.left - 1j * pair.shares.winding / pair.frequency
+    static = np.einsum("j,jbc->bc", left / natural**2, still.targets.shapes)
+    whole = np.multiply.outer(np.exp(-1j * pair.frequency * t), pair.forced()) + static + free
+    np.testing.assert_allclose(whole, pair.signal(t), atol=1e-12 * np.abs(whole).max())
+
+
+def test_slip_winds_up_where_two_waves_of_one_frequency_are_out_of_phase() -> None:
+    crystal = hexagonal(Contact(0.17, overlap_ratio=0.02))
+    one, other = wave(crystal, [0, 0.8], 0), wave(crystal, [0.8 * ROOT3 / 2, 0.4], 0)  # one turned by 60 degrees
+    pair = Mixed(crystal, one, other.reversed)
+    assert pair.winds
+    with pytest.raises(ValueError, match="slip winds up"):
+        pair.forced()
+    late = np.array([2e5, 4e5])
+    # A creep that is steady, and oscillations about it that do not grow
+    drift = (pair.signal(late[1]) - pair.signal(late[0])) / (late[1] - late[0])
+    np.testing.assert_allclose(drift, pair.creep, atol=1e-3 * np.abs(pair.creep).max())
+    alone = Mixed(crystal, one, one.reversed)
+    assert not alone.winds
+    assert np.all(alone.creep == 0)
+
+
+def test_a_layer_on_a_wall_creeps_by_rolling() -> None:
+    crystal = Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR])
+    one = wave(crystal, [0, 0.9 / A, 0], 0)
+    pair = Mixed(crystal, one.times(0.2 * D), one.times(0.2 * D).reversed)
+    assert pair.winds
+    assert np.linalg.norm(pair.creep) > 0
+
+
+def test_crystals_that_are_none_are_refused() -> None:
+    with pytest.raises(ValueError, match="no two spheres touch"):
+        Crystal.of(np.eye(2) * 3 * R, np.zeros((1, 2)), R, DENSITY, [SILICA])
+    with pytest.raises(ValueError, match="not at rest"):
+        Crystal.of(
+            TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR._replace(point=(0, 0, 3 * SUNK - R))]
+        )
+    crystal = hexagonal(Contact(0.17))
+    with pytest.raises(ValueError, match="allowed: 0, 1, 2"):
+        wave(crystal, [0, 1], 3)
+    pressed = crystal.bonds.law._replace(push=np.full(3, 2.0))
+    buckles = replace(crystal, bonds=replace(crystal.bonds, law=pressed, curving=np.full(3, 1.0)))
+    with pytest.raises(ValueError, match="unstable"):
+        buckles.modes([0, 1])
+
+
+# --- the answers of a mode --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("natural", "forcing"), [(1.3, 0.7), (1.3, 1.3), (1.3, -1.3), (0.0, 0.9), (1.1, 0.0), (0.0, 0.0)]
+)
+def test_duhamel_and_its_integral_are_the_answers_they_say(natural: float, forcing: float) -> None:
+    t = 7.0
+    s, weights = np.polynomial.legendre.leggauss(60)
+    s, weights = (s + 1) * t / 2, weights * t / 2
+    answer = (t - s) * np.sinc(natural * (t - s) / np.pi)
+    assert duhamel(natural, forcing, t) == pytest.approx(weights @ (answer * np.exp(-1j * forcing * s)), rel=1e-12)
+    gathered = s * np.exp(-0.5j * forcing * s) * np.sinc(forcing * s / (2 * np.pi))
+    assert wound_up(natural, forcing, t) == pytest.approx(weights @ (answer * gathered), rel=1e-12)
+    near = duhamel(natural + 1e-9, forcing, t)
+    assert near == pytest.approx(duhamel(natural, forcing, t), rel=1e-7)
