@@ -22,13 +22,14 @@ from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import RunFolderError, ToleranceError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
-from granular_lmp.lammps.outputs import SCENE, SWEEP, writable
+from granular_lmp.lammps.outputs import SWEEP, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
+from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
 from granular_lmp.scene.scene import Scene
@@ -145,7 +146,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         Record.load,
     )
     with locked(folder):
-        return refine(Scene.load(folder / SCENE), folder, one, progress, info)
+        return refine(scene_of(folder), folder, one, progress, info)
 
 
 def _to_tolerance(scene: Scene, folder: Path, options: launch.Options) -> Record:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
+from granular_lmp.runs.formats import expected_effects
 from granular_lmp.scene.at_rest import sphere_count
 from granular_lmp.scene.scene import Scene
 
@@ -77,7 +77,7 @@ def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
 def _effects(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
     if "effects" not in info:
         return
-    effects, expected = info["effects"], switches(scene)
+    effects, expected = info["effects"], expected_effects(info, scene)
     for name in sorted({*effects, *expected}):
         on, guard = expected.get(name, (_NO_SUCH, ""))
         yield f"effects.{name}.on", effects.get(name, {}).get("on"), on
@@ -88,7 +88,7 @@ def _guards(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
     if not {"effects", "guards"} <= set(info):
         return
     effects, guards = info["effects"], info["guards"]
-    expected = {guard: name for name, (_, guard) in switches(scene).items() if guard}
+    expected = {guard: name for name, (_, guard) in expected_effects(info, scene).items() if guard}
     for guard in sorted({*guards, *expected}):
         name = expected.get(guard, _NO_SUCH)
         yield f"guards.{guard}.effect", guards.get(guard, {}).get("effect"), name

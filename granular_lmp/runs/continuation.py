@@ -7,6 +7,7 @@ from typing import Any
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import CHECKPOINTS, STATUS
 from granular_lmp.runs.agreement import refuse_other_scene
+from granular_lmp.runs.formats import FORMAT, format_of
 from granular_lmp.runs.record import read_status
 from granular_lmp.runs.routes import LAUNCHERS
 
@@ -25,6 +26,8 @@ def read_unfinished(folder: Path) -> dict[str, Any]:
     info = read_status(folder)
     if info.get("status") == "finished":
         raise RunFolderError(f"{folder}: the run is finished; there is nothing to resume")
+    if format_of(info) != FORMAT:
+        raise RunFolderError(f"{folder}: was begun by an earlier release; run it again with force=True")
     if info.get("launcher") not in LAUNCHERS or not isinstance(info.get("ranks"), int):
         raise RunFolderError(f"{folder}: {_NOT_SAID}")
     refuse_other_scene(folder, info)

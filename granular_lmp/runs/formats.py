@@ -6,9 +6,18 @@
 What a folder of an earlier format does not say is what was true when it was written.
 """
 
+from pathlib import Path
 from typing import Any
 
+from granular_lmp.effects.selection import EFFECTS, switches
+from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import AUTO
+
 FORMAT = 2  # of the folders that this release writes
+_FIRST = {"adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "walls", "width"}
+# Effects that every finished run of a format names; others are younger, or joined it on the way
+NAMED = {1: _FIRST, 2: _FIRST | {"rolling", "twisting", "quiet_ends"}}
 
 
 def format_of(info: dict[str, Any]) -> int:
@@ -28,3 +37,32 @@ def format_of(info: dict[str, Any]) -> int:
             "pip install --upgrade granular-lmp"
         )
     return found
+
+
+def scene_of(folder: Path) -> Scene:
+    """Return the scene of a run folder, in which an effect is off that was unknown when the folder was written.
+
+    Raises
+    ------
+    SceneError
+        If there is no such scene, or this release does not allow it.
+    """
+    scene = Scene.load(folder / SCENE)
+    off = {effect.key: False for effect in EFFECTS if effect.wanted(scene) == AUTO}
+    return scene.with_values(off) if off else scene
+
+
+def expected_effects(info: dict[str, Any], scene: Scene) -> dict[str, tuple[bool, str]]:
+    """Return the `switches` of the scene of a run folder that its ``run.json`` has to name.
+
+    It may be silent about an effect that its format does not know where that is off.
+    """
+    known = NAMED[format_of(info)] | info.get("effects", {}).keys()
+    return {name: found for name, found in switches(scene).items() if name in known or found[0]}
+
+
+def as_today(info: dict[str, Any]) -> dict[str, Any]:
+    """Return ``run.json`` without the errors of the theory that format 1 put into the budget of the run."""
+    if "error_budget" not in info:
+        return info
+    return info | {"error_budget": [line for line in info["error_budget"] if line.get("of") != "theory"]}

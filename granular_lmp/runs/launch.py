@@ -43,6 +43,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
 from granular_lmp.runs.readouts import readouts_of
@@ -146,7 +147,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
     with collected() as seconds, locked(folder) as lock:
         info = read_start(folder)
         with phase("build"):
-            deck = deck_of(prepare(Scene.load(folder / SCENE)))
+            deck = deck_of(prepare(scene_of(folder)))
         last = last_checkpoint(folder, DUMP)
         route = route_of(info["launcher"] == "lmp", info["ranks"])
         name = f"{deck.input_name}.resume"

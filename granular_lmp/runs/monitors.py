@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import CONTACT_COLUMNS
-from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SCENE, read_snapshots
+from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.snapshots import dimensionless, finest
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
@@ -107,14 +108,14 @@ class MonitorRecord:
             If the scene has no such monitor, or the run left no file of it.
         """
         folder = Path(folder)
-        known = {each.name: each for each in Scene.load(folder / SCENE).monitor}
+        known = {each.name: each for each in scene_of(folder).monitor}
         if name not in known:
             there = allowed_names(name, known) if known else "its scene has none"
             raise RunFolderError(f"{folder}: monitor {name!r}: no such monitor; {there}")
         path = finest(folder, MONITOR.format(name))
         if path is None:
             raise RunFolderError(f"{folder / MONITOR.format(name)}: missing; run the scene again with force=True")
-        return cls(known[name], Scene.load(path.parent / SCENE), path.parent)
+        return cls(known[name], scene_of(path.parent), path.parent)
 
     # --- motion ---
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
-from granular_lmp.lammps.outputs import DUMP, SCENE, csv_text, read_centre, replace_text
+from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import (
@@ -29,7 +29,7 @@ from granular_lmp.runs.agreement import (
     refuse_other_trajectory,
 )
 from granular_lmp.runs.folder import is_held
-from granular_lmp.runs.formats import format_of
+from granular_lmp.runs.formats import as_today, format_of, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
@@ -111,7 +111,7 @@ class Record:
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         refuse_other_scene(folder, info)
-        scene = Scene.load(folder / SCENE)
+        scene = scene_of(folder)
         refuse_other_physics(folder, info, scene)
         try:
             text = (folder / TRAJECTORY).read_text(encoding="utf-8")
@@ -308,7 +308,7 @@ def _status(folder: Path) -> dict[str, Any]:
     budget = info.get("error_budget", [])
     if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
         raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
-    return info
+    return as_today(info)
 
 
 def _is_readout(said: Any) -> bool:

@@ -19,6 +19,7 @@ from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
+from granular_lmp.runs.formats import scene_of
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.scene import Scene
 
@@ -110,7 +111,7 @@ class Snapshots:
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
                 "them, for instance output.particles = 1.0"
             )
-        scene = Scene.load(path.parent / "scene.toml")
+        scene = scene_of(path.parent)
         count = sphere_count(scene)
         whole = (each for each in whole_snapshots(path) if each.entries == count)
         return cls(path, scene, list(whole))

@@ -16,6 +16,7 @@ from granular_lmp.impact.scene import ImpactScene, is_impact
 from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
+from granular_lmp.runs import formats
 from granular_lmp.runs.launch import Options
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
@@ -39,7 +40,7 @@ def scene_of(tables: Mapping[str, Any]) -> Runnable:
 def scene_in(folder: Path) -> Runnable:
     """Return the scene of a run folder, or raise SceneError."""
     path = folder / SCENE
-    return ImpactScene.load(path) if is_impact(path) else Scene.load(path)
+    return ImpactScene.load(path) if is_impact(path) else formats.scene_of(folder)
 
 
 def decided(scene: Runnable) -> Runnable:

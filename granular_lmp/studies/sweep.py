@@ -80,7 +80,7 @@ class Sweep:
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = scene_of(request["scene"]), request["over"]
-        grid = points(scene, over)
+        grid = points(scene, over, folder / RUNS)
         rows = {name: row_of(folder / RUNS / name, each) for _, name, each in grid}
         return cls(folder, scene, over, table_of(grid, rows))
 
@@ -192,7 +192,7 @@ def sweep(
     """
     folder = absolute(folder)
     asked = {key: plain_value([*values]) for key, values in over.items()}
-    grid = points(scene, asked)
+    grid = points(scene, asked, folder / RUNS)
     made = {name: each for _, name, each in grid}
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)

@@ -1,17 +1,17 @@
 """The points of a sweep: lists of values, their outer product, and the scene and the name of each run."""
 
-import hashlib
-import json
 import re
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import product
 from math import prod
+from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import assignment
 from granular_lmp.scene.schema import cut, shown
+from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.runnable import Runnable, decided
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
@@ -64,10 +64,12 @@ def _item(item: str, text: str) -> list[Any]:
     return [int(value) if whole else float(value) for value in values]
 
 
-def points(scene: Runnable, over: Mapping[str, list[Any]]) -> list[tuple[dict[str, Any], str, Runnable]]:
+def points(
+    scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = None
+) -> list[tuple[dict[str, Any], str, Runnable]]:
     """Return every point of the outer product of `over` with the name of its run and its scene.
 
-    The last key runs fastest.
+    The last key runs fastest. `runs` is the folder of the runs, where that is there already.
 
     Raises
     ------
@@ -88,7 +90,7 @@ def points(scene: Runnable, over: Mapping[str, list[Any]]) -> list[tuple[dict[st
         point = dict(zip(over, values, strict=True))
         try:
             one = scene.with_values(point)
-            name = scene_hash(one)
+            name = _name(one, runs)
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
@@ -97,15 +99,11 @@ def points(scene: Runnable, over: Mapping[str, list[Any]]) -> list[tuple[dict[st
 
 
 def scene_hash(scene: Runnable) -> str:
-    """Return the name of a scene's run: the `concrete_hash` of the scene with every "auto" decided."""
-    return concrete_hash(decided(scene))
+    """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
+    return names_of(decided(scene))[0]
 
 
-def concrete_hash(scene: Runnable) -> str:
-    """Return 16 hexadecimal digits of the SHA-256 of a scene's sorted JSON, without its name and description.
-
-    Every "auto" of the scene must be decided, as in a run folder.
-    """
-    values = scene.to_dict() | {"name": None}
-    del values["description"]
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+def _name(scene: Runnable, runs: Path | None) -> str:
+    """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one."""
+    names = names_of(decided(scene))
+    return next((name for name in names if runs and (runs / name).exists()), names[0])

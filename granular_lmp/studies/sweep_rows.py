@@ -14,8 +14,8 @@ from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import Record, read_status
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.studies import sweep_impacts
+from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in, words
-from granular_lmp.studies.sweep_points import concrete_hash
 
 Point = dict[str, Any]
 
@@ -59,10 +59,10 @@ def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
         scene = scene or scene_in(folder)
     except SceneError:
         return
-    name = concrete_hash(scene)
-    if name != folder.name:
+    names = names_of(scene)
+    if folder.name not in names:
         raise RunFolderError(
-            f"{folder}: holds the run of another scene ({words(scene)}), that of {RUNS}/{name}; "
+            f"{folder}: holds the run of another scene ({words(scene)}), that of {RUNS}/{names[0]}; "
             "move it there, or away, and start the sweep again"
         )
 

@@ -1,0 +1,67 @@
+"""The names of a run in a sweep: hashes of its scene, which stay when the package learns a new key.
+
+``identity.json`` holds the keys of release 0.1.0 with their defaults, of both kinds of scene. They enter the hash with
+their values, whatever these are, as they did in that release. A younger key enters only where it departs from what was
+true before the package knew it: its default, and "off" for the switch of an effect, which is decided in a run.
+
+Departures of all keys would not do: finished sweeps would lose their names, and a default that changes would give two
+different runs one name.
+"""
+
+import hashlib
+import json
+from collections.abc import Collection
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.scene.document import Document
+from granular_lmp.scene.schema import AUTO
+
+# Keys that release 0.1.0 took up after its first sweeps, whose names do not hold them
+_JOINED = frozenset(
+    {
+        *(f"packing.{name}" for name in ("lattice", "relax", "relax_friction")),
+        *(f"effects.{name}" for name in ("rolling", "twisting")),
+        *(f"effects.rolling_{name}" for name in ("stiffness", "viscosity", "friction")),
+        "output.checkpoint",
+    }
+)
+
+
+def names_of(scene: Document) -> tuple[str, ...]:
+    """Return the name of a scene's run, and the one that folders of earlier releases may have in its place.
+
+    A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
+    "auto" of the scene must be decided, as in a run folder.
+    """
+    known = frozen(type(scene).__name__).keys()
+    return tuple(dict.fromkeys(_hash(scene, keys) for keys in (known, known - _JOINED)))
+
+
+@cache
+def frozen(kind: str) -> dict[str, Any]:
+    """Return dotted key → default of the keys that a kind of scene had in release 0.1.0."""
+    text = (Path(__file__).parent / "identity.json").read_text(encoding="utf-8")
+    tables: dict[str, dict[str, Any]] = json.loads(text)[kind]
+    return {f"{table}.{key}": default for table, keys in tables.items() for key, default in keys.items()}
+
+
+def _hash(scene: Document, keys: Collection[str]) -> str:
+    tables: dict[str, Any] = scene.to_dict() | {"name": None}
+    del tables["description"]
+    for table, kind in scene.sections.items():
+        defaults = {item.name: item.default for item in fields(kind)}
+        held = {
+            key: value
+            for key, value in tables.pop(table, {}).items()
+            if f"{table}.{key}" in keys or not _was_so(value, defaults.get(key))
+        }
+        tables |= {table: held} if held else {}
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _was_so(value: Any, default: Any) -> bool:
+    """Return whether a value of a key says what was true before the key was there."""
+    return bool(value == default) or (default == AUTO and value is False)
