@@ -30,7 +30,7 @@ from granular_lmp.studies.sweep_points import scene_hash
 RELEASES = Path(__file__).parent / "data" / "releases"
 OLD = ["e02a04e", "832ce44"]
 RUNS = [f"{release}/{name}" for release in OLD for name in ("run", "tolerance", "sheet")]
-SWEEPS = [*(f"{release}/sweep" for release in OLD), "832ce44/impacts"]
+SWEEPS = [*(f"{release}/sweep" for release in OLD), "832ce44/columns", "832ce44/impacts"]
 NAMES: dict[str, dict[str, Any]] = json.loads((RELEASES / "832ce44" / "names.json").read_text(encoding="utf-8"))
 
 
@@ -68,6 +68,14 @@ def test_the_two_states_of_the_release_agree_on_the_motion() -> None:
     assert first.scene == second.scene
     for name, values in first.signals.items():
         np.testing.assert_allclose(values, second.signals[name], rtol=0, atol=1e-9)  # another order of the same sums
+
+
+def test_an_old_run_of_one_column_is_that_of_three() -> None:
+    narrow, wide = (Sweep.load(RELEASES / "832ce44" / name) for name in ("columns", "sweep"))
+    one, other = (each.record(each.rows[0]) for each in (narrow, wide))
+    assert (one.info["particles"], other.info["particles"]) == (8, 24)
+    for name, values in one.columns.items():
+        np.testing.assert_allclose(values, other.columns[name], rtol=0, atol=1e-9)  # another order of the same sums
 
 
 def test_an_old_impact_is_loaded() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
-from granular_lmp.runs.formats import expected_effects
+from granular_lmp.runs.formats import expected_effects, is_one_column
 from granular_lmp.scene.at_rest import sphere_count
 from granular_lmp.scene.scene import Scene
 
@@ -66,7 +66,7 @@ def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> No
 def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
     finished = info.get("status") == "finished"
     numbers = {
-        "particles": sphere_count(scene),
+        "particles": scene.shape.rows if is_one_column(scene) else sphere_count(scene),
         "wavenumber_used": scene.wavenumber,
         "direction_used": scene.direction,
         "amplitude": scene.wave.amplitude,

@@ -52,13 +52,19 @@ def scene_of(folder: Path) -> Scene:
     return scene.with_values(off) if off else scene
 
 
+def is_one_column(scene: Scene) -> bool:
+    """Return whether the scene of a run folder says one column, which release 0.1.0 ran, where this one runs more."""
+    return scene.packing.columns not in (AUTO, scene.shape.columns)
+
+
 def expected_effects(info: dict[str, Any], scene: Scene) -> dict[str, tuple[bool, str]]:
     """Return the `switches` of the scene of a run folder that its ``run.json`` has to name.
 
-    It may be silent about an effect that its format does not know where that is off.
+    It may be silent about an effect that its format does not know where that is off. One column had no guard of width.
     """
     known = NAMED[format_of(info)] | info.get("effects", {}).keys()
-    return {name: found for name, found in switches(scene).items() if name in known or found[0]}
+    found = {name: said for name, said in switches(scene).items() if name in known or said[0]}
+    return found | {"width": (False, "")} if is_one_column(scene) else found
 
 
 def as_today(info: dict[str, Any]) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from granular_lmp.runs.agreement import (
     refuse_other_trajectory,
 )
 from granular_lmp.runs.folder import is_held
-from granular_lmp.runs.formats import as_today, format_of, scene_of
+from granular_lmp.runs.formats import as_today, format_of, is_one_column, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.scene import Scene
@@ -143,8 +143,9 @@ class Record:
         displacement = scene.displacement_amplitude
         metre = units_for(scene.sphere.radius).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
+        first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
         return cls(
-            tau=table["step"] * scene.time.step,
+            tau=(table["step"] - first) * scene.time.step,
             p=scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
             q=scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
             phi=table.get("theta", untracked) * scene.sphere.radius / displacement,

@@ -105,5 +105,7 @@ def scene_hash(scene: Runnable) -> str:
 
 def _name(scene: Runnable, runs: Path | None) -> str:
     """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one."""
-    names = names_of(decided(scene))
+    names = names_of(whole := decided(scene))
+    if scene.packing.columns == 1:  # release 0.1.0 ran one column where the scene says so
+        names += names_of(whole.with_values({"packing.columns": 1}))
     return next((name for name in names if runs and (runs / name).exists()), names[0])
