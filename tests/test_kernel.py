@@ -1,9 +1,10 @@
 """The kernel beside LAMMPS's own pair style: the same numbers, or an error that names what it does not know."""
 
+import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -228,8 +229,86 @@ def test_a_kernel_that_was_not_built_is_an_error(tmp_path: Path, monkeypatch: py
         run(short("tr_periodic"), tmp_path / "run", kernel=True)
 
 
+@pytest.fixture
+def copied(built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The kernel in a cache of its own, in a folder that LAMMPS could not name."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / 'für "uns" & andere'))
+    place = library.library()
+    place.parent.mkdir(mode=0o755, parents=True)
+    place.write_bytes(built.read_bytes())
+    place.chmod(0o755)
+    return place
+
+
+def test_a_kernel_loads_from_any_folder(copied: Path, tmp_path: Path) -> None:
+    assert "kernel" in run(short("tr_periodic"), tmp_path / "run", kernel=True).info
+    assert library.STYLE in (tmp_path / "run" / "log.lammps").read_text()
+    assert not copied.as_posix().isascii()
+
+
+def give_away(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make a place one of another user: root can, and others become another user."""
+    if os.geteuid() == 0:
+        os.chown(place, 12345, -1)
+    else:
+        monkeypatch.setattr(library.os, "geteuid", lambda: 12345)
+
+
+def linked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place.symlink_to(place.rename(place.with_name("other.so")))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda place, _: place.write_bytes(place.read_bytes()[:5000]), "kernel.so: is cut off or damaged; build it"),
+        (lambda place, _: place.write_bytes(b""), "kernel.so: is cut off or damaged; build it"),
+        (lambda place, _: place.write_bytes(place.read_bytes().replace(b"dmt", b"tmd")), "is cut off or damaged"),
+        (lambda place, _: place.chmod(0o757), r"kernel.so: may be written by all users: must not \(chmod o-w\)"),
+        (lambda place, _: place.parent.chmod(0o777), r"lammps-[^/]*: may be written by all users"),
+        (lambda place, _: place.parents[1].chmod(0o777), r"granular-lmp: may be written by all users"),
+        (give_away, "kernel.so: belongs to user .*: must be of user .* or of root"),
+        (lambda place, patch: give_away(place.parent, patch), "belongs to user .*: must be of user .* or of root"),
+        (linked, "kernel.so: must be a file, and no link"),
+    ],
+)
+def test_a_kernel_that_is_damaged_or_of_others_is_not_loaded(
+    change: Callable[[Path, pytest.MonkeyPatch], object],
+    message: str,
+    copied: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    change(copied, monkeypatch)
+    with pytest.raises(LammpsMissingError, match=message):
+        run(short("tr_periodic"), tmp_path / "run", kernel=True)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_relative_cache_is_no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", "cache")
+    assert library.library().is_relative_to(tmp_path / ".cache" / "granular-lmp")
+
+
+def test_a_kernel_that_is_built_is_for_its_user_alone_to_write(
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiler = tmp_path / "compiler"  # which takes no time
+    compiler.write_text(f'#!/bin/sh\nfor place; do :; done\ncp "{built}" "$place"\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv("CXX", str(compiler))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    before = os.umask(0)
+    try:
+        place = library.build()
+    finally:
+        os.umask(before)
+    assert library.built() == place
+
+
 def test_a_library_that_does_not_load_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "kernel.so").write_text("no library")
+    (tmp_path / "kernel.so").write_bytes(library.sealed(b"no library"))
     # In a process of its own, as LAMMPS keeps a library that was loaded
     code = """
 import sys

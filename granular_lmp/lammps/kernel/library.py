@@ -5,6 +5,9 @@ that is named after all that the result depends on. A run that asks for it loads
 ``granular/kernel`` where the deck says ``granular``. The deck stays the same, and so do the numbers, to the rounding of
 positions. What the kernel does not know is an error, before the run and again in the kernel itself.
 
+The file ends with a seal, the digest of all before it. What is cut off, damaged, or may be written by other users is
+not loaded: its code would run as that of the user, and a page that is missing ends the process.
+
 https://docs.lammps.org/plugin.html, https://docs.lammps.org/suffix.html
 """
 
@@ -14,7 +17,9 @@ import os
 import platform
 import re
 import shutil
+import stat
 import subprocess
+import tempfile
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -28,6 +33,9 @@ SOURCE = Path(__file__).with_name("contact.cpp")
 # Not for this processor only, because a home folder is often that of several; that would gain nothing (measured)
 FLAGS = ("-O3", "-fPIC", "-shared", "-std=c++17")
 _BUILD = "granular-lmp build-kernel"
+_ANEW = f"delete it, and build it again with: {_BUILD}"
+_SEAL = b"granular-lmp kernel, sha256 of all before: "
+_PLAIN = re.compile(r"[A-Za-z0-9_./+ -]+")  # a path that LAMMPS reads as it is written
 # A contact as `granular_lmp.lammps.contact` writes it, of the one kind that the kernel knows
 _KNOWN = re.compile(
     r"(?:dmt \S+ 0\.0 \S+ \S+|hertz/material \S+ 0\.0 \S+) tangential mindlin NULL 0\.0 \S+ damping velocity"
@@ -37,7 +45,8 @@ _KNOWN = re.compile(
 def library() -> Path:
     """Return where the kernel of this source lies, or will lie, for this LAMMPS.
 
-    It is in ``granular-lmp`` of the folder ``XDG_CACHE_HOME``, by default ``~/.cache``.
+    It is in ``granular-lmp`` of the folder ``XDG_CACHE_HOME``, by default ``~/.cache``. A relative one is ignored, as
+    https://specifications.freedesktop.org/basedir-spec/ wants it.
 
     Raises
     ------
@@ -45,10 +54,16 @@ def library() -> Path:
         If the headers of LAMMPS or MPI are missing.
     """
     lammps, mpi = headers()
-    made_of = [SOURCE.read_bytes(), (mpi / "mpi.h").read_bytes(), " ".join((platform.machine(), *FLAGS)).encode()]
+    made_of = [
+        _SEAL,
+        SOURCE.read_bytes(),
+        (mpi / "mpi.h").read_bytes(),
+        " ".join((platform.machine(), *FLAGS)).encode(),
+    ]
     digest = hashlib.sha256(b"\0".join(made_of)).hexdigest()[:12]
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return cache / "granular-lmp" / f"lammps-{metadata.version('lammps')}-{digest}" / "kernel.so"
+    wanted = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    cache = wanted if wanted.is_absolute() else Path.home() / ".cache"
+    return cache.absolute() / "granular-lmp" / f"lammps-{metadata.version('lammps')}-{digest}" / "kernel.so"
 
 
 def headers() -> tuple[Path, Path]:
@@ -93,13 +108,17 @@ def build() -> Path:
         raise LammpsMissingError(f"no C++ compiler {name!r} on the PATH; install one, or name it in CXX")
     part = place.with_name(f"{os.getpid()}.so")
     with writable(place.parent):
-        place.parent.mkdir(parents=True, exist_ok=True)
+        for folder in (place.parents[1], place.parent):
+            folder.mkdir(mode=0o755, parents=True, exist_ok=True)
     command: list[str | Path] = [compiler, *FLAGS, "-isystem", lammps, "-isystem", mpi, SOURCE, "-o", part]
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
         if done.returncode != 0:
             said = [line for line in done.stderr.splitlines() if "error" in line] or [f"exit status {done.returncode}"]
             raise LammpsMissingError(f"{compiler} cannot compile {SOURCE}: {said[0]}")
+        with writable(place.parent):
+            part.chmod(0o755)
+            part.write_bytes(sealed(part.read_bytes()))
         instance = lammps_module().lammps(cmdargs=["-log", "none", "-screen", "none"])
         try:
             load(instance, part)
@@ -118,23 +137,66 @@ def built() -> Path:
     Raises
     ------
     LammpsMissingError
-        If it was not built.
+        If it was not built, or is not to be trusted (`refuse_untrusted`).
     """
     place = library()
     if not place.is_file():
         raise LammpsMissingError(f"there is no kernel for this LAMMPS at {place}; build it with: {_BUILD}")
+    refuse_untrusted(place)
     return place
+
+
+def sealed(content: bytes) -> bytes:
+    """Return the content of a library with its seal."""
+    return content + _SEAL + hashlib.sha256(content).digest()
+
+
+def refuse_untrusted(path: Path) -> None:
+    """Check that a kernel is whole, and that only its user or root may write it.
+
+    Raises
+    ------
+    LammpsMissingError
+        If it is no regular file, it or one of the two folders above it belongs to another user or may be written by
+        all, or its digest is not that of its seal.
+    """
+    try:
+        troubles = [_trouble(place.lstat()) for place in (path, *map(Path.resolve, path.parents[:2]))]
+        content = path.read_bytes()
+    except OSError as error:
+        raise LammpsMissingError(f"{path}: cannot be read: {error.strerror or error}; {_ANEW}") from error
+    for place, trouble in zip((path, *path.parents), troubles, strict=False):
+        if trouble:
+            raise LammpsMissingError(f"{place}: {trouble}, as a kernel is code that is run; {_ANEW}")
+    if content != sealed(content[: -len(sealed(b""))]):
+        raise LammpsMissingError(f"{path}: is cut off or damaged; build it again with: {_BUILD}")
+
+
+def _trouble(status: os.stat_result) -> str:
+    """Return why a file or a folder is not to be trusted, or ""."""
+    if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+        return "must be a file, and no link"
+    if status.st_uid not in (os.geteuid(), 0):
+        return f"belongs to user {status.st_uid}: must be of user {os.geteuid()} or of root"
+    return "may be written by all users: must not (chmod o-w)" if status.st_mode & stat.S_IWOTH else ""
 
 
 def load(instance: Any, path: Path) -> None:
     """Have an instance of LAMMPS take the kernel where a deck says ``pair_style granular``.
 
+    LAMMPS gets a link of a plain name, as it changes letters beyond ASCII, and ends a path at a quotation mark.
+
     Raises
     ------
     LammpsMissingError
-        If LAMMPS does not load it.
+        If it is not to be trusted (`refuse_untrusted`), or LAMMPS does not load it.
     """
-    instance.command(f'plugin load "{path}"')
+    refuse_untrusted(path)
+    place = next((each for each in (tempfile.gettempdir(), "/tmp") if _PLAIN.fullmatch(each)), "/tmp")
+    with writable(Path(place)), tempfile.TemporaryDirectory(prefix="granular-lmp-", dir=place) as folder:
+        link = Path(folder) / "kernel.so"
+        link.symlink_to(path.absolute())
+        instance.command(f'plugin load "{link}"')
     if not instance.has_style("pair", STYLE):  # LAMMPS only warns, and would take its own style
         raise LammpsMissingError(f"LAMMPS does not load the kernel {path}; build it again with: {_BUILD}")
     instance.command(f"suffix {SUFFIX}")
