@@ -186,17 +186,23 @@ def table(comparisons: list[Comparison]) -> str:
 
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
-    titles = [*swept.over, "against", *COMPONENTS, "SH measured", "fit ±", "predicted", "deviation"]
+    varied = swept.columns([c.record.scene.used for c in comparisons])
+    titles = [*varied, "against", *COMPONENTS, "SH measured", "fit ±", "predicted", "deviation"]
     rows = [titles]
-    for values, c in zip(swept.points, comparisons, strict=True):
+    for number, c in enumerate(comparisons):
         numbers = [("-" if x is None else f"{x:.5g}") for x in (c.measured, c.fit_error, c.predicted)]
         off = "-" if c.measured is None or not c.predicted else f"{c.measured / c.predicted - 1:.1e}"
-        rows.append([*map(str, values), c.theory or "-", *_cells(c.error).split(), *numbers, off])
+        rows.append(
+            [*(values[number] for values in varied.values()), c.theory or "-", *_cells(c.error).split(), *numbers, off]
+        )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
+    asked = len(comparisons) + swept.shared + swept.missing
+    if swept.shared:
+        lines.append(f"{asked} points of the sweep are {asked - swept.shared} runs: the others run with equal values")
     if swept.missing:
-        lines.append(f"{swept.missing} of {swept.missing + len(comparisons)} runs are not finished and left out")
+        lines.append(f"{swept.missing} of {asked} points are not finished and left out")
     return "\n".join(lines)
 
 

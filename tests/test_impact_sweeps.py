@@ -182,16 +182,16 @@ def test_a_guard_that_triggers_fails_its_run_alone(tmp_path: Path) -> None:
 
 def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(tmp_path: Path, fast_looks: None) -> None:
     scene = SHEET.with_values({"effects.friction": 0.3, "time.duration": 60.0, "output.checkpoint": 5e-5})
-    ((_, name, _),) = points(scene, {"effects.friction": [0.3]})
-    part = tmp_path / "cut" / "runs" / name
+    (point,) = points(scene, {"effects.friction": [0.3]})
+    part = tmp_path / "cut" / "runs" / point.run
     with pytest.raises(RunInterrupted):
         run_impact(scene, part, Options(progress=_interrupt))
     dumps = []
     for folder, cut in ((tmp_path / "cut", True), (tmp_path / "whole", False)):
         done = sweep(scene, {"effects.friction": [0.3]}, folder, force=cut)
         assert len(done.having("finished")) == 1
-        assert (folder / "runs" / name / "in.point_impact.resume").exists() == cut
-        dumps.append((folder / "runs" / name / "dump.particles").read_bytes())
+        assert (folder / "runs" / point.run / "in.point_impact.resume").exists() == cut
+        dumps.append((folder / "runs" / point.run / "dump.particles").read_bytes())
     assert dumps[0] == dumps[1]
 
 

@@ -35,7 +35,7 @@ def sweep(folder: str) -> list[Record]:
         raise SystemExit(f"{folder}: is no sweep; granular-lmp sweep SCENE --over KEY=VALUES makes one")
     if swept.missing:
         raise SystemExit(f"{folder}: {swept.missing} runs are not finished; the same sweep command again does them")
-    return sorted(map(load, dict.fromkeys(swept.folders)), key=lambda record: record.scene.wavenumber)
+    return sorted(map(load, swept.folders), key=lambda record: record.scene.wavenumber)
 
 
 def all_but(record: Record, *keys: str) -> dict[str, Any]:

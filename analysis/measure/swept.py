@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -17,18 +18,37 @@ class Swept:
     ----------
     over : list of str
         The keys that were varied.
-    points : list of list
-        Their values, as ``sweep.csv`` writes them, of each finished run.
-    folders : list of Path
-        The folder of each finished run; runs of the same scene share one.
+    points : list of dict
+        The line of ``sweep.csv`` of each finished run, the first one where several points share a run.
     missing : int
-        Runs that are not finished.
+        Points whose run is not finished.
+    shared : int
+        Points whose run is that of another one.
     """
 
     over: list[str]
-    points: list[list[str]]
-    folders: list[Path]
+    points: list[dict[str, str]]
+    folder: Path
     missing: int
+    shared: int
+
+    @property
+    def folders(self) -> list[Path]:
+        """Return the folder of each finished run."""
+        return [self.folder / point["run"] for point in self.points]
+
+    def columns(self, ran: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
+        """Return the varied values of each run as they ran, and as "KEY_asked" those asked for if any differs.
+
+        `ran` are the values that the scene of each run says it has in place of what was declared (`Scene.used`): the
+        tables of earlier versions hold only what was asked for.
+        """
+        found: dict[str, list[str]] = {}
+        for key in self.over:
+            used = [str(each.get(key, point[key])) for each, point in zip(ran, self.points, strict=True)]
+            asked = [point.get(f"{key}_asked", point[key]) for point in self.points]
+            found |= {key: used} | ({f"{key}_asked": asked} if used != asked else {})
+        return found
 
     @classmethod
     def load(cls, folder: str | Path) -> Self | None:
@@ -44,10 +64,12 @@ class Swept:
             with (folder / "sweep.csv").open(encoding="utf-8", newline="") as stream:
                 rows: list[dict[str, Any]] = list(csv.DictReader(stream))
             finished = [row for row in rows if row["status"] == "finished"]
-            points = [[row[key] for key in over] for row in finished]
-            folders = [folder / row["run"] for row in finished]
+            runs: dict[str, dict[str, str]] = {}
+            for row in finished:
+                runs.setdefault(row["run"], row | {key: row[key] for key in over})  # a key that lacks is an error here
         except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
             raise SystemExit(f"{folder}: not the folder of a sweep: {error!r}") from error
         if not finished:
             raise SystemExit(f"{folder}: none of its {len(rows)} runs is finished; there is nothing to compare")
-        return cls(over, points, folders, len(rows) - len(finished))
+        missing, shared = len(rows) - len(finished), len(finished) - len(runs)
+        return cls(over, list(runs.values()), folder, missing, shared)

@@ -110,13 +110,18 @@ def _sweep(options: Options) -> int:
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
-        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=bar and progress_of_runs)
-    for row in done.having("failed"):
+        progress = bar and progress_of_runs
+        done = sweep(scene, over, folder, executor=workers, force=options.force, progress=progress, remark=_note)
+    for row in {row["run"]: row for row in reversed(done.having("failed"))}.values():
         point = ", ".join(f"{key} = {row[key]!r}" for key in done.over)
         remark(f"failed: {point}: {row['message']} ({folder}/{row['run']})")
     finished = len(done.having("finished"))
     say(f"{folder}: {finished} of {len(done.rows)} runs finished; {folder}/sweep.csv")
     return 0 if finished == len(done.rows) else 1
+
+
+def _note(sentence: str) -> None:
+    remark(f"note: {sentence}")
 
 
 def _scatter(options: Options) -> int:

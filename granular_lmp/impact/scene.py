@@ -23,6 +23,7 @@ from granular_lmp.impact.start import Start, located
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import file_text, first_file, toml_tables
 from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.remarks import used_step
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -180,6 +181,11 @@ class ImpactScene(Document):
     def rest_rate(self) -> float:
         """√(K/m), 1/t0, of spheres of ``[sphere]`` at rest, K = (3/2) A √δ."""
         return sqrt(1.5 * sqrt(self.rest_overlap / self.scale.length))
+
+    @property
+    def used(self) -> dict[str, Any]:
+        """Values that run in place of declared ones, which a sample rounds, by dotted key."""
+        return used_step(self.time)
 
     @property
     def words(self) -> str:

@@ -18,7 +18,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.sweep import Sweep
+from granular_lmp.studies.sweep import ASKED, Sweep
 
 _LABELS = {
     "second_harmonic": r"second harmonic ($D_0$)",
@@ -92,8 +92,9 @@ def view(
         _refuse(folder, "a sweep", of_a_run)
         if movie:
             raise ViewError(f"{path}: a sweep is drawn as a curve, in a picture; not in a movie")
-        save(sweep_figure(Sweep.load(folder), column), path)
-        return []
+        swept = Sweep.load(folder)
+        save(sweep_figure(swept, column), path)
+        return swept.notes
     if (folder / STATUS).is_file() and is_impact(folder):
         _refuse(folder, "an impact", of_a_run | {"column": column, "tau": tau if movie else None})
         impact = ImpactRecord.load(folder)
@@ -150,7 +151,9 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
     column = column or ("far_speed" if isinstance(sweep.scene, ImpactScene) else "largest_p")
-    allowed = [name for name in sweep.columns if name not in (*sweep.over, "run", "status", "message", "guards")]
+    asked = [f"{key}{ASKED}" for key in sweep.over]
+    words = (*sweep.over, *asked, "run", "status", "message", "guards")
+    allowed = [name for name in sweep.columns if name not in words]
     if column not in allowed and (why := _why_not(sweep, column)):
         raise ViewError(f"column = {column!r}: {why}")
     if column not in allowed:
@@ -164,10 +167,12 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
             f"{sweep.folder}: {key} holds pairs, and is no axis; sweep over wave.direction and wave.wavenumber"
         )
     read_off = "." in column and f"{column}_error" in allowed
+    others = [name for swept, name in zip(sweep.over, sweep.axes, strict=True) if swept != key]
     curves: dict[str, list[dict[str, Any]]] = {}
     for row in sweep.rows:
-        name = ", ".join(f"{other} = {row[other]}" for other in sweep.over if other != key)
-        curves.setdefault(name, []).append(row)
+        name = ", ".join(f"{other} = {row[other]}" for other in others)
+        if all(row["run"] != drawn["run"] for drawn in curves.setdefault(name, [])):
+            curves[name].append(row)
     figure = Picture(figsize=(6.5, 4.0), layout="constrained")
     axes = figure.subplots()
     for name, rows in curves.items():

@@ -48,11 +48,9 @@ def wavenumbers_at(
         For a frequency outside the band of the mode in that direction; the text names the band. Also for one that
         lies between two branches that bear the name of the mode.
     """
-    lattice, unit = unit_lattice(sphere, kind), 2 * pi * sphere.time_scale
 
     def above(wavenumber: float) -> float:
-        vector = WaveVector.of(wavenumber, degrees, kind.row_spacing)
-        return bloch_mode(lattice, sphere, vector, mode, physics).frequency / unit - hertz
+        return hertz_of(WaveVector.of(wavenumber, degrees, kind.row_spacing), sphere, physics, mode, kind) - hertz
 
     edge = zone_edge(degrees)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
@@ -75,6 +73,12 @@ def wavenumbers_at(
             "name leave it out; give wave.wavenumber"
         )
     return tuple(there)
+
+
+def hertz_of(vector: WaveVector, sphere: Sphere, physics: Physics, mode: str, kind: Lattice = HEXAGONAL) -> float:
+    """Return the frequency of a mode in hertz; arguments as of `wavenumbers_at`."""
+    found = bloch_mode(unit_lattice(sphere, kind), sphere, vector, mode, physics)
+    return found.frequency / (2 * pi * sphere.time_scale)
 
 
 def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:

@@ -1,17 +1,43 @@
-"""Remarks on a scene: a sentence for each value that is used otherwise than it was declared.
+"""Remarks on a scene: what runs in place of a declared value, and a sentence for each value that runs otherwise.
 
-Each function returns the remarks on one subject, an empty list if it is used as declared.
+Each function ``on_…`` returns the remarks on one subject, an empty list if it is used as declared.
 """
 
-from math import hypot, pi
+from collections.abc import Callable
+from math import degrees, hypot, pi
+from typing import Any
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene.schema import AUTO
-from granular_lmp.scene.sections import Packing, Time, Wave
+from granular_lmp.scene.sections import Packing, Sampled, Time, Wave
 from granular_lmp.scene.shape import EXACT
 
 FAR = 0.1  # relative change of the wave vector by snapping, beyond which the remark warns that it is another wave
+
+
+def used_vector(declared: WaveVector, used: WaveVector, hertz: Callable[[], float]) -> dict[str, Any]:
+    """Return what runs in place of a declared wave that does not fit its periodic cell, by dotted key.
+
+    Empty if the wave runs as declared. `hertz` returns the frequency of the wave that runs.
+    """
+    if not _moved(declared, used):
+        return {}
+    found = {"wave.wavenumber": used.wavenumber, "wave.wavevector": list(used.components), "wave.frequency": hertz()}
+    if abs(used.direction - declared.direction) > degrees(EXACT):
+        found["wave.direction"] = used.direction
+    return found
+
+
+def used_step(time: Sampled) -> dict[str, Any]:
+    """Return the time step that runs in place of one that does not fit a sample, by its dotted key; else nothing."""
+    rounded = time.tolerance is None and time.step < time.timestep * (1 - 1e-9)
+    return {"time.timestep": time.step} if rounded else {}
+
+
+def _moved(declared: WaveVector, used: WaveVector) -> bool:
+    """Return True if a wave vector was snapped to another one."""
+    return max(abs(used.per_column - declared.per_column), abs(used.per_row - declared.per_row)) > EXACT
 
 
 def on_frequency(wave: Wave, wavenumbers: tuple[float, ...]) -> list[str]:
@@ -32,8 +58,7 @@ def on_packing(packing: Packing, shape: Shape) -> list[str]:
 def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
     """Return how a wave vector was snapped to fit a periodic cell."""
     declared, rows, columns = wave.vector(shape.lattice), shape.rows, shape.columns
-    moved = used.per_column - declared.per_column, used.per_row - declared.per_row
-    if max(map(abs, moved)) <= EXACT:
+    if not _moved(declared, used):
         return []
     in_rows = round(used.per_row * rows / (2 * pi))
     in_columns = round(used.per_column * columns / (2 * pi))
@@ -55,6 +80,6 @@ def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
 
 def on_step(time: Time) -> list[str]:
     """Return how a time step was rounded down to fit a sample."""
-    if time.tolerance is not None or time.step >= time.timestep * (1 - 1e-9):
+    if not used_step(time):
         return []
     return [f"time.timestep {time.timestep!r} is rounded down to {time.step!r}, {time.steps_per_sample} to a sample"]

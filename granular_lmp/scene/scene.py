@@ -9,7 +9,7 @@ here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,7 +24,7 @@ from granular_lmp.scene import remarks, validation
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
-from granular_lmp.scene.frequency import wavenumbers_at, with_placeholder, without_wavevector
+from granular_lmp.scene.frequency import hertz_of, wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.sections import (
@@ -275,6 +275,12 @@ class Scene(Document):
         return self.vector.direction
 
     @property
+    def used(self) -> dict[str, Any]:
+        """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
+        hertz = partial(hertz_of, self.vector, self.sphere, self.effects.physics, self.wave.mode, self.lattice)
+        return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
+
+    @property
     def perfect(self) -> bool:
         """True if all spheres are equal and all are there."""
         return not self.inclusion and not self._random
@@ -343,13 +349,11 @@ class Scene(Document):
         )
 
     def remarks(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit; an empty list if it is used as declared."""
-        said = []
+        """Return a sentence for each change that made the scene fit."""
+        said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
             found = _wavenumbers(self.wave, self.sphere, self.effects, self.lattice)
-            said += remarks.on_frequency(self.wave, found)
-        said += remarks.on_packing(self.packing, self.shape)
-        said += remarks.on_vector(self.wave, self.shape, self.vector)
+            said = remarks.on_frequency(self.wave, found) + said
         return said + remarks.on_step(self.time)
 
     @property

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,12 +24,22 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import optional_package, write_status
 from granular_lmp.scene.schema import plain_value
+from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.executors import stop_requested
 from granular_lmp.studies.runnable import Motion, Runnable, load, resume, run, scene_of, spheres_and_steps
 from granular_lmp.studies.sweep_points import points, scene_hash
+from granular_lmp.studies.sweep_rows import (
+    ASKED,
+    RUNS,
+    Point,
+    info_of,
+    refuse_other_point,
+    row_of,
+    summary_of,
+    table_of,
+)
 from granular_lmp.studies.sweep_rows import COLUMNS as COLUMNS
 from granular_lmp.studies.sweep_rows import IMPACT_COLUMNS as IMPACT_COLUMNS
-from granular_lmp.studies.sweep_rows import RUNS, Point, info_of, refuse_other_point, row_of, summary_of, table_of
 
 Progress = Callable[[int, int, float], None]
 
@@ -52,17 +62,21 @@ class Sweep:
     over : dict of str to list
         Dotted key → its values.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values and `COLUMNS`, of impacts
-        `IMPACT_COLUMNS` (`granular_lmp.studies.sweep_impacts`). ``status`` is "finished", "failed" or "unfinished";
-        what is not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet,
+        For each point of the outer product, the last key running fastest: the swept values as they ran, and `COLUMNS`,
+        of impacts `IMPACT_COLUMNS` (`granular_lmp.studies.sweep_impacts`). Where others ran than were asked for, as in
+        a periodic cell, the latter are under "KEY_asked". ``status`` is "finished", "failed" or "unfinished"; what is
+        not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet,
         ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`. Read-outs of monitors of motion follow
         (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
+    notes : list of str
+        A sentence for values that coincide, which are one run, with what tells them apart.
     """
 
     folder: Path
     scene: Runnable
     over: dict[str, list[Any]]
     rows: list[Point]
+    notes: list[str] = field(default_factory=list)
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -81,13 +95,23 @@ class Sweep:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
         scene, over = scene_of(request["scene"]), request["over"]
         grid = points(scene, over, folder / RUNS)
-        rows = {name: row_of(folder / RUNS / name, each) for _, name, each in grid}
-        return cls(folder, scene, over, table_of(grid, rows))
+        made = {point.run: point.of_run for point in grid}
+        rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
+        return cls(folder, scene, over, table_of(grid, rows), remarks(each.scene for each in grid))
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns of the table."""
         return list(self.rows[0])
+
+    @property
+    def axes(self) -> list[str]:
+        """The column that counts the values of each key: itself, "KEY_asked" if what runs depends on other keys too."""
+        return [self._axis(key, f"{key}{ASKED}") for key in self.over]
+
+    def _axis(self, key: str, asked: str) -> str:
+        pairs = {(repr(row.get(asked)), repr(row[key])) for row in self.rows if asked in row}
+        return key if len(pairs) == len({value for value, _ in pairs}) else asked
 
     def column(self, name: str) -> NDArray[Any]:
         """Return one column of the table in the order of `rows`; unknown numbers are nan."""
@@ -126,7 +150,9 @@ class Sweep:
         return optional_package("pandas").DataFrame(self.rows, columns=self.columns)
 
     def to_xarray(self) -> Any:
-        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key.
+        """Return the table as an ``xarray.Dataset`` with a dimension for each swept key, in it each run once.
+
+        The coordinates are the values that ran, but for the columns "KEY_asked" of `axes`.
 
         Raises
         ------
@@ -134,7 +160,8 @@ class Sweep:
             If pandas or xarray is not installed.
         """
         optional_package("xarray")
-        return self.to_pandas().set_index([*self.over]).to_xarray()
+        table = self.to_pandas()
+        return table[~table[self.axes].astype(str).duplicated()].set_index(self.axes).to_xarray()
 
     def _repr_html_(self) -> str:
         """Return the HTML that a notebook shows."""
@@ -157,6 +184,7 @@ def sweep(
     executor: Executor | None = None,
     force: bool = False,
     progress: Progress | None = None,
+    remark: Callable[[str], None] | None = None,
 ) -> Sweep:
     """Run `scene` with every combination of the values in `over`; finished runs are not repeated.
 
@@ -179,6 +207,8 @@ def sweep(
         used.
     progress : callable, optional
         Callback ``progress(runs done, runs, seconds left)``.
+    remark : callable, optional
+        Callback for each of `Sweep.notes`, before the first run.
 
     Raises
     ------
@@ -193,13 +223,16 @@ def sweep(
     folder = absolute(folder)
     asked = {key: plain_value([*values]) for key, values in over.items()}
     grid = points(scene, asked, folder / RUNS)
-    made = {name: each for _, name, each in grid}
+    made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
         _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
+        if remark is not None:
+            for note in notes:
+                remark(note)
 
         def save() -> Sweep:
-            done = Sweep(folder, scene, asked, table_of(grid, rows))
+            done = Sweep(folder, scene, asked, table_of(grid, rows), notes)
             with writable(folder):
                 replace_text(folder / TABLE, done.to_csv())
             return done

@@ -1,7 +1,9 @@
-"""The points of a sweep: lists of values, their outer product, and the scene and the name of each run."""
+"""The points of a sweep: lists of values, their outer product, and of each what was asked for, what runs, and where."""
 
+import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from math import prod
@@ -10,11 +12,13 @@ from typing import Any
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import assignment
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.runnable import Runnable, decided
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
+_WAVE_VECTOR = ("wavenumber", "frequency", "direction")  # keys that together say which wave it is
 MOST_RUNS = 100_000  # each run has a folder; file systems and the table are fast up to this number
 
 
@@ -64,12 +68,34 @@ def _item(item: str, text: str) -> list[Any]:
     return [int(value) if whole else float(value) for value in values]
 
 
-def points(
-    scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = None
-) -> list[tuple[dict[str, Any], str, Runnable]]:
-    """Return every point of the outer product of `over` with the name of its run and its scene.
+@dataclass(frozen=True)
+class GridPoint:
+    """A point of a sweep.
 
-    The last key runs fastest. `runs` is the folder of the runs, where that is there already.
+    Attributes
+    ----------
+    asked, ran : dict
+        Its values by dotted key, as they were asked for and as they run: an "auto" is decided, a wave fits its cell, a
+        time step its sample.
+    run : str
+        Name of its run; points at which the same motion runs share that of one of them.
+    scene : Scene or ImpactScene
+        The scene that was asked for.
+    of_run : Scene or ImpactScene
+        The scene of the run, which is another for points that share it.
+    """
+
+    asked: dict[str, Any]
+    ran: dict[str, Any]
+    run: str
+    scene: Runnable
+    of_run: Runnable
+
+
+def points(scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = None) -> list[GridPoint]:
+    """Return every point of the outer product of `over`, the last key running fastest.
+
+    `runs` is the folder of the runs, where that is there already: points that share a run take one that is there.
 
     Raises
     ------
@@ -85,17 +111,49 @@ def points(
     count = prod(map(len, over.values()))
     if count > MOST_RUNS:
         raise SceneError(f"{' x '.join(over)}: {count} runs; at most {MOST_RUNS} are allowed")
-    made: list[tuple[dict[str, Any], str, Runnable]] = []
+    made: list[GridPoint] = []
+    motions: dict[str, list[GridPoint]] = {}
     for values in product(*over.values()):
-        point = dict(zip(over, values, strict=True))
+        asked = dict(zip(over, values, strict=True))
         try:
-            one = scene.with_values(point)
-            name = _name(one, runs)
+            one = scene.with_values(asked)
+            concrete = decided(one)
         except SceneError as error:
-            said = ", ".join(f"{key} = {shown(value)}" for key, value in point.items())
+            said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
-        made.append((point, name, one))
-    return made
+        made.append(GridPoint(asked, _ran(concrete, asked), _name(one, concrete, runs), one, one))
+        motions.setdefault(_motion(concrete), []).append(made[-1])
+    of_run = {id(point): _chosen(same, runs) for same in motions.values() for point in same}
+    chosen = [of_run[id(point)] for point in made]
+    return [replace(point, ran=of.ran, run=of.run, of_run=of.scene) for point, of in zip(made, chosen, strict=True)]
+
+
+def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
+    """Return the one of points with the same motion whose run they share: that is there already, else the first."""
+    return next((point for point in same if runs and (runs / point.run).exists()), same[0])
+
+
+def _ran(scene: Runnable, asked: dict[str, Any]) -> dict[str, Any]:
+    """Return the values of a scene that runs, its every "auto" decided, for those that were asked for."""
+    tables = scene.to_dict()
+
+    def of(key: str, value: Any) -> Any:
+        table, _, name = key.rpartition(".")
+        decided_value = tables[table].get(name, value) if table in tables else value
+        return scene.used.get(key, value if decided_value == value else decided_value)  # 2 stays 2 beside 2.0
+
+    return {key: of(key, value) for key, value in asked.items()}
+
+
+def _motion(scene: Runnable) -> str:
+    """Return all that a scene that runs says of its motion: equal for values that its cell or sample makes equal."""
+    values = scene.to_dict()
+    if isinstance(scene, Scene):
+        named = {key: value for key, value in values["wave"].items() if key not in _WAVE_VECTOR}
+        values["wave"] = named | {"vector": scene.vector.components}
+    if scene.time.tolerance is None:
+        values["time"] |= {"timestep": scene.time.step}
+    return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 
 def scene_hash(scene: Runnable) -> str:
@@ -103,9 +161,12 @@ def scene_hash(scene: Runnable) -> str:
     return names_of(decided(scene))[0]
 
 
-def _name(scene: Runnable, runs: Path | None) -> str:
-    """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one."""
-    names = names_of(whole := decided(scene))
+def _name(scene: Runnable, concrete: Runnable, runs: Path | None) -> str:
+    """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one.
+
+    `concrete` is the scene with every "auto" decided.
+    """
+    names = names_of(concrete)
     if scene.packing.columns == 1:  # release 0.1.0 ran one column where the scene says so
-        names += names_of(whole.with_values({"packing.columns": 1}))
+        names += names_of(concrete.with_values({"packing.columns": 1}))
     return next((name for name in names if runs and (runs / name).exists()), names[0])

@@ -16,10 +16,12 @@ from granular_lmp.scene.linear import mode_of
 from granular_lmp.studies import sweep_impacts
 from granular_lmp.studies.identity import names_of
 from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in, words
+from granular_lmp.studies.sweep_points import GridPoint
 
 Point = dict[str, Any]
 
 RUNS = "runs"
+ASKED = "_asked"  # behind a swept key: the column of the values that were asked for, where others ran
 _FIRST = ("run", "status", "message", "seconds", "steps", "particles")
 # What a line of the table says of a wave beside the swept values: of run.json; the largest |p|, |q|, |phi| of the
 # record, in D0; the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the
@@ -41,13 +43,22 @@ def info_of(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def table_of(grid: list[tuple[Point, str, Runnable]], rows: dict[str, Point]) -> list[Point]:
-    """Return a line for each point of the grid; points of the same scene share a run.
+def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
+    """Return a line for each point of the grid: the values that ran, those that were asked for, and its run.
 
-    A line has None in the columns of monitors that only other lines have.
+    Points at which the same motion runs share a run. What was asked for has columns only for keys of which a value ran
+    as another. A line has None in the columns of monitors that only other lines have.
     """
     empty = dict.fromkeys(key for row in rows.values() for key in row)
-    return [point | {"run": f"{RUNS}/{name}"} | empty | rows[name] for point, name, _ in grid]
+    other = {key for point in grid for key, value in point.asked.items() if point.ran[key] != value}
+
+    def values(point: GridPoint) -> Point:
+        found: Point = {}
+        for key, value in point.ran.items():
+            found |= {key: value} | ({f"{key}{ASKED}": point.asked[key]} if key in other else {})
+        return found
+
+    return [values(each) | {"run": f"{RUNS}/{each.run}"} | empty | rows[each.run] for each in grid]
 
 
 def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:

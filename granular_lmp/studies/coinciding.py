@@ -1,0 +1,84 @@
+"""Points of a sweep that are one run: a sentence for each cell, or sample, that rounds them to the same values.
+
+A periodic cell carries only phase advances of 2πk/rows and 2πj/columns, so that close wave numbers and directions run
+as one wave. A time step is rounded down to a whole number to a sample.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from math import ceil, pi
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.runnable import Runnable
+
+LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
+
+
+def remarks(scenes: Iterable[Runnable]) -> list[str]:
+    """Return a sentence for each cell in which several waves of a sweep are one, and one for time steps that are."""
+    cells: dict[Shape, set[WaveVector]] = defaultdict(set)
+    steps: dict[float, set[float]] = defaultdict(set)
+    for scene in scenes:
+        if isinstance(scene, Scene) and scene.shape.ends == "periodic" and scene.wave.form != "none":
+            cells[scene.shape].add(scene.declared_vector)
+        if scene.time.tolerance is None:
+            steps[scene.time.sample].add(scene.time.timestep)
+    found = [_of_waves(shape, waves) for shape, waves in cells.items()]
+    return [sentence for sentence in [*found, *(_of_steps(*each) for each in steps.items())] if sentence]
+
+
+def _of_waves(shape: Shape, waves: set[WaveVector]) -> str:
+    """Return what a cell makes of waves, and which cell tells them apart; "" if this one does."""
+    ran = {each.snapped(shape.rows, shape.columns) for each in waves}
+    if len(ran) == len(waves):
+        return ""
+    along_y = all(each.axis == "y" for each in waves)
+    words = _along_y if along_y else _oblique
+    count = f"{len(waves)} values, {len(ran)} wave{'s' * (len(ran) > 1)} in a periodic cell of "
+    return count + words(shape.rows, shape.columns) + "; " + _remedy(shape, waves, along_y=along_y)
+
+
+def _along_y(rows: int, columns: int) -> str:
+    return f"{rows} rows"
+
+
+def _oblique(rows: int, columns: int) -> str:
+    return f"{rows} rows and {columns} columns"
+
+
+def _remedy(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> str:
+    """Return the cell that tells waves apart: it moves each by less than half of the smallest distance of two.
+
+    Along y the cell is the one with fewest rows, else a multiple of the cell that is there.
+    """
+    advances = np.array([(each.per_row, each.per_column) for each in waves])
+    nearest = cKDTree(advances).query(advances, k=2, p=np.inf)[0][:, 1].min()
+    step, rows, columns = shape.lattice.row_period, shape.rows, shape.columns
+    longer = ((each, columns) for each in range(rows, LARGEST_CELL + 1, step))
+    larger = ((times * rows, times * columns) for times in range(2, LARGEST_CELL // max(rows, columns) + 1))
+    for cell in longer if along_y else larger:
+        held = 2 * pi / np.array(cell)
+        if np.abs(advances - held * np.rint(advances / held)).max() < nearest / 2:
+            setting = f"packing.rows = {cell[0]}" + ("" if along_y else f", packing.columns = {cell[1]}")
+            return f"a cell of {(_along_y if along_y else _oblique)(*cell)} tells them apart ({setting})"
+    none = f"no cell of up to {LARGEST_CELL} rows tells them apart"
+    return none + (', but packing.ends = "fixed" does' if along_y else "; take waves that are farther apart")
+
+
+def _of_steps(sample: float, declared: set[float]) -> str:
+    """Return what a sample makes of time steps, and which sample tells them apart; "" if this one does."""
+
+    def different(of: float) -> int:
+        return len({ceil(of / step - 1e-9) for step in declared})
+
+    if different(sample) == len(declared):
+        return ""
+    enough = next((times for times in range(2, 10_000) if different(times * sample) == len(declared)), None)
+    return f"{len(declared)} time steps, {different(sample)} in a whole number to a sample of {sample!r}; " + (
+        f"time.sample = {enough * sample!r} tells them apart" if enough else "take steps farther apart"
+    )
