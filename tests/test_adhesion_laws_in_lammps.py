@@ -171,6 +171,7 @@ def test_contacts_that_hold_beyond_their_end_do_not_trigger_the_guard_and_those_
     held = waves(tmp_path / "held", 6, **both, wave_amplitude=0.9)
     assert -0.3 < held.info["smallest_overlap"] < -0.05
     assert held.info["guards"]["open_contacts"]["value"] == 0
+    assert not held.info["effects"]["contact_opening"]["called_for"]
     parted = waves(tmp_path / "parted", 6, **both, wave_amplitude=1.3)
     # The rule, which knows the linear wave, says so before; forced off, the guard reports and does not fail the run
     assert parted.info["effects"]["contact_opening"]["called_for"]

@@ -76,6 +76,16 @@ def test_the_study_sees_a_guard_that_looks_too_rarely(tmp_path: Path, monkeypatc
     assert openings.missed or openings.late > 0.5
 
 
+@pytest.mark.parametrize("name", ["open_contacts", "largest_slip"])
+def test_a_limit_that_was_passed_counts_where_the_log_rounds_the_value_to_the_limit(name: str, tmp_path: Path) -> None:
+    guard, scene = GUARDS[name], STANDING.with_values({"effects.friction": 1.0})
+    values = {guard.column: np.array([0.0, guard.limit_in(scene), 0.0]), "v_tau": np.array([0.0, 10.0, 20.0])}
+    never = values | {f"{guard.column}_at": np.full(3, NEVER)}
+    passed = values | {f"{guard.column}_at": np.array([NEVER, 3.5, NEVER])}
+    assert measured(name, never, scene, tmp_path).passed_at is None
+    assert measured(name, passed, scene, tmp_path).passed_at == 3.5
+
+
 # --- when, whom, and what is said ------------------------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,14 @@ from PIL import Image
 
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.cli import main
-from granular_lmp.errors import LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.impact import run as impact_run
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
+from granular_lmp.lammps.outputs import RunLog, read_log
 from granular_lmp.plot.view import view
 from granular_lmp.runs.launch import Options
+from granular_lmp.runs.record import read_status, write_status
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
 SHEET = ImpactScene.load("point_impact").with_values(
@@ -40,6 +44,26 @@ def test_the_program_writes_the_bytes_of_the_module(folders: dict[str, Path], tm
     run_impact(scene, tmp_path / "run", Options("lmp"))
     dumps = [folder / "dump.particles" for folder in (folders[name], tmp_path / "run")]
     assert dumps[0].read_bytes() == dumps[1].read_bytes()
+
+
+def test_a_run_whose_log_lacks_a_look_of_its_guards_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def lacking(path: Path) -> RunLog:  # as a full disk leaves it, of which LAMMPS does not say a word
+        log = read_log(path)
+        return replace(log, table={name: np.delete(values, 2) for name, values in log.table.items()})
+
+    monkeypatch.setattr(impact_run, "read_log", lacking)
+    with pytest.raises(LammpsError, match=r"the log lacks step \d+"):
+        run_impact(CHAIN, tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+
+
+def test_a_record_has_as_many_times_as_its_run_says(folders: dict[str, Path], tmp_path: Path) -> None:
+    shutil.copytree(folders["chain"], tmp_path / "run")
+    info = json.loads((tmp_path / "run/run.json").read_text())
+    count = info["samples"]
+    write_status(tmp_path / "run", info | {"samples": count + 1})
+    with pytest.raises(RunFolderError, match=f"{count} records, and run.json says {count + 1}"):
+        ImpactRecord.load(tmp_path / "run")
 
 
 def test_two_ranks_move_a_sheet_alike(folders: dict[str, Path], tmp_path: Path) -> None:

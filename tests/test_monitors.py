@@ -278,6 +278,17 @@ def test_two_ranks_record_the_same(record: Record, tmp_path: Path) -> None:
     np.testing.assert_allclose(two.monitor("behind").flux, record.monitor("behind").flux, atol=1e-7)
 
 
+def test_spheres_of_a_monitor_are_in_the_order_of_their_numbers_on_any_ranks(tmp_path: Path) -> None:
+    # Two ranks halve the longer side: each holds a part of every row
+    wide = {"packing.columns": 24, "packing.rows": 7, "source.1.spheres": [[3, 3]], "time.duration": 1.0}
+    lines = [{"name": "line", "rows": [2, 4]}, {"name": "pair", "spheres": [[3, 20], [3, 2]]}]
+    scene = SHEET.with_values(wide | {"monitor": lines})
+    two = run(scene, tmp_path / "two", ranks=2)
+    for name in ("line", "pair"):
+        for each in binary_snapshots(tmp_path / "two" / f"monitor.{name}.bin"):
+            assert each.table[:, 0].tolist() == (two.monitor(name).spheres + 1).tolist()
+
+
 def test_adopted_and_forced_runs_take_their_monitors_along(record: Record, tmp_path: Path) -> None:
     assert record.folder is not None
     adopted = adopt(record.folder, tmp_path / "run")

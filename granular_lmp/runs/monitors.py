@@ -145,11 +145,10 @@ class MonitorRecord:
         path = self.folder / MONITOR.format(self.monitor.name)
         steps, tables, names = [], [], [""]
         for each in binary_snapshots(path):
-            table = each.table[np.argsort(each.table[:, 0])]  # each rank writes its own
-            if not np.array_equal(table[:, 0], self.spheres + 1):
+            if not np.array_equal(each.table[:, 0], self.spheres + 1):
                 raise RunFolderError(f"{path}: holds other spheres at step {each.step} than those of the monitor")
             steps.append(each.step)
-            tables.append(table)
+            tables.append(each.table)
             names = each.names
         samples = self.scene.time.samples + 1
         if not steps or len(steps) > samples or np.any(np.diff(steps) <= 0):

@@ -178,9 +178,12 @@ sys.exit(main({words!r}))
 
 
 def on_a_full_disk(size: int, *words: str) -> "subprocess.CompletedProcess[str]":
-    """A command in a process whose files cannot grow beyond `size` bytes."""
+    """A command in a process whose files cannot grow beyond `size` bytes.
+
+    It writes no bytecode, which would be cut off, and which Python takes for that of the package from then on.
+    """
     return subprocess.run(
-        [sys.executable, "-c", FULL.format(size=size, words=list(words))],
+        [sys.executable, "-B", "-c", FULL.format(size=size, words=list(words))],
         capture_output=True,
         text=True,
         check=False,
@@ -226,6 +229,12 @@ def test_on_a_full_disk_the_other_commands_fail_in_one_line(
     errors = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
     assert len(errors) == 1, done.stderr
     assert errors[0].startswith("granular-lmp: error: ")
+
+
+def test_a_full_disk_leaves_no_bytecode_that_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path / "bytecode"))  # empty, as in a fresh checkout
+    assert on_a_full_disk(1000, "build", "tr_periodic", "-o", str(tmp_path / "deck")).returncode in (1, 2)
+    assert not list(tmp_path.rglob("*.pyc"))
 
 
 @pytest.fixture(params=["mkdir", "open"])
