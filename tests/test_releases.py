@@ -1,6 +1,7 @@
 """Folders of earlier releases are read, and what they do not say is what was true when they were written."""
 
 import json
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +14,11 @@ from analysis import compare
 from granular_lmp import ImpactScene, Record, Scene
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import LammpsError, RunFolderError
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
+from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.json_schema import keys
@@ -100,6 +102,41 @@ def test_a_stopped_run_of_another_format_is_not_resumed(there: Path) -> None:
     write_status(there, read_status(there) | {"status": "interrupted"})
     with pytest.raises(RunFolderError, match="was begun by an earlier release; run it again with force=True"):
         resume(there)
+
+
+@pytest.mark.parametrize("there", ["e02a04e/run", "832ce44/run"], indirect=True)
+def test_what_plain_lmp_left_of_an_old_deck_is_adopted(there: Path) -> None:
+    own = Record.load(there)
+    for name in ("run.json", "trajectory.csv"):
+        (there / name).unlink()
+    first = "slip_at" not in (there / "log.lammps").read_text(encoding="utf-8")
+    # The first decks did not write their variables into the log
+    record = adopt(there, there.parent / "adopted", changes={"wave.amplitude": 0.2} if first else None)
+    assert record.scene == own.scene
+    assert {name: each["value"] for name, each in record.info["guards"].items()} == {
+        name: each["value"] for name, each in own.info["guards"].items()
+    }
+    assert record.info["looks"]["every_tau"] == (5.0 if first else 0.1)  # as the thermo lines of the log
+    again = Record.load(there.parent / "adopted")
+    for name, values in own.signals.items():
+        np.testing.assert_allclose(again.signals[name], values, rtol=0, atol=1e-12)  # of the same dump
+
+
+@pytest.mark.parametrize("there", ["e02a04e/run"], indirect=True)
+@pytest.mark.parametrize(
+    ("lost", "put", "said"),
+    [
+        (r"^ +50 .*\n", "", "step 50"),
+        (" v_slip ", " v_x ", "the guard largest_slip"),
+        (" v_open ", " v_x ", "the guard open"),
+    ],
+)
+def test_an_old_log_that_lacks_a_line_or_a_guard_is_refused(lost: str, put: str, said: str, there: Path) -> None:
+    log = there / "log.lammps"
+    text = log.read_text(encoding="utf-8")
+    log.write_text(re.sub(lost, put, text, flags=re.MULTILINE), encoding="utf-8")
+    with pytest.raises(LammpsError, match=f"the log lacks {said}"):
+        adopt(there, there.parent / "adopted", changes={"wave.amplitude": 0.2})
 
 
 # --- sweeps ---

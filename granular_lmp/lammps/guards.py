@@ -8,7 +8,7 @@ Looks are frequent enough for the motion (`fastest`), and a look judges only the
 the record (`_inside`). The guards are defined with their effects (`granular_lmp.effects`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -272,6 +272,11 @@ def header(names: list[str], scene: Scene) -> str:
     return "\n".join([top, *limits]) if limits else ""
 
 
+def first_decks(table: Mapping[str, object]) -> bool:
+    """Return whether a thermo table is of a first deck of release 0.1.0, which looked only when it wrote a line."""
+    return bool(table) and not any(column.endswith("_at") for column in table)
+
+
 # --- results of a run ------------------------------------------------------------------------------------------------
 
 
@@ -292,8 +297,8 @@ def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, fol
     guard = GUARDS[name]
     limit = guard.limit_in(scene)
     # A run whose log lacks a column fails by that, or has not come so far
-    whole = {guard.column, f"{guard.column}_at"} <= set(table)
-    value, at = (np.abs(table[guard.column]), table[f"{guard.column}_at"]) if whole else (np.empty(0), np.empty(0))
+    value = np.abs(table.get(guard.column, np.empty(0)))
+    at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
     bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
     triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
     if not triggered.any():

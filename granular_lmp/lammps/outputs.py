@@ -41,6 +41,7 @@ _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SN
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
+_EVERY = re.compile(r"^thermo +([1-9]\d{0,17})$", re.MULTILINE)
 _SECTION = re.compile(r"^(Pair|Neigh|Comm|Output|Modify) *\|[^|\n]*\|([^|\n]*)\|", re.MULTILINE)  # average of all ranks
 
 
@@ -293,11 +294,14 @@ class RunLog:
     sections : dict of str to float
         The same by LAMMPS's own sections, ``loop.pair`` to ``loop.other``, on average of the ranks; empty if no time
         loop has ended.
+    every : int
+        Steps between two lines of the table as the deck has them; 1 if the log does not say.
     """
 
     table: dict[str, NDArray[np.float64]]
     loop: float
     sections: dict[str, float]
+    every: int = 1
 
 
 def read_log(path: str | Path) -> RunLog:
@@ -342,7 +346,9 @@ def _log_of(text: str) -> RunLog:
     rows = tables.get(names, [])
     table = np.array(rows, dtype=float).reshape(len(rows), len(names))
     loop = seconds.get(names, float("nan"))
-    return RunLog(dict(zip(names, table.T, strict=True)), loop, _sections(text, loop) if isfinite(loop) else {})
+    sections = _sections(text, loop) if isfinite(loop) else {}
+    every = _EVERY.findall(text)
+    return RunLog(dict(zip(names, table.T, strict=True)), loop, sections, int(every[-1]) if every else 1)
 
 
 def _seconds(word: str) -> float:

@@ -20,6 +20,7 @@ from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError
 from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
+from granular_lmp.lammps.guards import first_decks
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.problem import Problem, prepare
@@ -107,7 +108,10 @@ def adopt(
     _refuse_other_beginning(source, dump.name, problem)
     deck = _deck(source, declared, problem)
     info = description(deck, deck.edits(), "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
-    info["wall_seconds"] = wall_seconds({}, read_log(source / LOG).sections)  # all of the time that is known
+    found = read_log(source / LOG)
+    info["wall_seconds"] = wall_seconds({}, found.sections)  # all of the time that is known
+    if first_decks(found.table):
+        info["looks"]["every_tau"] = found.every * deck.scene.time.step
     with locked(place, make=True, force=force) as lock:
         clear(place)
         write_files(place, {**deck.files(), SCENE: [deck.scene.to_toml()]})

@@ -22,7 +22,7 @@ from granular_lmp.errors import (
 )
 from granular_lmp.lammps.binary_dump import mend_binary
 from granular_lmp.lammps.deck import Deck, checkpoint_steps, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, line_interval
+from granular_lmp.lammps.guards import GUARDS, columns, first_decks, line_interval
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import (
@@ -228,7 +228,7 @@ def execute(
             record = _collect(folder, deck.scene, stopped=failure is not None or job.log != LOG)
             log = read_log(folder / LOG) if (folder / LOG).exists() else RunLog({}, nan, {})
             found = outcome(folder, record, log.table, info)
-            failure = failure or _defect(record, log, job, list(found["guards"]))
+            failure = failure or _defect(record, log, job, list(found["guards"]), adopted="adopted" in info)
         before = info.get("wall_seconds", {})
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
@@ -279,8 +279,11 @@ def mend(folder: Path, scene: Scene) -> None:
         (mend_binary if path.suffix == ".bin" else mend_dump)(path)
 
 
-def _defect(record: Record, log: RunLog, job: Job, guards: list[str]) -> LammpsError | None:
-    """Return an error if the record or the log is incomplete or wrong although LAMMPS reported success, else None."""
+def _defect(record: Record, log: RunLog, job: Job, guards: list[str], *, adopted: bool) -> LammpsError | None:
+    """Return an error if the record or the log is incomplete or wrong although LAMMPS reported success, else None.
+
+    The deck of a run that is `adopted` may be one of those that looked only when they wrote a line.
+    """
     expected = record.scene.time.samples + 1
     tracked = [record.p, record.q] + ([record.phi] if record.scene.effects.tracking else [])
     if not all(np.isfinite(x).all() for x in tracked):
@@ -292,8 +295,12 @@ def _defect(record: Record, log: RunLog, job: Job, guards: list[str]) -> LammpsE
             return LammpsError(f"{name} lacks records", job.input_name, log_tail(job.folder))
     # LAMMPS does not notice a failed write to its log, and a guard without a value must not count as below its limit
     last, table = record.scene.time.steps, log.table
-    missed = sorted({*range(0, last, line_interval(record.scene)), last} - {*table.get("Step", ())})
-    absent = [name for name in guards if not {GUARDS[name].column, f"{GUARDS[name].column}_at"} <= set(table)]
+    older = adopted and first_decks(table)
+    missed = sorted(
+        {*range(0, last, log.every if older else line_interval(record.scene)), last} - {*table.get("Step", ())}
+    )
+    needed = {name: {GUARDS[name].column, *(() if older else (f"{GUARDS[name].column}_at",))} for name in guards}
+    absent = [name for name, needs in needed.items() if not needs <= set(table)]
     if missed or absent:
         lack = f"step {missed[0]}" if missed else f"the guard {absent[0]}"
         return LammpsError(f"the log lacks {lack}", job.input_name, log_tail(job.folder))
