@@ -80,7 +80,7 @@ LIES: list[tuple[Change, str]] = [
         for name, on in {row.name: row.name in ("adhesion", "shear", "rotation", "tracking") for row in EFFECTS}.items()
     ),
     (changed("effects.liquid", LIQUID), 'effects.liquid.on = true, but "no such name" by scene.toml'),
-    (changed("effects.liquid", LIQUID | {"on": None}), 'effects.liquid.on = null, but "no such name"'),
+    (changed("effects.liquid", LIQUID | {"on": False}), 'effects.liquid.on = false, but "no such name"'),
     (changed("effects.sliding.guard", ""), 'effects.sliding.guard = "", but "largest_slip"'),
     (changed("effects.sliding.called_for", True), "guards.largest_slip.judges = true, but false"),
     (changed("guards.wetted", HEARD), 'guards.wetted.effect = "liquid", but "no such name"'),
@@ -88,7 +88,7 @@ LIES: list[tuple[Change, str]] = [
     (changed("guards.largest_slip.effect", "width"), 'guards.largest_slip.effect = "width", but "sliding"'),
     (changed("amplitude", 0.1), "amplitude = 0.1, but 0.2 by scene.toml"),
     (changed("wavenumber_used", 0.8), "wavenumber_used = 0.8, but 0.785398"),
-    (changed("direction_used", "y"), 'direction_used = "y", but 90.0'),
+    (changed("direction_used", 60.0), "direction_used = 60.0, but 90.0"),
     (without("particles"), "particles = null, but 24"),
 ]
 

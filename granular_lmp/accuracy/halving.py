@@ -14,8 +14,8 @@ from typing import Any, Protocol, Self, TypeVar
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
 from granular_lmp.runs.agreement import scene_digest
-from granular_lmp.runs.continuation import whole_checkpoints
-from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
+from granular_lmp.runs.folder import clear, locked, refuse_links
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
@@ -109,8 +109,10 @@ def continued(
     """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
 
     def rest(scene: AnyScene, place: Path, progress: Progress | None) -> AnyRecord:
-        if (place / STATUS).is_file() and read_status(place).get("status") == "finished":
-            return load(place)
+        if (place / STATUS).is_file():
+            if read_status(place)["status"] == "finished":
+                return load(place)
+            read_unfinished(place)  # raises if the run failed by a guard
         return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress)
 
     return rest
@@ -163,6 +165,7 @@ def halved(
     records: list[AnyRecord] = []
     refinements: list[str] = []
     found: dict[str, float] = {}
+    refuse_links(folder)
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:

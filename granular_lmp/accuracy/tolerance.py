@@ -31,7 +31,7 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import wall_seconds
-from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
+from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.scene.scene import Scene
 
 
@@ -137,16 +137,17 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     folder = absolute(folder)
     if (folder / SWEEP).is_file():
         raise RunFolderError(f"{folder}: holds a sweep; the same sweep command again does what is missing")
-    if "tolerance" not in read_status(folder):
-        return launch.resume(folder, progress=progress, judge=_budget)
     info = read_unfinished(folder)
+    scene = scene_of(folder)
+    if scene.time.tolerance is None:
+        return launch.resume(folder, progress=progress, judge=_budget)
     one = continued(
-        _one(launch.Options(info["launcher"], info["ranks"], kernel="kernel" in info)),
+        _one(launch.options_of(folder, info)),
         lambda place, part: launch.resume(place, progress=part),
         Record.load,
     )
     with locked(folder):
-        return refine(scene_of(folder), folder, one, progress, info)
+        return refine(scene, folder, one, progress, info)
 
 
 def _to_tolerance(scene: Scene, folder: Path, options: launch.Options) -> Record:

@@ -201,6 +201,7 @@ def _variables(problem: ImpactProblem) -> list[str]:
         f"variable data     index data.{problem.scene.name}",
         f"variable dump     index {SNAPSHOTS}",
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
+        "variable marked   index unmarked  # a group without spheres, by which a checkpoint tells of which scene it is",
         "variable every    equal ceil(v_sample/v_timestep-1e-9)",
         "variable step     equal v_sample/v_every",
         "variable steps    equal v_every*floor(v_duration/v_sample+1e-9)",
@@ -257,6 +258,7 @@ def _motion(problem: ImpactProblem) -> list[str]:
         *_guards(problem),
         "",
         f"# --- record, all digits; a checkpoint about every {_minutes(problem):.3g} minutes",
+        "group        ${marked} empty",
         f"restart      ${{checkpoint}} {' '.join(CHECKPOINTS)}",
         f"group        recorded id {id_ranges(problem.recorded)}",
         f"dump         record {'all' if everyone else 'recorded'} custom ${{every}} ${{dump}} id type x y z radius "

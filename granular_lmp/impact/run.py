@@ -39,12 +39,12 @@ from granular_lmp.lammps.outputs import (
     write_files,
 )
 from granular_lmp.runs.agreement import scene_digest
-from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start, read_unfinished
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start, read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import FORMAT
-from granular_lmp.runs.launch import Options, Progress
-from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.launch import Options, Progress, options_of
+from granular_lmp.runs.record import write_status
 from granular_lmp.runs.routes import Job, Route, log_tail, route_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
@@ -107,7 +107,7 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
         clear(folder)
         write_files(folder, deck.files())
         report = _step_reporter(options.progress, deck.problem)
-        job = Job(folder, deck.input_name, LOG, lock, report, variables=_on_ranks(deck.problem, options.ranks))
+        job = Job(folder, deck.input_name, LOG, lock, report, variables=_variables(deck.problem, info))
         return _execute(deck.problem, job, route, info, began)
 
 
@@ -126,13 +126,16 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
     """
     folder = absolute(folder)
     began = perf_counter()
-    if "tolerance" in read_status(folder):
-        return _resumed(folder, progress)
+    started = read_unfinished(folder)
+    scene = ImpactScene.load(folder / SCENE)
+    if scene.time.tolerance is not None:
+        return _resumed(scene, folder, started, progress)
     with locked(folder) as lock:
         info = read_start(folder)
-        problem = prepare(ImpactScene.load(folder / SCENE))
-        last = last_checkpoint(folder, SNAPSHOTS)
-        route = route_of(info["launcher"] == "lmp", info["ranks"])
+        problem = prepare(scene)
+        last = last_checkpoint(folder, info, SNAPSHOTS)
+        options = options_of(folder, info)
+        route = route_of(options.program, options.ranks)
         name = f"in.{problem.scene.name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(problem, last.name), encoding="utf-8")
@@ -140,7 +143,7 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
         report = _step_reporter(progress, problem)
-        job = Job(folder, name, "none", lock, report, variables=_on_ranks(problem, info["ranks"]))
+        job = Job(folder, name, "none", lock, report, variables=_variables(problem, info))
         return _execute(problem, job, route, info, began)
 
 
@@ -151,16 +154,15 @@ def _to_tolerance(scene: ImpactScene, folder: Path, options: Options) -> ImpactR
         return _refined(problem, folder, _one(options), options.progress, info)
 
 
-def _resumed(folder: Path, progress: Progress | None) -> ImpactRecord:
+def _resumed(scene: ImpactScene, folder: Path, info: dict[str, Any], progress: Progress | None) -> ImpactRecord:
     """Continue the runs of an impact with a tolerance."""
-    info = read_unfinished(folder)
     one = continued(
-        _one(Options(info["launcher"], info["ranks"])),
+        _one(options_of(folder, info)),
         lambda place, part: resume_impact(place, progress=part),
         ImpactRecord.load,
     )
     with locked(folder):
-        return _refined(prepare(ImpactScene.load(folder / SCENE)), folder, one, progress, info)
+        return _refined(prepare(scene), folder, one, progress, info)
 
 
 def _one(options: Options) -> One[ImpactScene, ImpactRecord]:
@@ -209,9 +211,12 @@ def _step_reporter(progress: Progress | None, problem: ImpactProblem) -> Callabl
     return lambda step: progress(min(step, steps), steps) if progress else None
 
 
-def _on_ranks(problem: ImpactProblem, ranks: int) -> tuple[str, ...]:
-    """Return the words that override what a deck says for one rank."""
-    return () if ranks == 1 else ("-var", "checkpoint", str(checkpoint_steps(problem, ranks)))
+def _variables(problem: ImpactProblem, info: dict[str, Any]) -> tuple[str, ...]:
+    """Return the words that tell a deck the mark of its checkpoints, and override what it says for one rank."""
+    marked = ("-var", "marked", mark(info["scene_sha256"]))
+    if info["ranks"] == 1:
+        return marked
+    return (*marked, "-var", "checkpoint", str(checkpoint_steps(problem, info["ranks"])))
 
 
 def _execute(problem: ImpactProblem, job: Job, route: Route, info: dict[str, Any], began: float) -> ImpactRecord:

@@ -31,6 +31,7 @@ variable data      index data.<name>
 variable dump      index <dump>
 <particles_variables>
 variable checkpoint index <checkpoint_steps>  # steps between checkpoints, here for one core
+variable marked    index unmarked  # a group without spheres, by which a checkpoint tells of which scene it is
 if "<refused>" then "print 'ERROR: this deck is of one wave in one lattice: <names> is no variable of it'" "quit 1"
 print "<said>"
 
@@ -113,6 +114,7 @@ _GUARDS = """\
 
 _RECORD = """\
 # --- record of the centre sphere, all digits; a checkpoint about every <checkpoint> minutes
+group        ${marked} empty
 restart      ${checkpoint} <checkpoints>
 group        centre id <centre>
 <read_angle>

@@ -93,19 +93,44 @@ def clear(folder: Path) -> None:
     for name, study in _STUDIES.items():
         if (folder / name).exists():
             raise RunFolderError(f"{folder}: holds {study} ({name}); choose another folder")
-    name, monitors = _names(folder)
-    own = [pattern.format(name) for pattern in _DECK if name]
-    own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
-    own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
-    written = {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
+    written = _own_names(folder)
     with writable(folder):
         for inner in [*folder.iterdir()]:
             if inner.name in written:
                 inner.unlink()
-            elif re.fullmatch(rf"\d+{PER_SAMPLE}", inner.name) and inner.is_dir() and not inner.is_symlink():
+            elif _is_part(inner) and inner.is_dir() and not inner.is_symlink():
                 clear(inner)
                 if not any(inner.iterdir()):
                     inner.rmdir()
+
+
+def refuse_links(folder: Path) -> None:
+    """Raise RunFolderError if a file that a run wrote, or the folder of one of its steps, is a link or no plain file.
+
+    To continue the run would write through it.
+    """
+    written = _own_names(folder)
+    for inner in folder.iterdir():
+        plain = inner.is_file() if inner.name in written else inner.is_dir() or not _is_part(inner)
+        if (inner.name in written or _is_part(inner)) and (inner.is_symlink() or not plain):
+            raise RunFolderError(
+                f"{inner}: is a link, or no plain file, and a run writes into its own folder only; put its file there, "
+                "or remove the link"
+            )
+
+
+def _is_part(path: Path) -> bool:
+    """Return whether a path is named like the folder of one step of a run to a tolerance."""
+    return re.fullmatch(rf"\d+{PER_SAMPLE}", path.name) is not None
+
+
+def _own_names(folder: Path) -> set[str]:
+    """Return the names of all files that a run writes into its folder; the folder holds some of them."""
+    name, monitors = _names(folder)
+    own = [pattern.format(name) for pattern in _DECK if name]
+    own += [pattern.format(each) for each in monitors for pattern in (MONITOR, MONITOR_CONTACTS)]
+    own += [continuation(Path(MONITOR.format(each))).name for each in monitors]
+    return {name + end for name in (*own, *_FILES) for end in ("", ".part")}  # .part: the draft of a killed run
 
 
 def _names(folder: Path) -> tuple[str, list[str]]:

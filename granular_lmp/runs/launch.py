@@ -40,15 +40,17 @@ from granular_lmp.lammps.outputs import (
     write_files,
 )
 from granular_lmp.problem import prepare
-from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, read_start
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start
 from granular_lmp.runs.directory import absolute
+from granular_lmp.runs.fields import LAUNCHERS
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import description, outcome, triggered, wall_seconds
 from granular_lmp.runs.phases import Seconds, collected, phase, split
 from granular_lmp.runs.readouts import readouts_of
-from granular_lmp.runs.record import TRAJECTORY, Record, read_status, write_status
-from granular_lmp.runs.routes import LAUNCHERS, Job, Route, check_machine, log_tail, route_of, run_input
+from granular_lmp.runs.record import TRAJECTORY, Record
+from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
+from granular_lmp.runs.status import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
 
 Progress = Callable[[int, int], None]
@@ -112,10 +114,10 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
                 # The scene of a run has every "auto" decided
                 write_files(folder, {**deck.files(), SCENE: [deck.scene.to_toml()]})
             report = _step_reporter(options.progress, deck.scene)
-            job = Job(folder, deck.input_name, LOG, lock, report, _columns(deck), _on_ranks(deck, options.ranks))
+            job = Job(folder, deck.input_name, LOG, lock, report, _columns(deck), _variables(deck, info))
             if kernel:  # it writes no slip into checkpoints, so that there are none
                 never = ("-var", "checkpoint", str(deck.scene.time.steps + 1))
-                job = replace(job, columns=(), variables=never, kernel=kernel)
+                job = replace(job, columns=(), variables=(*job.variables, *never), kernel=kernel)
             return execute(deck, job, route, info, seconds, judge)
 
 
@@ -148,8 +150,9 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
         info = read_start(folder)
         with phase("build"):
             deck = deck_of(prepare(scene_of(folder)))
-        last = last_checkpoint(folder, DUMP)
-        route = route_of(info["launcher"] == "lmp", info["ranks"])
+        last = last_checkpoint(folder, info, DUMP)
+        options = options_of(folder, info)
+        route = route_of(options.program, options.ranks)
         name = f"{deck.input_name}.resume"
         with writable(folder):
             (folder / name).write_text(resume_text(deck, last.name), encoding="utf-8")
@@ -157,7 +160,7 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
             mend_log(folder / LOG)
         # The log is "none" because the input itself opens it for appending
         report = _step_reporter(progress, deck.scene)
-        job = Job(folder, name, "none", lock, report, _columns(deck), _on_ranks(deck, info["ranks"]))
+        job = Job(folder, name, "none", lock, report, _columns(deck), _variables(deck, info))
         return execute(deck, job, route, info, seconds, judge)
 
 
@@ -200,9 +203,20 @@ def _columns(deck: Deck) -> tuple[str, ...]:
     return tuple(columns(deck.problem.guards, deck.scene))
 
 
-def _on_ranks(deck: Deck, ranks: int) -> tuple[str, ...]:
-    """Return the words that override what a deck says for one rank."""
-    return () if ranks == 1 else ("-var", "checkpoint", str(checkpoint_steps(deck.scene, ranks)))
+def _variables(deck: Deck, info: dict[str, Any]) -> tuple[str, ...]:
+    """Return the words that tell a deck the mark of its checkpoints, and override what it says for one rank."""
+    marked = ("-var", "marked", mark(info["scene_sha256"]))
+    if info["ranks"] == 1:
+        return marked
+    return (*marked, "-var", "checkpoint", str(checkpoint_steps(deck.scene, info["ranks"])))
+
+
+def options_of(folder: Path, info: dict[str, Any]) -> Options:
+    """Return the options with which a run was started, from its ``run.json``; raises LaunchError as `Options`."""
+    try:
+        return Options(info["launcher"], info["ranks"], kernel="kernel" in info)
+    except LaunchError as error:
+        raise LaunchError(f"{folder / STATUS}: {error}") from error
 
 
 def execute(

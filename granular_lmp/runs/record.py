@@ -7,7 +7,6 @@ sphere over τ: its displacement along the wave vector k and along ẑ × k (v a
 """
 
 import csv
-import json
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +19,6 @@ import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError
 from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
-from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
@@ -28,24 +26,18 @@ from granular_lmp.runs.agreement import (
     refuse_other_scene,
     refuse_other_trajectory,
 )
-from granular_lmp.runs.folder import is_held
-from granular_lmp.runs.formats import as_today, format_of, is_one_column, scene_of
+from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.runs.status import STATUS as STATUS
+from granular_lmp.runs.status import read_status as read_status
+from granular_lmp.runs.status import write_status as write_status
 from granular_lmp.scene.scene import Scene
 
 if TYPE_CHECKING:
     from granular_lmp.plot.signals import Picture
 
 TRAJECTORY = "trajectory.csv"
-# The objects of run.json and the keys that each of their entries must have
-_ENTRIES: dict[str, set[str]] = {
-    "effects": {"on", "called_for", "guard"},
-    "guards": {"effect", "quiet", "value", "meaning", "judges"},
-    "versions": set(),
-    "wall_seconds": set(),
-}
-_BUDGET = {"name", "p", "q", "phi", "to_halve"}
 # Name, unit and meaning of each column
 _COLUMNS = (
     ("tau", "t0", "time"),
@@ -263,65 +255,3 @@ def optional_package(name: str) -> Any:
         return import_module(name)
     except ModuleNotFoundError as error:
         raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
-
-
-def read_status(folder: str | Path) -> dict[str, Any]:
-    """Return the contents of ``run.json``; a killed run, whose status is still "running", is "interrupted".
-
-    Raises
-    ------
-    RunFolderError
-        If the folder holds no ``run.json``, or it is malformed.
-    """
-    folder = Path(folder)
-    info = _status(folder)
-    if info.get("status") == "running" and not is_held(folder):
-        info = _status(folder)  # the run may have ended since the file was read
-        if info.get("status") == "running":
-            info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, and no process does"}
-    return info
-
-
-def _status(folder: Path) -> dict[str, Any]:
-    path = folder / STATUS
-    try:
-        info = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise RunFolderError(f"{folder}: not a run folder (there is no {STATUS})") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise RunFolderError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(info, dict):
-        raise RunFolderError(f"{path}: must hold a JSON object")
-    try:
-        format_of(info)
-    except ValueError as error:
-        raise RunFolderError(f"{path}: {error}") from error
-    for key, needed in _ENTRIES.items():
-        table = info.get(key, {})
-        if not isinstance(table, dict):
-            raise RunFolderError(f"{path}: {key} must be a JSON object")
-        for name, entry in table.items():
-            if needed and not (isinstance(entry, dict) and needed <= set(entry)):
-                raise RunFolderError(f"{path}: {key}.{name} must hold {', '.join(sorted(needed))}")
-    monitors = info.get("monitors", {})
-    if not (isinstance(monitors, dict) and all(map(_is_readout, monitors.values()))):
-        raise RunFolderError(f"{path}: monitors must hold why, or u, v and phi with pairs of numbers, for each monitor")
-    budget = info.get("error_budget", [])
-    if not (isinstance(budget, list) and all(isinstance(line, dict) and set(line) >= _BUDGET for line in budget)):
-        raise RunFolderError(f"{path}: error_budget must be a list of objects with {', '.join(sorted(_BUDGET))}")
-    return as_today(info)
-
-
-def _is_readout(said: Any) -> bool:
-    """Return whether this is what ``run.json`` says of a monitor (`granular_lmp.runs.readouts`)."""
-    parts = [said[name] for name in ("u", "v", "phi") if name in said] if isinstance(said, dict) else [None]
-    pairs = [pair for part in parts for pair in (part.values() if isinstance(part, dict) else [None])]
-    return all(
-        isinstance(pair, list) and len(pair) == 2 and all(isinstance(number, int | float) for number in pair)
-        for pair in pairs
-    )
-
-
-def write_status(folder: str | Path, info: dict[str, Any]) -> None:
-    """Write ``run.json``."""
-    replace_text(Path(folder) / STATUS, json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

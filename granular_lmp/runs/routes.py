@@ -26,7 +26,6 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, read_log
 from granular_lmp.runs.directory import working_in
 from granular_lmp.runs.phases import phase
 
-LAUNCHERS = ("module", "lmp")
 FEWEST_FILES = 64  # open files; a run of one rank needs 24 (measured), and each other run of the process its own
 _POLL = 0.1  # s between two progress reports, and the longest wait for a program to stop
 _GRACE = 0.5  # s between the request to stop and the kill of a program
