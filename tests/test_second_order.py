@@ -401,7 +401,7 @@ def test_crystals_that_are_none_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("natural", "forcing"), [(1.3, 0.7), (1.3, 1.3), (1.3, -1.3), (0.0, 0.9), (1.1, 0.0), (0.0, 0.0)]
+    ("natural", "forcing"), [(1.3, 0.7), (1.3, 1.3), (1.3, -1.3), (0.0, 0.9), (1.1, 0.0), (1.1, 1e-9), (0.0, 0.0)]
 )
 def test_duhamel_and_its_integral_are_the_answers_they_say(natural: float, forcing: float) -> None:
     t = 7.0
@@ -411,5 +411,6 @@ def test_duhamel_and_its_integral_are_the_answers_they_say(natural: float, forci
     assert duhamel(natural, forcing, t) == pytest.approx(weights @ (answer * np.exp(-1j * forcing * s)), rel=1e-12)
     gathered = s * np.exp(-0.5j * forcing * s) * np.sinc(forcing * s / (2 * np.pi))
     assert wound_up(natural, forcing, t) == pytest.approx(weights @ (answer * gathered), rel=1e-12)
+    assert wound_up(natural, forcing + 1e-7, t) == pytest.approx(wound_up(natural, forcing, t), rel=1e-5)
     near = duhamel(natural + 1e-9, forcing, t)
     assert near == pytest.approx(duhamel(natural, forcing, t), rel=1e-7)

@@ -30,7 +30,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
 
 from analysis.theory.bonds import Quadratic, Strain
 from analysis.theory.crystal import Crystal, Modes, padded
@@ -40,6 +39,8 @@ Complexes = NDArray[np.complex128]
 
 _DEGENERATE = 1e-9  # frequencies within this share of the highest are one
 _RIGID = 1e-7  # frequencies below this share of the highest are 0
+_STILL = 1e-5  # rad: what turns by less has not turned, to 1e-10
+_NOTHING = 1e-13  # share of a start that is rounding
 _IN_PHASE = 1e-12  # share of the forces that winds up which is rounding
 
 
@@ -94,6 +95,31 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
     if not np.all(norm > _RIGID * np.linalg.norm(wanted)):
         raise ValueError(f"along = {along!r} has no share in branch {branch!r}")
     return Wave(k, frequency[..., 0], shape / norm[..., None, None])
+
+
+def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, velocity: Complexes) -> tuple[Wave, ...]:
+    """Return the waves of a field that starts as Re[U e^{ik·r}] with the velocity Re[V e^{ik·r}], (B, 6) each.
+
+    Every branch has one that runs along k and one against it, ½(c ± i ċ/ω) of its shares c and ċ. Those that have
+    nothing are left out.
+
+    Raises ValueError for a rigid motion that moves: a wave of frequency 0 has no velocity.
+    """
+    k = padded(wavevector)
+    modes = crystal.modes(k)
+    place, rate = (np.sum(modes.duals * each, axis=(-2, -1)) for each in (displacement, velocity))
+    least = _NOTHING * max(float(np.abs(place).max()), float(np.abs(rate).max()) / crystal.highest)
+    waves = []
+    for j, frequency in enumerate(modes.frequencies):
+        if frequency < _RIGID * crystal.highest:
+            if abs(rate[j]) > least * crystal.highest:
+                raise ValueError(f"branch {j} at wave vector {k} does not oscillate, and the start moves it")
+            parts = [(0.0, place[j])]
+        else:
+            turned = 1j * rate[j] / frequency
+            parts = [(frequency, (place[j] + turned) / 2), (-frequency, (place[j] - turned) / 2)]
+        waves += [Wave(k, np.asarray(w), share * modes.shapes[j]) for w, share in parts if abs(share) > least]
+    return tuple(waves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,12 +281,9 @@ def duhamel(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexe
     """
     w, omega, t = np.broadcast_arrays(np.asarray(natural, dtype=float), forcing, np.asarray(time, dtype=float))
 
-    def window(x: Floats) -> Complexes:
-        return np.asarray(t * np.exp(0.5j * x * t) * np.sinc(x * t / (2.0 * np.pi)))
-
     slow = w < 1e-3 * np.abs(omega)  # the formula above divides by w; this one by ω² − w²
     rate = np.where(slow, 1.0, np.where(w > 0, w, 1.0))
-    usual = (np.exp(1j * w * t) * window(-omega - w) - np.exp(-1j * w * t) * window(w - omega)) / (2j * rate)
+    usual = (np.exp(1j * w * t) * _window(-omega - w, t) - np.exp(-1j * w * t) * _window(w - omega, t)) / (2j * rate)
     gap = np.where(slow, w**2 - omega**2, 1.0)
     far = (np.exp(-1j * omega * t) - np.cos(w * t) + 1j * omega * t * np.sinc(w * t / np.pi)) / gap
     still = 0.5 * t**2 * np.sinc(w * t / (2.0 * np.pi)) ** 2
@@ -270,11 +293,19 @@ def duhamel(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexe
 def wound_up(natural: ArrayLike, forcing: ArrayLike, time: ArrayLike) -> Complexes:
     """Return ∫₀ᵗ Z(s) ds, the answer to ∫₀ᵗ e^{−iωs} ds, regular everywhere.
 
-    It is the divided difference of e^{zt} at iw, −iw, −iω and 0, a corner of the exponential of a matrix (Opitz).
+    It is i[Z(ω) − Z(0)]/ω where ω > w, and [2E₀ − E₊ − E₋]/2w² elsewhere, E₀ the integral of e^{−iωs} and E± those of
+    e^{±iw(t−s)} e^{−iωs}; t³/6 where both are 0.
     """
-    w, omega, t = np.broadcast_arrays(natural, forcing, np.asarray(time, dtype=float))
-    matrix = np.zeros((*w.shape, 4, 4), dtype=complex)
-    for place, point in enumerate((1j * w, -1j * w, -1j * omega)):
-        matrix[..., place, place] = point * t
-        matrix[..., place, place + 1] = t
-    return np.asarray(expm(matrix)[..., 0, 3])
+    w, omega, t = np.broadcast_arrays(np.asarray(natural, dtype=float), forcing, np.asarray(time, dtype=float))
+    fast, still = np.abs(omega) > w, np.maximum(w, np.abs(omega)) * t < _STILL
+    runs = fast & ~still
+    above = 1j * (duhamel(w, omega, t) - duhamel(w, 0.0, t)) / np.where(runs, omega, 1.0)
+    windows = (np.exp(1j * rate * t) * _window(-omega - rate, t) for rate in (0.0, w, -w))
+    middle, onward, backward = windows
+    below = (2 * middle - onward - backward) / (2 * np.where(still | runs, 1.0, w) ** 2)
+    return np.where(still, t**3 / 6, np.where(runs, above, below))
+
+
+def _window(rate: Floats, time: Floats) -> Complexes:
+    """Return ∫₀ᵗ e^{ixs} ds."""
+    return np.asarray(time * np.exp(0.5j * rate * time) * np.sinc(rate * time / (2.0 * np.pi)))

@@ -1,0 +1,137 @@
+"""The crystal of a scene, and what its wave does there to second order: any lattice, layers, law, form and direction.
+
+The crystal is found here from the spheres and the lattice: places, contacts, modes. Rows may differ in density, in a
+pattern that repeats; then the wave, a mode of the lattice without the layers, starts as a sum of their modes.
+
+The start may run or stand. What is not held is refused by name: `analysis.theory.catalogue`, "any-crystal".
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.theory.bloch import frame
+from analysis.theory.crystal import PLANE, Crystal
+from analysis.theory.network import Material
+from analysis.theory.second_order import Wave, second_order, started, wave
+from granular_lmp.runs.record import Scene
+
+Floats = NDArray[np.float64]
+NAMES = ("L", "TR", "RT")
+# Row spacing, shift of every other row, and whether rows are endless, in lattice constants
+STACKING = {"hexagonal": (np.sqrt(0.75), 0.5, True), "square": (1.0, 0.0, True), "chain": (1.0, 0.0, False)}
+LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """A scene, by its physics: what the theory of a crystal takes of it, in SI units.
+
+    Attributes
+    ----------
+    scene : with "auto" decided or not: an effect that is "auto" is on if it is one of every crystal's.
+    """
+
+    scene: Scene
+
+    @cached_property
+    def densities(self) -> Floats:
+        """Return the density of each row of the pattern that repeats, (P,), the centre row first.
+
+        Raises ValueError for what is not a pattern of rows of other densities.
+        """
+        scene, shape = self.scene, self.scene.shape
+        rows = np.full(shape.rows, scene.sphere.density)
+        for number, each in enumerate(scene.inclusion):
+            differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
+            if other := sorted(differs - {"rows", "every", "density"}):
+                raise ValueError(f"inclusion {number + 1} has {', '.join(other)}; allowed: rows, every, density")
+            first, last = each.rows
+            rows[first : last + 1 : each.every] = each.density
+        shift = 2 if STACKING[scene.packing.lattice][1] else 1  # rows after which the lattice itself repeats
+        if shape.ends == "periodic":
+            fits = (
+                n for n in range(shift, LONGEST + 1, shift) if len(rows) % n == 0 and np.all(rows == np.roll(rows, n))
+            )
+        else:
+            fits = (n for n in range(shift, LONGEST + 1, shift) if np.all(rows[n:] == rows[:-n]))
+        length = next(fits, 0)
+        if not length:
+            raise ValueError(f"the densities of {len(rows)} rows do not repeat after {LONGEST} rows or fewer")
+        if np.ptp(rows) == 0:
+            length = 1
+        return np.roll(rows, -shape.centre_row)[:length]
+
+    def crystal(self, *, layers: bool = True) -> Crystal:
+        """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode."""
+        scene = self.scene
+        sphere, effects = scene.sphere, scene.effects
+        density = self.densities if layers else np.array([sphere.density])
+        height, shift, endless = STACKING[scene.packing.lattice]
+        rows = np.arange(len(density))
+        a = sphere.lattice_constant
+        place = a * np.stack([shift * (rows % 2), height * rows], axis=1)
+        vectors = a * np.array([[1.0, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
+        material = Material(sphere.youngs_modulus, sphere.poisson_ratio, sphere.work_of_adhesion)
+        return Crystal.of(
+            vectors if endless else vectors[1:],
+            place,
+            sphere.radius,
+            density,
+            [material],
+            adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
+            shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
+            shear=effects.shear is not False,
+            rotation=effects.rotation is not False,
+        )
+
+    @property
+    def unit(self) -> float:
+        """Return 1/m of one rad per row of the wave number."""
+        return float(1 / (STACKING[self.scene.packing.lattice][0] * self.scene.sphere.lattice_constant))
+
+    def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
+        """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the scene."""
+        xi = np.asarray(self.scene.wavenumber if wavenumber is None else wavenumber, dtype=float)
+        return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
+
+    def mode(self) -> Wave:
+        """Return the wave of the scene, of amplitude 1, in its lattice without layers."""
+        lattice, k = self.crystal(layers=False), self.wavevector()
+        return wave(lattice, k, named_branch(lattice, k, self.scene.wave.mode))
+
+    def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
+        """Return the crystal, and the waves with which the scene starts, displacements in m."""
+        scene, crystal, mode = self.scene, self.crystal(), self.mode()
+        size = scene.displacement_amplitude * np.exp(1j * scene.wave.phase)
+        field = np.broadcast_to(size * mode.shape, (len(crystal), 6))
+        rate = np.zeros_like(field) if scene.wave.form == "standing" else -1j * mode.frequency * field
+        return crystal, started(crystal, mode.wavevector, field, rate)
+
+    def signals(self, tau: ArrayLike) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:
+        """Return first and second order of p, q, φ of the centre sphere at times τ, in D0 of the scene."""
+        scene = self.scene
+        crystal, waves = self.start()
+        orders = second_order(crystal, waves, np.asarray(tau, dtype=float) * scene.sphere.time_scale)
+        parts = []
+        for order in orders:
+            moved = order[:, 0, list(PLANE)] / scene.displacement_amplitude
+            p, q = frame(scene.direction) @ moved[:, :2].T
+            parts.append((p, q, moved[:, 2]))
+        return parts[0], parts[1]
+
+
+def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
+    """Return which branch of a lattice of one sphere is L, TR or RT: L moves along k; of the others TR is the lower.
+
+    Raises ValueError for another name, and one that the lattice does not have.
+    """
+    shapes = crystal.modes(wavevector).shapes[:, 0, :2]
+    k = np.asarray(wavevector, dtype=float)
+    longitudinal = int(np.argmax(np.abs(shapes @ (k / np.linalg.norm(k)))))
+    order = [longitudinal, *(branch for branch in range(len(shapes)) if branch != longitudinal)]
+    if name not in NAMES[: len(order)]:
+        raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(NAMES[: len(order)])}")
+    return order[NAMES.index(name)]
