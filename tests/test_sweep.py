@@ -209,7 +209,7 @@ def test_a_failing_run_is_recorded_and_the_others_go_on(
 def test_a_run_that_lammps_fails_says_so_in_its_folder_too(
     small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def ill(*arguments: Any) -> LammpsError:
+    def ill(*arguments: Any, **named: Any) -> LammpsError:
         return LammpsError("it is ill", "run 40", "")
 
     monkeypatch.setattr(launch, "_defect", ill)
