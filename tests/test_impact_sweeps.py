@@ -51,7 +51,7 @@ def test_the_folder_and_its_table_say_what_was_returned(swept: Sweep) -> None:
     assert list(table[0]) == ["striker.1.velocity", *IMPACT_COLUMNS]
     assert [float(line["far_tau"]) for line in table] == list(swept.column("far_tau"))
     asked = json.loads((swept.folder / "sweep.json").read_text())
-    assert asked == {"over": SPEEDS, "scene": json.loads(json.dumps(CHAIN.to_dict()))}
+    assert asked == {"over": SPEEDS, "scene": json.loads(json.dumps(CHAIN.given()))}
 
 
 def test_one_motion_at_any_velocity_has_one_line(swept: Sweep) -> None:

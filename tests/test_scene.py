@@ -46,8 +46,10 @@ def test_a_scene_survives_the_way_through_toml() -> None:
     assert Scene.loads(scene.to_toml()) == scene
 
 
-def test_defaults_are_filled_in_and_written_out() -> None:
-    text = Scene.loads(PAPER_MINIMAL).to_toml()
+def test_a_file_holds_what_was_given_and_the_full_form_every_default() -> None:
+    scene = Scene.loads(PAPER_MINIMAL)
+    text, full = scene.to_toml(), scene.to_toml(full=True)
+    assert Scene.loads(text) == Scene.loads(full) == scene
     for line in (
         'columns = "auto"',
         'ends = "fixed"',
@@ -56,7 +58,8 @@ def test_defaults_are_filled_in_and_written_out() -> None:
         "allow_echo = false",
         "phase = 0.0",
     ):
-        assert line in text
+        assert line in full
+        assert line not in text
 
 
 @pytest.mark.parametrize("folder", sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml")))

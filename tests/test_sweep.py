@@ -146,7 +146,7 @@ def test_the_folder_and_its_table_say_what_was_returned(small: Scene, tmp_path: 
     assert list(table[0]) == ["wave.amplitude", *COLUMNS]
     assert [float(line["largest_q"]) for line in table] == list(done.column("largest_q"))
     asked = json.loads((tmp_path / "sweep" / "sweep.json").read_text())
-    assert asked == {"over": {"wave.amplitude": [0.1, 0.2]}, "scene": small.to_dict()}
+    assert asked == {"over": {"wave.amplitude": [0.1, 0.2]}, "scene": small.given()}
 
 
 def test_a_sweep_is_shown_in_one_short_line(small: Scene, tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ class ImpactScene(Document):
     repeated = {"striker": Striker, "inclusion": Inclusion}
     optional = ("start", "disorder", "output")
     exclusive = STEP_OR_TOLERANCE
-    given = {"sphere.work_of_adhesion": 0.0}
+    assumed = {"sphere.work_of_adhesion": 0.0}
     marks = ("striker", "start")
     rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     named = "the files of the run"
@@ -127,7 +127,7 @@ class ImpactScene(Document):
         """Return the tables with spheres without adhesion where it is not declared; a step excludes a tolerance."""
         refuse_step_beside_tolerance(tables)
         if isinstance(tables.get("sphere"), Mapping):
-            adhesion = cls.given["sphere.work_of_adhesion"]
+            adhesion = cls.assumed["sphere.work_of_adhesion"]
             return {**tables, "sphere": {"work_of_adhesion": adhesion, **tables["sphere"]}}
         return tables
 

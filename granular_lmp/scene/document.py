@@ -1,7 +1,7 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -47,7 +47,7 @@ class Document:
         Sections that are written only if they differ from their defaults.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
-    given : mapping
+    assumed : mapping
         Dotted key → default of a key whose record has none; `completed` fills it in.
     marks : tuple of str
         Tables by which a document of this kind is known: it has at least one of them.
@@ -63,7 +63,7 @@ class Document:
     repeated: ClassVar[Mapping[str, type]] = {}
     optional: ClassVar[tuple[str, ...]] = ()
     exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    given: ClassVar[Mapping[str, Any]] = {}
+    assumed: ClassVar[Mapping[str, Any]] = {}
     marks: ClassVar[tuple[str, ...]] = ()
     named: ClassVar[str]
 
@@ -139,14 +139,28 @@ class Document:
         tables = (plain(each, self.rules.get(key)) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
 
-    def to_toml(self) -> str:
-        """Return TOML text that `loads` reads back to an equal document, with a comment behind each value."""
-        return self._toml
+    def given(self) -> dict[str, Any]:
+        """Return nested plain values without the defaults, which never change: what a file has to say."""
+        tables = self.to_dict()
+        for key, kind in self.sections.items():
+            defaults = {item.name: self.assumed.get(f"{key}.{item.name}", item.default) for item in fields(kind)}
+            said = {name: value for name, value in tables.pop(key, {}).items() if repr(value) != repr(defaults[name])}
+            tables |= {key: said} if said else {}
+        return tables
+
+    def to_toml(self, *, full: bool = False) -> str:
+        """Return TOML text that `loads` reads back to an equal document, with a comment behind each value.
+
+        With `full` it holds the defaults too.
+        """
+        return self._text(self.to_dict()) if full else self._toml
 
     @cached_property
     def _toml(self) -> str:
+        return self._text(self.given())
+
+    def _text(self, tables: Mapping[str, Any]) -> str:
         lines = head_lines(self.name, self.description)
-        tables = self.to_dict()
         for key, kind in self.sections.items():
             if key in tables:
                 lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key))]

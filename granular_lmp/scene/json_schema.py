@@ -53,7 +53,7 @@ def keys(document: type[Document] = Scene) -> Iterator[Key]:
     """Yield every key of a kind of file, section by section."""
     for section, kind in {**document.sections, **document.repeated}.items():
         for item, rule in declared_fields(kind, document.rules.get(section)):
-            default = document.given.get(f"{section}.{item.name}", item.default)
+            default = document.assumed.get(f"{section}.{item.name}", item.default)
             required = default is MISSING or (default not in _NOTHING and not _allowed(rule, default))
             yield Key(section, item.name, rule, None if required else default, required)
 

@@ -23,7 +23,7 @@ def starter(scene: Document, file: str, head: str = _HEAD) -> str:
     """
     kind, section = type(scene), ""
     lines = []
-    for line in scene.to_toml().splitlines():
+    for line in scene.to_toml(full=True).splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
         others = [other for other, excluded in kind.exclusive.items() if excluded[0] == key]

@@ -220,7 +220,7 @@ def _cut_off(plan: Plan, cut: set[Path]) -> dict[str, str]:
 
 def _save(plan: Plan) -> dict[str, Any]:
     """Write the tables from the complete runs and return the contents of ``cost.json``."""
-    result: dict[str, Any] = {"scene": plan.scene.to_dict(), "cores": core_count(), "left_out": plan.left_out}
+    result: dict[str, Any] = {"scene": plan.scene.given(), "cores": core_count(), "left_out": plan.left_out}
     result |= collect(plan.folder, plan.points, plan.repeats)
     with writable(plan.folder):
         replace_text(plan.folder / COST, json.dumps(result, indent=1, allow_nan=False) + "\n")

@@ -225,7 +225,7 @@ def sweep(
     grid = points(scene, asked, folder / RUNS)
     made, notes = {point.run: point.of_run for point in grid}, remarks(each.scene for each in grid)
     with locked(folder, make=True, force=True):
-        _claim(folder, {"over": asked, "scene": scene.to_dict()}, force)
+        _claim(folder, {"over": asked, "scene": scene.given()}, force)
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
         if remark is not None:
             for note in notes:
