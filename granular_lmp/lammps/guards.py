@@ -76,8 +76,8 @@ def fastest(scene: Scene) -> float:
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode_of(scene).frequency
-    own = [each.pulsation(scene.sphere, usual) for each in scene.source if each.kind != "step"] or [usual]
-    return max(2 * max(own), TOP * swiftness(scene))
+    own = [each.known.top * each.pulsation(scene.sphere, usual) for each in scene.source]
+    return max(2 * (max(own, default=0.0) or usual), TOP * swiftness(scene))
 
 
 def look_interval(scene: Scene) -> int:

@@ -16,27 +16,31 @@ keeps such a list as it was read, and a variable names the entry. A deck needs n
 """
 
 from dataclasses import dataclass, replace
-from math import pi
 
+from granular_lmp.errors import SceneError
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.samples import pieces
+from granular_lmp.scene.signals import SAMPLES
 from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
 
 _RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
-# Over the variable s: the time since the beginning as a share of the ramp or of the burst, or y of a Ricker wavelet
-_SIGNALS = {
-    "tone": f"{_RISE}*<carrier>",
-    "burst": "sin(PI*v_<s>)^2*<carrier>",
-    "step": _RISE,
-    "ricker": "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)",
-    "samples": "(v_c0_<t>[v_<i>]+v_<s>*(v_c1_<t>[v_<i>]+v_<s>*(v_c2_<t>[v_<i>]+v_<s>*v_c3_<t>[v_<i>])))",
+_CARRIER = "cos(v_Omega<t>*v_<time>-<phase>)"
+# The time since the beginning as a share of the ramp or of the burst; y of a Ricker wavelet, −12 at t = 0, where the
+# signal is 71 e^{-36} = 2e-14 of its largest value
+_SHARE, _OFF_PEAK = "ternary(v_<time><<length>,<begun>v_<time>/<length>,1.0)", "v_Omega<t>*v_<time>-12.0"
+# By signal the variable s, and the signal over it
+FORMULAS = {
+    "tone": (_SHARE, f"{_RISE}*{_CARRIER}"),
+    "burst": (_SHARE, f"sin(PI*v_<s>)^2*{_CARRIER}"),
+    "step": (_SHARE, _RISE),
+    "ricker": (_OFF_PEAK, "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)"),
+    SAMPLES: ("", "(v_c0_<t>[v_<i>]+v_<s>*(v_c1_<t>[v_<i>]+v_<s>*(v_c2_<t>[v_<i>]+v_<s>*v_c3_<t>[v_<i>])))"),
 }
 # LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
 _STEP = "$(v_step/v_t0:%.17g)"
 _NUMBERS_A_LINE = 5
-_RICKER_BEGINS = "12.0"  # −y at t = 0, where the signal is 71 e^{-36} = 2e-14 of its largest value
 
 
 @dataclass(frozen=True)
@@ -58,22 +62,32 @@ class _Signal:
 
     def at(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines that define s and the signal `name` at a time."""
-        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
-        value = f"ternary(v_{time}<{self.length},{begun}v_{time}/{self.length},1.0)"
         if self.intervals:
             return self._of_samples(time, name, s)
-        if self.kind == "ricker":
-            value = f"v_Omega{self.tag}*v_{time}-{_RICKER_BEGINS}"
-        text = _SIGNALS[self.kind].replace("<carrier>", f"cos(v_Omega{self.tag}*v_{time}-{self.phase})")
-        text = text.replace("<s>", s + self.tag)
-        return [_line(s + self.tag, value), _line(name + self.tag, f"{self.unit}*{text}")]
+        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
+        known = {"<s>": s + self.tag, "<t>": self.tag, "<time>": time, "<begun>": begun}
+        share, text = (_filled(each, known | {"<length>": self.length, "<phase>": self.phase}) for each in self.formula)
+        return [_line(s + self.tag, share), _line(name + self.tag, f"{self.unit}*{text}")]
+
+    @property
+    def formula(self) -> tuple[str, str]:
+        """The variable s and the signal over it, with slots.
+
+        Raises
+        ------
+        SceneError
+            If the signal has no formula here.
+        """
+        if self.kind not in FORMULAS:
+            raise SceneError(f'signal = "{self.kind}": has no formula in a deck; must be one of {", ".join(FORMULAS)}')
+        return FORMULAS[self.kind]
 
     def _of_samples(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
         steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
         way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
-        text = _SIGNALS["samples"].replace("<i>", i).replace("<s>", s + self.tag).replace("<t>", self.tag)
+        text = _filled(self.formula[1], {"<i>": i, "<s>": s + self.tag, "<t>": self.tag})
         return [
             _line(i, f"1+ternary({way}<{self.intervals},{inside},{self.intervals + 1})"),
             _line(s + self.tag, f"({way})%1" if self.late else f"{way}%1"),
@@ -92,6 +106,13 @@ class _Signal:
             *self.at(self.beside, name, f"s_{name}"),
             _line(f"speed{self.tag}", f"({speed.replace('<t>', self.tag)})/v_step"),
         ]
+
+
+def _filled(text: str, values: dict[str, str]) -> str:
+    """Return a formula with its slots filled."""
+    for slot, value in values.items():
+        text = text.replace(slot, value)
+    return text
 
 
 def _line(name: str, expression: str, comment: str = "") -> str:
@@ -124,12 +145,11 @@ def lines(problem: Problem, units: Units) -> str:
 
 def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> list[str]:
     source, sphere, name = placed.source, problem.scene.sphere, f"source{tag}"
-    length = 2 * pi * source.cycles / placed.frequency if source.kind == "burst" else source.ramp
     stiffness = units.number(sphere.normal_stiffness, mass=1, time=-2)
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
     beside = f"t_next{tag}" if source.motion == ROTATION else f"t_was{tag}"
-    signal = _Signal(source.kind, tag, unit, repr(length), repr(source.phase), f"t{tag}", beside)
+    signal = _Signal(source.kind, tag, unit, repr(placed.lasts), repr(source.phase), f"t{tag}", beside)
     head = [f"group        {name} id {id_ranges(placed.spheres)}"]
     if source.sampled:
         intervals = len(source.sampled) - 1
@@ -137,7 +157,8 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
         signal = replace(signal, intervals=intervals, late=source.delay / interval)
         head += [*_tables(tag, source), _line(f"pace{tag}", f"v_step/v_t0/{interval!r}", "samples in a step")]
     else:
-        head += [] if source.kind == "step" else [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")]
+        pitch = any("Omega" in each for each in signal.formula)
+        head += [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")] if pitch else []
         head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
     if source.motion == ROTATION:
         return [

@@ -54,8 +54,7 @@ def _waves_of_sources(scene: Scene) -> list[Mode]:
     found: dict[tuple[str, float], Mode] = {}
     for number, source in enumerate(scene.source, 1):
         frequency = source.pulsation(sphere, usual)
-        spread = (1 - 2 / source.cycles, 1.0, 1 + 2 / source.cycles) if source.kind == "burst" else (1.0,)
-        waves = [wave for share in spread for wave in _waves_at(share * frequency, sphere, physics)]
+        waves = [wave for share in source.band for wave in _waves_at(share * frequency, sphere, physics)]
         if not waves:
             raise SceneError(
                 f"source {number}: frequency = {frequency:.6g} rad per t0: is that of no wave along y, so that nothing "

@@ -35,6 +35,10 @@ from granular_lmp.scene.sections import Packing
 WHAT = ("motion", "contacts", "flux")
 # LAMMPS has 32 groups. A monitor takes one, two with contacts; a source takes one, and the rest of a deck at most 8
 MOST_GROUPS = 24
+# Effects beside which the record of contacts holds all forces and torques; twisting has none in the plane
+_HELD = frozenset(
+    ("adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "twisting", "walls")
+) | {"quiet_ends", "width"}
 _CONTACT_LINE = 110  # bytes
 
 
@@ -157,10 +161,10 @@ def placed_monitors(
             raise SceneError(f"monitor {each.name}: {error}") from error
         around = chosen[:0]
         if each.with_contacts:
-            if on["rolling"]:
+            if torques := [name for name, there in on.items() if there and name not in _HELD]:
                 raise SceneError(
-                    f'monitor {each.name}: what = "{each.what}": must be "motion" with effects.rolling, whose torque '
-                    "the record of contacts does not hold"
+                    f'monitor {each.name}: what = "{each.what}": must be "motion" with effects.{torques[0]}, whose '
+                    "torque the record of contacts does not hold"
                 )
             if contacts is not None and _far(contacts, crystal, shape):
                 raise SceneError(

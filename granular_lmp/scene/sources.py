@@ -40,21 +40,12 @@ from granular_lmp.scene.places import (
 from granular_lmp.scene.schema import AUTO, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
+from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
 
 AXES = ("x", "y")
 TORQUE, ROTATION = "torque", "rotation"
-SIGNALS = ("tone", "burst", "ricker", "step")
-# The keys that only some signals have
-_OWN = {
-    "frequency": ("tone", "burst", "ricker"),
-    "hertz": ("tone", "burst", "ricker"),
-    "phase": ("tone", "burst"),
-    "cycles": ("burst",),
-    "ramp": ("tone", "step"),
-}
-FEWEST_CYCLES = (
-    3.0  # A burst before quiet ends has at least these: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
-)
+FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
+_LOWEST = 1 / 3  # over Ω, of the spectrum of any signal before quiet ends
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
@@ -86,7 +77,10 @@ class Source:
     motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
     signal: str | samples.Samples = field(
-        default="tone", metadata={"rule": samples.SignalRule(str, "", "over time", words=SIGNALS)}
+        default="tone",
+        metadata={
+            "rule": samples.SignalRule(str, "", "over time", words=tuple(name for name in SIGNALS if name != SAMPLES))
+        },
     )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
     frequency: float | None = number("rad/t0", "of tone, burst, ricker; the wave's if left out", 1e-6, 20, default=None)
@@ -104,7 +98,17 @@ class Source:
     @property
     def kind(self) -> str:
         """Name of the signal."""
-        return self.signal if isinstance(self.signal, str) else "samples"
+        return self.signal if isinstance(self.signal, str) else SAMPLES
+
+    @property
+    def known(self) -> Signal:
+        """What is known of the signal."""
+        return SIGNALS[self.kind]
+
+    @property
+    def band(self) -> tuple[float, ...]:
+        """Frequencies over Ω of the waves that it makes; empty if they reach down to 0."""
+        return self.known.band(self.cycles)
 
     @property
     def largest(self) -> float:
@@ -165,8 +169,13 @@ class PlacedSource:
     def words(self) -> str:
         """Kind, frequency and number of spheres in words."""
         count = len(self.spheres)
-        at = "" if self.source.kind == "step" else f" at {self.frequency:.6g} rad per t0"
+        at = "" if not self.source.known.top else f" at {self.frequency:.6g} rad per t0"
         return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
+
+    @property
+    def lasts(self) -> float:
+        """Duration of the ramp or burst, τ."""
+        return self.source.known.lasts(self.source.ramp, self.source.cycles, self.frequency)
 
     @property
     def cost(self) -> int:
@@ -225,9 +234,9 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) ->
         yield f"{' and '.join(given) or 'neither'} given: must be either motion or force"
     if source.frequency is not None and source.hertz is not None:
         yield f"frequency = {source.frequency!r} and hertz = {source.hertz!r}: must be one of the two"
-    for key, signals in _OWN.items():
-        if source.kind not in signals and getattr(source, key) != getattr(Source, key):
-            allowed = " or ".join(signals)
+    for key in dict.fromkeys(key for signal in SIGNALS.values() for key in signal.keys):
+        if key not in source.known.keys and getattr(source, key) != getattr(Source, key):
+            allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
     if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
         yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
@@ -275,11 +284,12 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
 def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
     """Check that a period of each source has enough time steps."""
     for number_, each in enumerate(sources, 1):
-        most = 2 * pi / each.frequency / FEWEST_STEPS
-        if time.tolerance is None and each.source.kind != "step" and time.step > most:
+        top = each.source.known.top * each.frequency
+        most = 2 * pi / top / FEWEST_STEPS if top else inf
+        if time.tolerance is None and time.step > most:
             raise SceneError(
                 f"time.timestep = {time.timestep!r}: leaves a period of source {number_} fewer than {FEWEST_STEPS:g} "
-                f"steps at its frequency of {each.frequency:.6g} rad per t0; must be at most {most:.4g}"
+                f"steps at its frequency of {top:.6g} rad per t0; must be at most {most:.4g}"
             )
 
 
@@ -327,13 +337,14 @@ def echo_at(rows: Sequence[int], sources: Sequence[Source], shape: Shape, *, dri
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
     """Check that no source of a scene with quiet ends makes waves that are too long for them."""
     for number_, each in enumerate(sources, 1):
-        if absorb.rows != 0 and each.kind == "burst" and each.cycles < FEWEST_CYCLES:
+        if absorb.rows != 0 and "cycles" in each.known.keys and each.cycles < FEWEST_CYCLES:
             raise SceneError(
                 f"source {number_}: cycles = {each.cycles!r}: must be at least {FEWEST_CYCLES:g} with absorb.rows, as "
                 "the spectrum of a shorter burst reaches down to waves that no number of rows absorbs"
             )
-        if absorb.rows != 0 and each.kind in ("ricker", "step", "samples"):
+        if absorb.rows != 0 and min(each.band, default=0.0) < _LOWEST:
+            allowed = " or ".join(f'"{name}"' for name, signal in SIGNALS.items() if signal.band(Source.cycles))
             raise SceneError(
-                f'source {number_}: signal = "{each.kind}": must be "tone" or "burst" with absorb.rows, as the long '
-                "waves in its spectrum are absorbed by no number of rows"
+                f'source {number_}: signal = "{each.kind}": must be {allowed} with absorb.rows, as the long waves in '
+                "its spectrum are absorbed by no number of rows"
             )

@@ -6,7 +6,7 @@ beginning on.
 """
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -27,6 +27,9 @@ _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
 _LARGEST = 20_000  # spheres of a crystal that is measured itself: two runs of it start in half a second
 _CELL = 100  # rows and columns of the cell that stands for a larger one
+# What a cell has of a scene, because it sets the time of a step: whole tables, and keys of others
+_OF_CELL = ("sphere", "disorder", "time", "effects")
+_PARTS = {"packing": ("lattice", "contact_force"), "wave": ("mode", "amplitude")}
 # Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
 _PROCESS = 71e6
 _SPHERE = 1160.0
@@ -146,18 +149,22 @@ def _tried(scene: Runnable, small: Runnable, spheres: int) -> tuple[float | None
 
 
 def _small(scene: Scene) -> Scene:
-    """Return the scene, or that of a cell which stands for it."""
+    """Return the scene, or that of a cell which stands for it.
+
+    The cell has the spheres, contacts and time of the scene, with a wave along y that fits it. All else is at its
+    default: a step of the cell then takes as long for each sphere, and no place or end has to fit a smaller crystal.
+    """
     if scene.shape.spheres <= _LARGEST:
         return scene
+    tables = scene.to_dict()
+    kept = {table: tables[table] for table in _OF_CELL if table in tables}
+    kept |= {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
     columns = _CELL if scene.lattice.endless_rows else 1
-    return scene.with_values(
-        {
-            **{"packing.rows": _CELL**2 // columns, "packing.columns": columns, "packing.ends": "periodic"},
-            **{"wave.form": "running", "output.particles": 0.0, "time.allow_echo": True},
-            **{"source": [], "monitor": []},
-            **{f"envelope.{key}": 0.0 for key in ("length", "width", "offset")},
-        }
-    )
+    rows = _CELL**2 // columns
+    kept["packing"] |= {"rows": rows, "columns": columns, "ends": "periodic"}
+    kept["wave"] |= {"wavenumber": min(max(scene.wave.wavenumber, 2 * pi / rows), pi)}
+    kept["time"] |= {"allow_echo": True}
+    return Scene.from_dict(kept)
 
 
 def _small_impact(scene: ImpactScene) -> ImpactScene:
@@ -165,10 +172,12 @@ def _small_impact(scene: ImpactScene) -> ImpactScene:
     if scene.shape.spheres > _LARGEST:
         columns = _CELL if scene.lattice.endless_rows else 1
         rows = _CELL**2 // columns
-        striker = {"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}
-        size = {"packing.rows": rows, "packing.columns": columns}
-        output = {} if scene.output.everyone else {"rows": [0, 0]}
-        scene = scene.with_values(size | {"striker": [striker], "inclusion": [], "start": {}, "output": output})
+        tables = scene.to_dict()
+        kept = {table: tables[table] for table in _OF_CELL if table in tables}
+        kept["packing"] = tables["packing"] | {"rows": rows, "columns": columns}
+        kept["striker"] = [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}]
+        kept["output"] = {} if scene.output.everyone else {"rows": [0, 0]}
+        scene = ImpactScene.from_dict(kept)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
     if steps >= scene.time.steps_per_sample:
         return scene

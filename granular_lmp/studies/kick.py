@@ -28,6 +28,8 @@ SHEET_COLUMNS = ("id", "vx", "vy", "omegaz")
 SHEET_RECORD = "sheet.npz"
 FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum leaves hardly any data
 
+# What a scene may say that is kicked: of anything else, the record does not tell its reader
+_HAS = frozenset({"name", "sphere", "packing", "wave", "time", "effects", "output"})
 # Guards of the deck, the values from which on the sheet is not linear, and the reasons
 _LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
 
@@ -132,8 +134,12 @@ def _refuse_unfit(scene: Scene) -> None:
             f'sphere.adhesion_law = "{scene.sphere.adhesion_law}": must be "dmt" for a sheet that is kicked, as its '
             "record does not name the law"
         )
-    if scene.monitor:
-        raise SceneError("monitor: must be left out for a sheet that is kicked, all of whose spheres are recorded")
+    for key in scene.departures():
+        if key.partition(".")[0] not in _HAS:
+            raise SceneError(
+                f"{key}: must be left out for a sheet that is kicked, whose record is that of equal spheres in their "
+                "places, all of them recorded"
+            )
     if shape.columns % 3:  # the rows of a periodic cell are even
         raise SceneError(
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from granular_lmp.accuracy.tolerance import run
+from granular_lmp.crystal.disorder import Disorder
 from granular_lmp.crystal.lattices import HEXAGONAL
 from granular_lmp.crystal.row_waves import Line, lattice_at, line_of, row_waves
 from granular_lmp.errors import CrystalError, SceneError
@@ -175,8 +176,7 @@ def scatter(
         )
     windows = _windows(problem)
     # No earlier, whatever the wave is; whether it has passed is judged by what was recorded
-    lasts = 2 * np.pi * source.cycles / frequency if source.kind == "burst" else source.ramp
-    passed = source.delay + lasts + (windows.behind[-1] - source.rows[1]) / FASTEST_ROWS_PER_TAU
+    passed = source.delay + problem.sources[0].lasts + (windows.behind[-1] - source.rows[1]) / FASTEST_ROWS_PER_TAU
     if scene.time.duration < passed:
         raise SceneError(
             f"time.duration = {scene.time.duration!r}: must be at least {passed:.4g}, until the fastest wave has "
@@ -218,16 +218,17 @@ def _clear_study(folder: Path) -> None:
 
 def _source_of(scene: Scene) -> Source:
     """Return the source of a scene that can be a scattering experiment; else raise a SceneError."""
-    shape, disorder = scene.shape, scene.disorder
+    shape = scene.shape
     if not scene.inclusion:
         raise SceneError("inclusion = []: must be at least one table [[inclusion]], as nothing scatters without it")
     if shape.lattice != HEXAGONAL:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" for scattering')
     if scene.wave.form != "none" or len(scene.source) != 1:
         raise SceneError(f"source = {len(scene.source)}: must be one table [[source]] for scattering")
-    for name in ("radius", "density", "vacancies"):
-        if getattr(disorder, name):
-            raise SceneError(f"disorder.{name} = {getattr(disorder, name)!r}: must be 0 for scattering by inclusions")
+    for item in fields(Disorder):
+        value = getattr(scene.disorder, item.name)
+        if item.name != "seed" and value != item.default:  # inclusions with a share are drawn by the seed
+            raise SceneError(f"disorder.{item.name} = {value!r}: must be {item.default:g} for scattering by inclusions")
     if scene.absorb.rows == 0:
         raise SceneError('absorb.rows = 0: must be "auto" or a number, as held ends send back what is measured')
     (source,) = scene.source
