@@ -14,8 +14,8 @@ from granular_lmp.errors import SceneError
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import is_impact
-from granular_lmp.impact.start import Start
 from granular_lmp.scene.schema import declared_fields
+from granular_lmp.scene.start import Start
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 6.0})
 SHEET = ImpactScene.load("point_impact").with_values(
@@ -146,8 +146,16 @@ def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str)
 @pytest.mark.parametrize(
     ("scene", "state", "message"),
     [
-        (CHAIN, [2, 0, 1e-6, 0, 0, 0, 0], "sphere [2, 0]: ux_m = 1e-06: must be 0 in a chain, which nothing holds"),
-        (CHAIN, [2, 0, 0, 0, 0, 1.0, 5.0], "spin_rad_s = 5: must be 0 where nothing turns a sphere (effects.friction)"),
+        (
+            CHAIN,
+            [2, 0, 1e-6, 0, 0, 0, 0],
+            "sphere [2, 0]: ux_m = 1e-06: must be 0 for a sphere of a chain, which nothing holds",
+        ),
+        (
+            CHAIN,
+            [2, 0, 0, 0, 0, 1.0, 5.0],
+            "spin_rad_s = 5: must be 0 for a sphere where nothing turns it (effects.friction",
+        ),
         (CHAIN, [9, 0, 0, 1e-3, 0, 0, 0], "sphere [9, 0]: overlaps the wall yhi by 0.1 of the diameter; at most 0.05"),
         (
             SHEET.with_values({"packing.sides": "wall", "packing.lattice": "square"}),
@@ -164,7 +172,7 @@ def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str)
         (
             SHEET.with_values({"effects.friction": 0.1}),
             [2, 3, 0, 1e-6, 0, 0, 0],
-            "uy_m = 1e-06: must be 0 where contacts rub",
+            "uy_m = 1e-06: must be 0 for a sphere whose contacts rub",
         ),
     ],
 )

@@ -12,22 +12,21 @@ from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
-from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output, Striker
-from granular_lmp.impact.start import COLUMNS
-from granular_lmp.scene.places import spheres_at
+from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output
+from granular_lmp.scene.places import place_of, spheres_at
+from granular_lmp.scene.start import refuse_motion, state_in
+from granular_lmp.scene.strikers import struck
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
 LARGEST_RESIDUAL = 1e-4
-FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
 STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
@@ -46,6 +45,8 @@ class ImpactProblem:
         Indices of the spheres of each striker.
     recorded : array
         Indices of the recorded spheres, ascending.
+    start : array
+        Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers.
     """
 
     scene: ImpactScene
@@ -53,6 +54,7 @@ class ImpactProblem:
     materials: tuple[Sphere, ...]
     strikers: tuple[Integers, ...]
     recorded: Integers
+    start: Floats
 
     @cached_property
     def mass(self) -> Floats:
@@ -67,16 +69,6 @@ class ImpactProblem:
         law = law_between(self.crystal, self.materials, i, j)
         stiffness = law.normal_coefficient / self.scene.sphere.normal_coefficient
         return i, j, vector, stiffness
-
-    @cached_property
-    def start(self) -> Floats:
-        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers."""
-        motion, start = np.zeros((len(self.crystal), 5)), self.scene.start
-        if start.state:
-            row, column = np.array(start.places).T
-            ascending = np.lexsort((column, row))  # as the spheres of a crystal
-            motion[spheres_at((), start.places, self.crystal, "sphere that moves")] = start.motion[ascending]
-        return motion
 
     def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
         """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2), in v, and R ω/v (…, n)."""
@@ -277,22 +269,13 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         disorder=scene.disorder,
         inclusions=scene.inclusion,
     )
-    struck: set[int] = set()
-    strikers = []
-    for number, striker in enumerate(scene.striker, 1):
-        chosen = _chosen(striker, crystal, f"striker {number}")
-        if crystal.arrays["fixed"][chosen].any():
-            raise SceneError(f"striker {number}: is in a row that is held, which does not move")
-        if twice := struck & {*chosen.tolist()}:
-            raise SceneError(
-                f"striker {number}: sphere {_place(crystal, min(twice))}: is in another striker too; must be in one"
-            )
-        struck |= {*chosen.tolist()}
-        strikers.append(chosen)
+    strikers = struck(scene.striker, crystal)
     recorded = np.arange(len(crystal))
     if not scene.output.everyone:
-        recorded = _chosen(scene.output, crystal, "output")
-    problem = ImpactProblem(scene, crystal, materials, tuple(strikers), recorded)
+        recorded = _recorded(scene.output, crystal)
+    turns = scene.effects.friction > 0 and scene.effects.rotation
+    state = state_in(scene.start, crystal, scene.sphere.radius, strikers, turns=turns)
+    problem = ImpactProblem(scene, crystal, materials, strikers, recorded, state)
     i, j, _, _ = problem.contacts
     smaller = np.minimum(crystal.arrays["radius"][i], crystal.arrays["radius"][j]) * scene.sphere.radius
     rest = float((problem.rest_overlap * scene.scale.length / (2 * smaller)).max(initial=0.0))
@@ -308,7 +291,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
             f"{LARGEST_RESIDUAL * max(1, scene.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
         )
     if scene.start.state:
-        _check_start(problem, struck)
+        _check_start(problem)
     most = problem.shortest_collision / STEPS_IN_COLLISION
     if scene.time.tolerance is None and scene.time.step > most:
         raise SceneError(
@@ -319,61 +302,28 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     return problem
 
 
-def _check_start(problem: ImpactProblem, struck: set[int]) -> None:
-    """Raise a SceneError if the state at the beginning moves what cannot move, or presses spheres too deep."""
-    scene, crystal = problem.scene, problem.crystal
-    motion, arrays, chain = problem.start, crystal.arrays, scene.lattice == CHAIN
-    forbidden = (
-        ([0, 1, 2, 3, 4], arrays["fixed"], "for a sphere of a held row, which does not move"),
-        (
-            [0, 1, 2, 3, 4],
-            np.isin(np.arange(len(crystal)), [*struck]),
-            "for a sphere of a [[striker]], which has its own velocity",
-        ),
-        ([0, 2], np.full(len(crystal), chain), "in a chain, which nothing holds sideways"),
-        ([4], np.full(len(crystal), not problem.on["rotation"]), "where nothing turns a sphere (effects.friction)"),
-        ([0, 1], np.full(len(crystal), problem.on["shear"]), "where contacts rub: a state lacks their shear at rest"),
-    )
-    for columns, who, why in forbidden:
-        for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
-            name, value = COLUMNS[2:][columns[column]], motion[sphere, columns[column]]
-            raise SceneError(f"start.state: sphere {_place(crystal, sphere)}: {name} = {value:g}: must be 0 {why}")
-    if scene.start.farthest > FARTHEST * scene.sphere.radius:
-        raise SceneError(
-            f"start.state: a displacement of {scene.start.farthest:.4g} m: must be at most {FARTHEST:g} times "
-            f"sphere.radius = {scene.sphere.radius!r}"
-        )
+def _check_start(problem: ImpactProblem) -> None:
+    """Raise a SceneError if the state at the beginning displaces spheres that rub, or presses them into a wall."""
+    scene, crystal, everyone = problem.scene, problem.crystal, np.ones(len(problem.crystal), dtype=bool)
+    if problem.on["shear"]:
+        refuse_motion(problem.start, [0, 1], crystal, everyone, "whose contacts rub: a state lacks their shear at rest")
+    radius = crystal.arrays["radius"]
     moved = crystal.copy()
-    moved.positions[:, :2] += motion[:, :2] / scene.sphere.radius
-    i, j, vector = overlapping(moved)
-    radius = arrays["radius"]
-    overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) / (2 * np.minimum(radius[i], radius[j]))
-    if overlap.max(initial=0.0) > LARGEST_OVERLAP_RATIO:
-        worst = int(overlap.argmax())
-        raise SceneError(
-            f"start.state: spheres {_place(crystal, i[worst])} and {_place(crystal, j[worst])}: overlap by "
-            f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
-        )
+    moved.positions[:, :2] += problem.start[:, :2] / scene.sphere.radius
     for name, plane in problem.planes.items():
         inward = (moved.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
         overlap = (1 - inward / radius) / 2
         if overlap.max() > LARGEST_OVERLAP_RATIO:
             worst = int(overlap.argmax())
             raise SceneError(
-                f"start.state: sphere {_place(crystal, worst)}: overlaps the wall {name} by {overlap[worst]:.3g} of "
+                f"start.state: sphere {place_of(crystal, worst)}: overlaps the wall {name} by {overlap[worst]:.3g} of "
                 f"the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
 
 
-def _place(crystal: ase.Atoms, sphere: int) -> list[int]:
-    """Return the row and the column of a sphere."""
-    return [int(crystal.arrays[name][sphere]) for name in ("row", "column")]
-
-
-def _chosen(where: Striker | Output, crystal: ase.Atoms, name: str) -> Integers:
-    """Return the indices of the spheres that a table names, ascending."""
-    role = "striker" if isinstance(where, Striker) else "recorded sphere"
+def _recorded(output: Output, crystal: ase.Atoms) -> Integers:
+    """Return the indices of the recorded spheres, ascending."""
     try:
-        return spheres_at(where.rows, where.spheres, crystal, role)
+        return spheres_at(output.rows, output.spheres, crystal, "recorded sphere")
     except SceneError as error:
-        raise SceneError(f"{name}: {error}") from error
+        raise SceneError(f"output: {error}") from error

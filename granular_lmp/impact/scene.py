@@ -18,8 +18,7 @@ from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
 from granular_lmp.crystal.scale import DEEPEST, Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.sections import FREE, PERIODIC, Effects, Output, Packing, Striker, Time
-from granular_lmp.impact.start import Start, located
+from granular_lmp.impact.sections import FREE, PERIODIC, Effects, Output, Packing, Time
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import file_text, first_file, toml_tables
 from granular_lmp.scene.places import place_troubles
@@ -32,6 +31,8 @@ from granular_lmp.scene.sections import (
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.scene.start import Start, located
+from granular_lmp.scene.strikers import Striker, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
 
 SHIPPED_IMPACTS = SHIPPED / "impacts"
@@ -225,14 +226,8 @@ class ImpactScene(Document):
             raise SceneError(
                 "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
             )
-        for number_, each in enumerate(self.striker, 1):
-            if not each.velocity:
-                raise SceneError(f"striker {number_}: velocity: missing; must be a number in [1e-9, 10000], m/s")
-            if self.lattice == CHAIN and each.direction not in ("y", "-y", 90.0, -90.0):
-                raise SceneError(
-                    f'striker {number_}: direction = {each.direction!r}: must be "y" or "-y" in a chain, which nothing '
-                    "holds sideways"
-                )
+        for trouble in striker_troubles(self.striker, self.shape):
+            raise SceneError(trouble)
 
     def _check_spheres(self) -> None:
         sphere, effects = self.sphere, self.effects
@@ -299,10 +294,8 @@ class ImpactScene(Document):
             )
 
     def _check_places(self) -> None:
-        """Check that strikers and recorded spheres have places in the lattice."""
-        tables: dict[str, Striker | Output] = {f"striker {at}": each for at, each in enumerate(self.striker, 1)}
-        tables |= {"output": self.output} if not self.output.everyone else {}
-        places = {name: (each.rows, each.spheres) for name, each in tables.items()}
+        """Check that recorded spheres and those of the state have places in the lattice."""
+        places = {} if self.output.everyone else {"output": (self.output.rows, self.output.spheres)}
         places |= {"start.state": ((), self.start.places)} if self.start.state else {}
         for name, (rows, spheres) in places.items():
             for trouble in place_troubles(rows, spheres, self.shape):
@@ -335,11 +328,16 @@ def _file(source: str | Path) -> Path | None:
 
 
 def is_impact(source: str | Path) -> bool:
-    """Return whether a file, a folder or a name is a scene of an impact: one with ``[[striker]]`` or ``[start]``."""
+    """Return whether a file, a folder or a name is the scene of an impact (`marked`)."""
     found = _file(source)
     if found is None:
         return False
     try:
-        return not toml_tables(file_text(found)).keys().isdisjoint(ImpactScene.marks)
+        return marked(toml_tables(file_text(found)))
     except SceneError:
         return False  # the reader of scenes says what is wrong
+
+
+def marked(tables: Mapping[str, Any]) -> bool:
+    """Return whether tables are those of an impact: with ``[[striker]]`` or ``[start]``, and without ``[wave]``."""
+    return "wave" not in tables and not tables.keys().isdisjoint(ImpactScene.marks)

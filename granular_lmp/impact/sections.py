@@ -1,18 +1,16 @@
 """The tables of the scene of an impact: frozen records whose fields carry their own range.
 
-`granular_lmp.impact.start` has ``[start]``, and `granular_lmp.crystal.disorder` those of imperfections.
+`granular_lmp.scene.strikers` and `granular_lmp.scene.start` have ``[[striker]]`` and ``[start]``.
 """
 
 from dataclasses import dataclass
-from math import cos, radians, sin
 
 from granular_lmp.crystal.lattices import CHAIN, LATTICES
-from granular_lmp.scene.places import Rows, Spheres, places_field, rows_rule, spheres_rule
+from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
 from granular_lmp.scene.schema import choice, count, flag, number
 from granular_lmp.scene.sections import FINEST, SHEAR_LAWS, Sampled, checkpoint_field
 
 FREE, HELD, WALL, PERIODIC = "free", "held", "wall", "periodic"
-WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
 
 
 @dataclass(frozen=True)
@@ -32,30 +30,6 @@ class Packing:
     last: str = choice("end at the last row", (FREE, HELD, WALL), default=FREE)
     contact_force: float = number("N", "presses the contacts of a chain together at rest", 0, 1e12, default=0.0)
     sides: str = choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE)
-
-
-@dataclass(frozen=True)
-class Striker:
-    """Spheres of the lattice that have a velocity at the beginning; the first row of a chain is its usual striker.
-
-    Their own radius, density or material is declared by an ``[[inclusion]]`` of the same spheres.
-    """
-
-    rows: Rows = places_field(rows_rule())
-    spheres: Spheres = places_field(spheres_rule())
-    velocity: float = number("m/s", "of each sphere; must be given", 1e-9, 1e4, default=0.0)
-    direction: float | str = number(
-        "degrees", "from x towards y; or a word", -180, 180, open_low=True, words=tuple(WORDS), default="y"
-    )
-
-    @property
-    def components(self) -> tuple[float, float]:
-        """Velocity along x and y, m/s."""
-        if isinstance(self.direction, str):
-            x, y = WORDS[self.direction]
-        else:
-            x, y = cos(radians(self.direction)), sin(radians(self.direction))
-        return self.velocity * x, self.velocity * y
 
 
 @dataclass(frozen=True)
@@ -86,7 +60,7 @@ class Effects:
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(AtPlaces):
     """Spheres that are recorded at each sample, all of them if none are declared, and how often a run is saved."""
 
     rows: Rows = places_field(rows_rule("first and last recorded row"))

@@ -1,7 +1,7 @@
 """Places in a packing: whole rows, or single spheres by row and column, as sources, monitors and strikers name them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import ase
@@ -32,6 +32,27 @@ def places_field(rule: ArrayRule) -> Any:
     return field(default=(), metadata={"rule": rule})
 
 
+@dataclass(frozen=True)
+class AtPlaces:
+    """Whole rows or single spheres of a packing, and something that is done to them."""
+
+    rows: Rows = places_field(rows_rule())
+    spheres: Spheres = places_field(spheres_rule())
+
+    @property
+    def places(self) -> str:
+        """The spheres in words."""
+        return in_words(self.rows, self.spheres)
+
+    def rows_of(self) -> list[int]:
+        """Return the rows in which it has spheres, first and last of each run of them."""
+        return list(self.rows) if self.rows else sorted({row for row, _ in self.spheres})
+
+    def is_in_row(self, row: int) -> bool:
+        """Return True if it has spheres in a row."""
+        return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()
+
+
 def in_words(rows: Rows, spheres: Spheres) -> str:
     """Return the places as a scene file has them: "rows = [3, 5]"."""
     return f"rows = {list(rows)}" if rows else f"spheres = {shown([list(each) for each in spheres])}"
@@ -50,6 +71,11 @@ def place_troubles(rows: Rows, spheres: Spheres, shape: Shape) -> Iterator[str]:
                 f"sphere [{row}, {column}]: must be [row, column], from [0, 0] to [{shape.rows - 1}, "
                 f"{shape.columns - 1}]"
             )
+
+
+def place_of(crystal: ase.Atoms, sphere: int) -> list[int]:
+    """Return the row and the column of a sphere."""
+    return [int(crystal.arrays[name][sphere]) for name in ("row", "column")]
 
 
 def spheres_at(rows: Rows, spheres: Spheres, crystal: ase.Atoms, role: str) -> NDArray[np.int64]:

@@ -27,16 +27,7 @@ from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.places import (
-    Rows,
-    Spheres,
-    in_words,
-    place_troubles,
-    places_field,
-    rows_rule,
-    spheres_at,
-    spheres_rule,
-)
+from granular_lmp.scene.places import AtPlaces, place_troubles, spheres_at
 from granular_lmp.scene.schema import AUTO, choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
@@ -51,7 +42,7 @@ FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs
 
 
 @dataclass(frozen=True)
-class Source:
+class Source(AtPlaces):
     """Spheres, what is done to them along which axis, and its signal over time.
 
     Attributes
@@ -72,8 +63,6 @@ class Source:
         In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
     """
 
-    rows: Rows = places_field(rows_rule())
-    spheres: Spheres = places_field(spheres_rule())
     motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
     force: str | None = choice("on each sphere, in k1 D0; a torque in k1 D0 R", (*AXES, TORQUE), default=None)
     signal: str | samples.Samples = field(
@@ -126,11 +115,6 @@ class Source:
         """The word "torque" or "rotation" if the source turns spheres, else ""."""
         return next((word for word in (self.motion, self.force) if word in (TORQUE, ROTATION)), None) or ""
 
-    @property
-    def places(self) -> str:
-        """The spheres in words."""
-        return in_words(self.rows, self.spheres)
-
     def pulsation(self, sphere: Sphere, default: float) -> float:
         """Return Ω in rad/t0; `default` is that of the wave."""
         if self.sampled:
@@ -138,14 +122,6 @@ class Source:
         if self.hertz is not None:
             return 2 * pi * self.hertz * sphere.time_scale
         return default if self.frequency is None else self.frequency
-
-    def rows_of(self) -> list[int]:
-        """Return the rows in which it has spheres, first and last of each run of them."""
-        return list(self.rows) if self.rows else sorted({row for row, _ in self.spheres})
-
-    def is_in_row(self, row: int) -> bool:
-        """Return True if it has spheres in a row."""
-        return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()
 
 
 @dataclass(frozen=True, eq=False)

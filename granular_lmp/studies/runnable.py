@@ -12,7 +12,7 @@ from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
-from granular_lmp.impact.scene import ImpactScene, is_impact
+from granular_lmp.impact.scene import ImpactScene, is_impact, marked
 from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
@@ -27,14 +27,14 @@ Steps = Callable[[int, int], None]
 
 
 def scene_of(tables: Mapping[str, Any]) -> Runnable:
-    """Return the scene of nested mappings: that of an impact if it has a table that marks one.
+    """Return the scene of nested mappings: that of an impact if its tables mark one.
 
     Raises
     ------
     SceneError
         If a key is unknown or a value is not allowed.
     """
-    return (Scene if tables.keys().isdisjoint(ImpactScene.marks) else ImpactScene).from_dict(tables)
+    return (ImpactScene if marked(tables) else Scene).from_dict(tables)
 
 
 def scene_in(folder: Path) -> Runnable:

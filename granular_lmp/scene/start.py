@@ -1,4 +1,4 @@
-"""The state in which an impact begins: displacements from rest and velocities of single spheres.
+"""The state in which a run begins: displacements from rest and velocities of single spheres.
 
 A scene has them in a CSV file or as numbers. A file is read when its scene is: from then on the scene and its run
 folder hold the numbers themselves. The columns of a file are those of ``granular-lmp export``, so that a file of one
@@ -14,17 +14,23 @@ from math import hypot, isfinite
 from pathlib import Path
 from typing import Any
 
+import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
+from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
 from granular_lmp.scene.schema import Rule, one_line, shown
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
 COLUMNS = ("row", "column", "ux_m", "uy_m", "vx_m_s", "vy_m_s", "spin_rad_s")
 TIME = "t_s"  # A file may have it too, as it names each sphere once
 MOST = 5000  # spheres: a scene file below `granular_lmp.scene.files.LARGEST_FILE`
+FARTHEST = 1e6  # radii that a state displaces a sphere at most; LAMMPS sorts the whole box into bins of a sphere each
 SMALLEST, LARGEST = 1e-30, 1e9  # any number but 0, in SI: no power of it overflows, or is lost
 
 
@@ -82,6 +88,10 @@ class Start:
         """Row and column of each sphere."""
         return [(int(row), int(column)) for row, column, *_ in self.state]
 
+    def at(self) -> tuple[AtPlaces, ...]:
+        """Return the places of the spheres, () without any."""
+        return (AtPlaces(spheres=tuple(self.places)),) if self.state else ()
+
     @property
     def motion(self) -> NDArray[np.float64]:
         """Displacements ux, uy (m), velocities vx, vy (m/s) and spin (rad/s) of each sphere, (n, 5)."""
@@ -95,6 +105,71 @@ class Start:
     def farthest(self) -> float:
         """Largest displacement, m."""
         return max((hypot(ux, uy) for _, _, ux, uy, *_ in self.state), default=0.0)
+
+
+def state_in(
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+) -> NDArray[np.float64]:
+    """Return displacements (m), velocities (m/s) and spins (rad/s) of the spheres of a crystal, (N, 5).
+
+    Parameters
+    ----------
+    start : Start
+    crystal : ase.Atoms
+        Spheres at rest, in radii R of the declared sphere.
+    radius : float
+        R, m.
+    struck : sequence of arrays
+        Indices of the spheres that have velocities of their own (`granular_lmp.scene.strikers.struck`).
+    turns : bool
+        True if spheres turn.
+
+    Raises
+    ------
+    SceneError
+        If the state moves a vacancy or what cannot move, or presses spheres too deep.
+    """
+    motion = np.zeros((len(crystal), 5))
+    if not start.state:
+        return motion
+    row, column = np.array(start.places).T
+    ascending = np.lexsort((column, row))  # as the spheres of a crystal
+    motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
+    own, everything = np.isin(np.arange(len(crystal)), np.concatenate([np.empty(0), *struck])), [0, 1, 2, 3, 4]
+    chain = crystal.info["lattice_name"] == CHAIN.name
+    refuse_motion(motion, everything, crystal, crystal.arrays["fixed"], "of a held row, which does not move")
+    refuse_motion(motion, everything, crystal, own, "of a [[striker]], which has its own velocity")
+    if chain:
+        refuse_motion(motion, [0, 2], crystal, ~own | own, "of a chain, which nothing holds sideways")
+    if not turns:
+        refuse_motion(motion, [4], crystal, ~own | own, "where nothing turns it (effects.friction, effects.rotation)")
+    if start.farthest > FARTHEST * radius:
+        raise SceneError(
+            f"start.state: a displacement of {start.farthest:.4g} m: must be at most {FARTHEST:g} times "
+            f"sphere.radius = {radius!r}"
+        )
+    moved = crystal.copy()
+    moved.positions[:, :2] += motion[:, :2] / radius
+    i, j, vector = overlapping(moved)
+    radii = crystal.arrays["radius"]
+    overlap = (radii[i] + radii[j] - np.linalg.norm(vector[:, :2], axis=1)) / (2 * np.minimum(radii[i], radii[j]))
+    if overlap.max(initial=0.0) > LARGEST_OVERLAP_RATIO:
+        worst = int(overlap.argmax())
+        raise SceneError(
+            f"start.state: spheres {place_of(crystal, i[worst])} and {place_of(crystal, j[worst])}: overlap by "
+            f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+        )
+    return motion
+
+
+def refuse_motion(
+    motion: NDArray[np.float64], columns: list[int], crystal: ase.Atoms, who: NDArray[np.bool_], why: str
+) -> None:
+    """Raise a SceneError if spheres that cannot move so do."""
+    for sphere, column in np.argwhere(motion[:, columns] * who[:, None] != 0)[:1]:
+        name, value = COLUMNS[2:][columns[column]], motion[sphere, columns[column]]
+        at = place_of(crystal, sphere)
+        raise SceneError(f"start.state: sphere {at}: {name} = {value:g}: must be 0 for a sphere {why}")
 
 
 def located(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
