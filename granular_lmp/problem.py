@@ -10,6 +10,7 @@ from typing import Any
 
 import ase
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
@@ -20,8 +21,11 @@ from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
+from granular_lmp.scene.places import place_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, check_steps, placed
+from granular_lmp.scene.start import state_in
+from granular_lmp.scene.strikers import struck
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,17 @@ class Problem:
     def sources(self) -> tuple[PlacedSource, ...]:
         """Sources in the crystal."""
         return placed(self.scene.source, self.crystal, self.scene.sphere, self.mode)
+
+    @cached_property
+    def strikers(self) -> tuple[NDArray[np.int64], ...]:
+        """Indices of the spheres of each striker."""
+        return struck(self.scene.striker, self.crystal)
+
+    @cached_property
+    def state(self) -> NDArray[np.float64]:
+        """Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers."""
+        turns = self.on["rotation"]
+        return state_in(self.scene.start, self.crystal, self.scene.sphere.radius, self.strikers, turns=turns)
 
     @cached_property
     def monitors(self) -> tuple[PlacedMonitor, ...]:
@@ -135,6 +150,7 @@ def prepare(scene: Scene) -> Problem:
         values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
+    _check_strikes(problem)
     check_steps(problem.sources, scene.time)
     check_groups(problem.monitors, len(problem.sources))
     limit, echo = problem.largest_step, resolved.echo_time / swiftness(resolved)
@@ -152,6 +168,17 @@ def prepare(scene: Scene) -> Problem:
             f"must be below {name} = {limit:.6g}, in tau"
         )
     return problem
+
+
+def _check_strikes(problem: Problem) -> None:
+    """Check that strikers and a state are spheres that nothing else moves."""
+    begun = np.concatenate([*problem.strikers, np.flatnonzero(problem.state.any(axis=1))])
+    for number, source in enumerate(problem.sources, 1):
+        if source.source.motion and (both := np.intersect1d(begun, source.spheres)).size:
+            raise SceneError(
+                f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
+                "and a sphere that is moved has no velocity of its own"
+            )
 
 
 def largest_step(scene: Scene) -> float:

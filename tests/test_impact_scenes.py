@@ -229,13 +229,13 @@ def test_the_scenes_of_waves_and_of_impacts_are_told_apart(tmp_path: Path) -> No
     assert not is_impact(tmp_path / "nothing.toml")
     (tmp_path / "broken.toml").write_text("striker = [")
     assert not is_impact(tmp_path / "broken.toml")
-    with pytest.raises(SceneError, match=r"a file with \[\[striker\]\] or \[start\] is an impact"):
+    with pytest.raises(SceneError, match=r"a file with \[\[striker\]\] or \[start\] and without \[wave\] is an impact"):
         Scene.load("solitary_chain")
 
 
 def test_commands_of_a_linear_wave_refuse_an_impact(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["kick", "solitary_chain"]) == 2
-    assert "a file with [[striker]] or [start] is an impact" in capsys.readouterr().err
+    assert "a file with [[striker]] or [start] and without [wave] is an impact" in capsys.readouterr().err
 
 
 def test_check_and_effects_say_what_a_run_does(capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,8 @@ def said(key: str, value: str) -> str:
     return f"{key} = '{value}'"
 
 
-RUNNING, STANDING, DRIVEN = (said("wave.form", form) for form in ("running", "standing", "driven"))
+RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("running", "standing", "driven", "none"))
+STRUCK = {"striker", "start.state"}  # in the first snapshot of a run, as all that moves at the beginning
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
@@ -55,7 +56,8 @@ HOLDS: dict[str, frozenset[str]] = {
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
     NETWORK: _ALONG_Y - {NO_SHEAR, NO_ROTATION}
-    | {STANDING, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING}
+    | {STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING}
+    | STRUCK
     | _IMPERFECT,
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},

@@ -84,7 +84,7 @@ class Case:
 
         For a driven row they are at least those of its contacts to the next row as if that were at rest; for sources,
         whose fields are not known beforehand, those of a row moved along x or y by the largest amplitude, and the slip
-        of a sphere that is turned by it.
+        of a sphere that is turned by it. Strikers and a state add the bound of their own (`Scene.strike`).
         """
         scene = self.scene
         normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
@@ -95,6 +95,8 @@ class Case:
         if any(each.motion == ROTATION for each in scene.source):
             shear = np.maximum(np.abs(shear), 1.0)
         amplitude = scene.wave.amplitude * self.strength
+        if scene.struck:  # a bound, whatever the phase
+            return np.abs(normal) * amplitude + scene.strike, np.abs(shear) * amplitude + scene.strike
         return normal * amplitude, shear * amplitude
 
     @property
@@ -140,7 +142,13 @@ class Case:
     def friction(self) -> float:
         """Friction coefficient of the scene, or the one at which no contact slides if it is "auto"."""
         given = self.scene.effects.friction
-        return self.no_slip_friction * self.scene.wave.amplitude if given == AUTO else float(given)
+        largest = self.scene.wave.amplitude + self.struck_amplitude
+        return self.no_slip_friction * largest if given == AUTO else float(given)
+
+    @property
+    def struck_amplitude(self) -> float:
+        """Amplitude a that stands for strikers and a state where friction is as large as an amplitude needs."""
+        return self.scene.strike / self.strength if self.scene.struck else 0.0
 
     @property
     def viscosity(self) -> float:

@@ -13,7 +13,8 @@ LINES = {
     "preload_spin": "variable     to_th atom v_D0*d_phi/v_R/v_slow\n"
     "variable     zero  atom 0.0\n"
     "set          group all omega v_zero v_zero v_to_th",
-    "start_spin": "variable     om atom v_D0*d_vphi/v_R/v_t0\nset          group all omega v_zero v_zero v_om",
+    "start_spin": "variable     om atom v_D0*d_vphi/v_R/v_t0<state_spin>\n"
+    "set          group all omega v_zero v_zero v_om",
 }
 
 GUARD = Guard(
@@ -35,8 +36,8 @@ def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
-    if case.scene.source:
-        return Finding(True, share, reason + ", but sources make waves of every mode")
+    if case.scene.source or case.scene.struck:
+        return Finding(True, share, reason + ", but sources and strikes make waves of every mode")
     if not case.scene.layered:
         return Finding(True, share, reason + ", but where spheres differ or are missing every wave turns some")
     if case.scene.envelope.width > 0:

@@ -21,8 +21,8 @@ def called_for(case: Case) -> Finding:
     largest = float(np.max(np.abs(shear)))
     if sphere.contact_force and not bears_compression(lattice, shear=False):
         return Finding(True, sphere.contact_force, "N press a lattice together that would buckle without shear forces")
-    if case.scene.source:
-        return Finding(True, largest, "D0, and sources make waves of every mode")
+    if case.scene.source or case.scene.struck:
+        return Finding(True, largest, "D0, and sources and strikes make waves of every mode")
     if largest <= NOTHING and not case.scene.uniform_rows:
         return Finding(True, largest, "D0, but where the spheres of a row do not move alike contacts are sheared")
     return Finding(

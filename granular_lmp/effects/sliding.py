@@ -20,7 +20,7 @@ _ABOVE_PULL_OFF = {
 
 LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
 LINES_OFF = {
-    "friction": "variable friction index $(<no_slip_friction>*v_amplitude:%.17g)"
+    "friction": "variable friction index $(<no_slip_friction>*<largest_amplitude>:%.17g)"
     "  # no sliding; much more would freeze the shear"
 }
 

@@ -45,7 +45,7 @@ variable step   equal $(v_sample/v_every*v_t0:%.17g)
 variable steps  equal v_every*floor(v_duration/v_sample+1e-9)
 variable tau    equal step*v_step/v_t0"""
 
-FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field>"
+FIELD = "fix          wave all property/atom d_ux d_uy<angle_field> d_vx d_vy<spin_field><state_field>"
 
 # The spheres and their wave, from the data file
 READ = {
@@ -77,8 +77,8 @@ _PRELOAD = """\
 variable     slow  equal 1e6*v_step
 timestep     $(v_slow:%.17g)
 compute      u all displace/atom
-variable     to_ux atom v_D0*d_ux/v_slow
-variable     to_uy atom v_D0*d_uy/v_slow
+variable     to_ux atom <to_ux>/v_slow
+variable     to_uy atom <to_uy>/v_slow
 velocity     all set v_to_ux v_to_uy NULL units box
 <preload_spin>
 fix          plane all enforce2d
@@ -91,8 +91,8 @@ timestep     $(v_step:%.17g)"""
 
 _WAVE = """\
 # --- wave: the true velocities
-variable     vx atom v_D0*d_vx/v_t0
-variable     vy atom v_D0*d_vy/v_t0
+variable     vx atom v_D0*d_vx/v_t0<state_vx>
+variable     vy atom v_D0*d_vy/v_t0<state_vy>
 velocity     all set v_vx v_vy NULL units box
 <start_spin>
 <start_angle>"""
@@ -153,12 +153,7 @@ UNCALLED = dict.fromkeys(
     "",
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
-_STARTS = {
-    "running": (_PRELOAD, _WAVE),
-    "standing": (_PRELOAD, _WAVE),
-    "driven": (_MEASURES, sources.DRIVEN_ROW),
-    "none": (_MEASURES, "<sources>"),
-}
+_STARTED = (_PRELOAD, _WAVE)
 
 
 def variables_line(scene: Scene, lines: Mapping[str, str]) -> str:
@@ -201,9 +196,15 @@ def said_variables(log: str) -> dict[str, str] | None:
 
 def written(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of the deck of a scene."""
-    start = _STARTS[scene.wave.form]
+    moves = scene.start.state or scene.wave.form in ("running", "standing")
+    start = (*(_STARTED if moves else (_MEASURES,)), *(("<strikers>",) if scene.striker else ()), *_drives(scene))
     before = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD)
     return (*before, *_monitors(scene), "run ${steps}")
+
+
+def _drives(scene: Scene) -> tuple[str, ...]:
+    """Return the blocks of what drives spheres from outside."""
+    return (sources.DRIVEN_ROW,) if scene.wave.form == "driven" else ("<sources>",) if scene.source else ()
 
 
 def _monitors(scene: Scene) -> tuple[str, ...]:
@@ -212,14 +213,14 @@ def _monitors(scene: Scene) -> tuple[str, ...]:
 
 def resumed(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of the input that continues a run from a checkpoint."""
-    drive = {"driven": ("<field>", sources.DRIVEN_ROW), "none": ("<sources>",)}.get(scene.wave.form, ())
     return (
         "# <title>: continues from <from>\nlog <log> append",
         _VARIABLES,
         "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
         _CONTACTS,
         _MEASURES,
-        *drive,
+        *(("<field>",) if scene.wave.form == "driven" else ()),
+        *_drives(scene),
         _MOTION,
         _GUARDS,
         _RECORD + "\ndump_modify  centre append yes\n<particles_append>",

@@ -21,7 +21,7 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
 from granular_lmp.effects.guard import BETWEEN
-from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources
+from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources, strikes
 from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
@@ -197,7 +197,12 @@ def _data(problem: Problem, units: Units) -> DataFile:
         density=units.number(densities, mass=1, length=-3),
         # 13 decimals of D0 are finer than a double resolves a position, and turn rounding into 0. The last decimal
         # depends on the processor's cosine
-        wave=np.hstack([fields.displacement[:, moving], fields.velocity[:, moving]]).round(13) + 0.0,  # no minus zeros
+        wave=np.hstack(
+            [
+                *(part[:, moving].round(13) + 0.0 for part in (fields.displacement, fields.velocity)),  # no minus zeros
+                strikes.state_columns(problem, units),
+            ]
+        ),
         directed=scene.effects.tracking is True,
     )
 
@@ -240,6 +245,7 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "field": blocks.FIELD,
         "ramp": blocks.RAMP if scene.wave.form == "driven" else "",
         "sources": sources.lines(problem, units),
+        "strikers": strikes.lines(problem, units),
         "monitors": monitors.lines(problem),
         "invalid": guards.header(problem.judged, scene),
         "at_rest": "\n".join(guards.at_rest_lines(scene)),
@@ -278,7 +284,16 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
     optional = blocks.PARTICLES if all_seen else dict.fromkeys(blocks.PARTICLES, "")
     numbers = {name: repr(value) for name, value in measured.items()}
     numbers |= _quiet_values(problem, units)
-    return blocks.UNCALLED | selection.lines(problem.on) | plain | optional | numbers | _contact_values(problem, units)
+    begun = strikes.slots(problem)
+    return (
+        blocks.UNCALLED
+        | selection.lines(problem.on)
+        | plain
+        | begun
+        | optional
+        | numbers
+        | _contact_values(problem, units)
+    )
 
 
 def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
@@ -319,6 +334,7 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         ),
         "friction_given": repr(friction),
         "no_slip_friction": repr(case.no_slip_friction),
+        "largest_amplitude": f"(v_amplitude+{case.struck_amplitude!r})" if scene.struck else "v_amplitude",
         "friction_limit": "v_friction" if friction == AUTO else repr(friction),
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "hold": repr(case.hold),

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
+from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, contact_lines, kept_at_looks, overlap_line
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import GUARD as SLIP
@@ -24,7 +25,7 @@ from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import crystal_of, swiftness
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
@@ -71,11 +72,15 @@ def fastest(scene: Scene) -> float:
         max(2Ω, 1·s)
 
     It is that of the second harmonic, of the fastest source if there are sources, or the top of the branches of
-    displacement waves, which bounds free waves; s is `granular_lmp.scene.at_rest.swiftness`, 1 in a perfect lattice.
+    displacement waves, which bounds free waves. A strike holds every frequency up to the highest. s is
+    `granular_lmp.scene.at_rest.swiftness`, 1 in a perfect lattice.
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode_of(scene).frequency
+    if scene.struck:
+        top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene))
+        return max(2 * usual, top * swiftness(scene))
     own = [each.known.top * each.pulsation(scene.sphere, usual) for each in scene.source]
     return max(2 * (max(own, default=0.0) or usual), TOP * swiftness(scene))
 

@@ -30,8 +30,9 @@ LARGE = 100_000
 
 def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
-    made = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
-    return made and scene.perfect and scene.lattice.endless_rows and scene.shape.spheres >= LARGE
+    waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
+    made = waved and scene.perfect and not scene.start.state
+    return made and scene.lattice.endless_rows and scene.shape.spheres >= LARGE
 
 
 def first_rows(problem: Problem, units: Units) -> DataFile:

@@ -98,9 +98,7 @@ NOT_THERE = (
 
 # Keys that somebody would try in another place than where they are
 ELSEWHERE = {
-    "a file with [[striker]] or [start] is an impact and holds no [wave]: adopt, kick, scatter, view --at-rest and "
-    "granular-analysis compare do not take it; in Python it is an ImpactScene": "striker strikers impact projectile "
-    "start state",
+    "[[striker]] and [start] give spheres velocities and displacements": "strikers impact projectile state",
     "a file with [contact] or [collision] is a collision of two bodies: granular-lmp collide runs it": "contact "
     "collision",
     "[disorder] and [[inclusion]] declare spheres that differ or are missing": "vacancy vacancies defect defects "

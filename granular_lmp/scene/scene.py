@@ -44,6 +44,9 @@ from granular_lmp.scene.sections import (
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources, echo_at
+from granular_lmp.scene.start import Start
+from granular_lmp.scene.start import located as located_state
+from granular_lmp.scene.strikers import Striker, check_strikes, stretch
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
@@ -78,9 +81,10 @@ class Scene(Document):
         "effects": Effects,
         "output": Output,
         "absorb": Absorb,
+        "start": Start,
     }
-    repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor}
-    optional = ("disorder", "absorb")
+    repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor, "striker": Striker}
+    optional = ("disorder", "absorb", "start")
     rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
     exclusive = {
@@ -103,6 +107,8 @@ class Scene(Document):
     inclusion: tuple[Inclusion, ...] = ()
     source: tuple[Source, ...] = ()
     monitor: tuple[Monitor, ...] = ()
+    start: Start = Start()
+    striker: tuple[Striker, ...] = ()
 
     # --- reading and writing ---
 
@@ -137,14 +143,19 @@ class Scene(Document):
 
     @classmethod
     def located(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Return the tables with the signals of sources that are in files, relative to the current folder."""
-        sources = tables.get("source")
+        """Return the tables with signals of sources and a state that are in files, relative to the current folder."""
+        tables, sources = located_state(tables, folder), tables.get("source")
         return tables | {"source": [located(each, folder) for each in sources]} if isinstance(sources, list) else tables
 
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
+        if "wave" not in tables and not tables.keys().isdisjoint(("striker", "start")):
+            raise SceneError(
+                "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, in Python "
+                "an ImpactScene, which adopt, kick, scatter, view --at-rest and granular-analysis compare do not take"
+            )
         return with_placeholder(without_wavevector(tables))
 
     @classmethod
@@ -314,13 +325,13 @@ class Scene(Document):
     @property
     def starts_along_y(self) -> bool:
         """True if the wave starts as a running plane wave along y."""
-        running = self.wave.form == "running" and not self.envelope.finite
+        running = self.wave.form == "running" and not self.envelope.finite and not self.struck
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
-        whole = all(each.rows for each in self.source)
+        whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
         return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
 
     @property
@@ -335,10 +346,21 @@ class Scene(Document):
         return f"{self.shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
 
     @property
+    def struck(self) -> bool:
+        """True if strikers or a state move spheres at the beginning, beside the wave."""
+        return bool(self.striker or self.start.state)
+
+    @property
+    def strike(self) -> float:
+        """Bound of the stretch and slip that strikers and a state make, Δ0 (`granular_lmp.scene.strikers.stretch`)."""
+        return stretch(self.striker, self.start, self.sphere) if self.struck else 0.0
+
+    @property
     def shaken(self) -> str:
-        """Count of the sources, before the wave that is their unit; "" without any."""
-        count = len(self.source)
-        return f"{count} source{'s' if count > 1 else ''} in units of " if count else ""
+        """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
+        counts = {"source": len(self.source), "striker": len(self.striker), "state": bool(self.start.state)}
+        said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
+        return " and ".join(said) + (" in units of " if self.wave.form == "none" else " beside ") if said else ""
 
     @property
     def wave_words(self) -> str:
@@ -363,14 +385,15 @@ class Scene(Document):
 
     def echo_at(self, rows: Sequence[int]) -> float:
         """Return the time τ at which the echo of the walls reaches rows, (first, last), in a perfect lattice."""
-        driven, quiet = self.wave.form == "driven", self.absorb.rows != 0
-        return echo_at(rows, self.source, self.shape, driven=driven, quiet=quiet)
+        pushed = (*self.source, *self.striker, *self.start.at())
+        return echo_at(rows, pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
 
     def __post_init__(self) -> None:
         validation.check_adhesion_law(self.material, self.effects, perfect=self.perfect)
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
-        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time)
+        check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)
+        check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time, self.struck)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)

@@ -167,6 +167,7 @@ def check_sources(
     shape: Shape,
     sphere: Sphere,
     time: Time,
+    struck: bool,
 ) -> None:
     """Check that sources stand beside a wave of the form "none", and each by itself."""
     if wave.form != "none":
@@ -176,7 +177,7 @@ def check_sources(
             )
         return
     needed = {
-        "source": (len(sources), bool(sources), "at least one table [[source]]"),
+        "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
         "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
         "envelope.length": (envelope.length, envelope.length == 0, "0"),
         "envelope.width": (envelope.width, envelope.width == 0, "0"),
@@ -269,21 +270,22 @@ def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
             )
 
 
-def echo_at(rows: Sequence[int], sources: Sequence[Source], shape: Shape, *, driven: bool, quiet: bool) -> float:
+def echo_at(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, *, form: str, quiet: bool) -> float:
     """Return the time τ at which an echo of the walls may reach rows, by the shortest way and `arrival_time`.
 
-    A wave that fills the crystal is disturbed by the walls from τ = 0 on. Waves of sources and of a driven row run to
-    an end and from there to the rows. Those that a source makes by moving an end begin there, and are not sent back by
-    it. `quiet` ends send back no waves, but an end that a source moves is not quiet, and sends back those of other
-    spheres.
+    A wave that fills the crystal is disturbed by the walls from τ = 0 on. Waves of sources, of strikers and of a driven
+    row run to an end and from there to the rows. Those that a source makes by moving an end begin there, and are not
+    sent back by it. `quiet` ends send back no waves, but an end that a source moves is not quiet, and sends back those
+    of other spheres.
 
     Parameters
     ----------
     rows : (first, last)
-    sources : sequence of Source
+    pushed : sequence
+        Sources and strikers.
     shape : Shape
-    driven : bool
-        True if the first row is driven.
+    form : str
+        That of the wave.
     quiet : bool
         True if the crystal has quiet ends.
 
@@ -296,13 +298,13 @@ def echo_at(rows: Sequence[int], sources: Sequence[Source], shape: Shape, *, dri
         return inf
     end = shape.rows - 1
     beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
-    if driven or not sources:
-        return inf if quiet else arrival_time(end + beyond[end] if driven else min(beyond.values()))
-    ways = [
+    of_wave = {"none": [], "driven": [end + beyond[end]]}.get(form, [*beyond.values()])
+    ways = [] if quiet else of_wave
+    ways = ways + [
         abs(row - wall) + beyond[wall]
         for wall in beyond
-        if not quiet or any(each.is_in_row(wall) for each in sources)
-        for each in sources
+        if not quiet or any(each.is_in_row(wall) for each in pushed)
+        for each in pushed
         if not (each.rows and each.is_in_row(wall))  # these rows reach from the end to where their waves begin
         for row in each.rows_of()
         if row != wall

@@ -2,16 +2,19 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import cos, radians, sin
+from math import cos, radians, sin, sqrt
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN, Shape
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, place_of, place_troubles, spheres_at
-from granular_lmp.scene.schema import number
+from granular_lmp.scene.schema import AUTO, number
+from granular_lmp.scene.sections import Absorb, Packing
+from granular_lmp.scene.start import Start
 
 WORDS = {"x": (1.0, 0.0), "y": (0.0, 1.0), "-x": (-1.0, 0.0), "-y": (0.0, -1.0)}  # unit vectors
 
@@ -54,6 +57,50 @@ def striker_troubles(strikers: Sequence[Striker], shape: Shape) -> Iterator[str]
                 "holds sideways"
             )
         yield from (f"striker {number_}: {trouble}" for trouble in place_troubles(each.rows, each.spheres, shape))
+
+
+def stretch(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> float:
+    """Return a bound of the stretch and slip of contacts, Δ0: v √(m/k1), and twice the displacement of a state.
+
+    The energy ½mv² of a sphere stretches one contact by at most that, and the contacts around it by less. Spheres of
+    `sphere` are meant; lighter ones stretch less.
+    """
+    speed = max([each.velocity for each in strikers] + [start.fastest(sphere.radius)])
+    return (speed * sqrt(sphere.mass / sphere.normal_stiffness) + 2 * start.farthest) / sphere.static_overlap
+
+
+def check_strikes(
+    strikers: Sequence[Striker],
+    start: Start,
+    packing: Packing,
+    shape: Shape,
+    absorb: Absorb,
+    sphere: Sphere,
+    strike: float,
+) -> None:
+    """Check that strikers and the state of a crystal at rest have places, and that they are not too strong."""
+    pushed = (*strikers, *start.at())
+    if not pushed:
+        return
+    places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape))
+    for trouble in (*striker_troubles(strikers, shape), *(f"start.state: {each}" for each in places)):
+        raise SceneError(trouble)
+    for name, counted in (("rows", True), ("columns", any(each.spheres for each in pushed))):
+        if counted and getattr(packing, name) == AUTO:
+            raise SceneError(
+                f'packing.{name} = "auto": must be a number with [[striker]] or [start], which count {name}'
+            )
+    if absorb.rows != 0:
+        raise SceneError(
+            f"absorb.rows = {absorb.rows!r}: must be 0 beside [[striker]] or [start]: no number of rows absorbs the "
+            "long waves of a strike"
+        )
+    strongest = sphere.radius / sphere.static_overlap / 10
+    if not strike <= strongest:
+        raise SceneError(
+            f"striker or start: would stretch contacts by up to {strike:.3g} Delta0; must be at most {strongest:.3g}, "
+            "a tenth of the radius"
+        )
 
 
 def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.int64], ...]:

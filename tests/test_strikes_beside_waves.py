@@ -1,0 +1,166 @@
+"""Strikers and states in crystals that something holds together: beside waves, in imperfect crystals, with monitors."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import compare
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.tolerance import resume
+from granular_lmp.errors import SceneError
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.problem import prepare
+from tests.conftest import PAPER
+
+UNIT = PAPER.scale.length / PAPER.scale.time  # m/s
+STRUCK = [{"spheres": [[5, 4]], "velocity": 0.02 * UNIT, "direction": 30.0}]
+# A sphere that is displaced, moves and turns, in SI units
+MOVED = [[5, 4, 0.01 * PAPER.scale.length, -0.005 * PAPER.scale.length, 0.0, 0.01 * UNIT, 0.01 * UNIT / 5e-7]]
+AT_REST = {"form": "none"}
+SPREAD = {"radius": 5e-5, "density": 0.1, "vacancies": 0.03}
+LINE = [{"name": "line", "rows": [8, 8]}]
+TALL = {"rows": 24, "columns": 8, "ends": "periodic"}
+
+
+def scene(wave: dict[str, Any] | None = None, **tables: Any) -> Scene:
+    """A sheet of 12 x 8 spheres; the wave of the paper at a tenth of its amplitude, unless it is changed."""
+    base = PAPER.to_dict()
+    base["wave"] |= {"wavenumber": np.pi / 3, "amplitude": 0.02} | (wave or {})
+    base["packing"] |= {"rows": 12, "columns": 8, "ends": "periodic"}
+    base["time"] = {"duration": 10.0, "timestep": 0.025, "sample": 0.5, "allow_echo": True}
+    return Scene.from_dict({**base, "name": "struck", **tables})
+
+
+MIXTURES = {
+    "a wave and a striker": scene(striker=STRUCK),
+    "a striker alone": scene(AT_REST, striker=STRUCK),
+    "a state alone": scene(AT_REST, start={"state": MOVED}),
+    "a state on a wave": scene(start={"state": MOVED}),
+    "a striker in a disordered sheet with a monitor": scene(AT_REST, striker=STRUCK, disorder=SPREAD, monitor=LINE),
+    "a striker beside a packet": scene(
+        {"wavenumber": 1.9},
+        striker=STRUCK,
+        envelope={"length": 3.0},
+        packing=TALL,
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Record]:
+    done: dict[str, Record] = {}
+
+    def made(name: str) -> Record:
+        if name not in done:
+            snapshots = MIXTURES[name].with_values({"output.particles": 0.5})
+            done[name] = run(snapshots, tmp_path_factory.mktemp("mixture") / "run")
+        return done[name]
+
+    return made
+
+
+@pytest.mark.parametrize("name", MIXTURES)
+def test_compare_judges_a_mixture_by_the_network(
+    name: str, recorded: Callable[[str], Record], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = recorded(name).folder
+    assert folder is not None
+    file = folder / "compare.json"
+    assert compare.main([str(folder), "--json", str(file)]) == 0
+    (line,) = (each for each in capsys.readouterr().out.splitlines() if "network" in each and "note" not in each)
+    # Verlet's phase error at the top of the branches, (1.87 Δτ)² 1.87 τ/24/√3 = 1e-3, and of slower waves less
+    assert all(float(number) < 2e-3 for number in re.findall(r"\d\.\de-\d\d", line)), line
+
+
+def test_a_network_with_another_striker_is_another_run(recorded: Callable[[str], Record]) -> None:
+    one, other = (recorded(name).p for name in ("a wave and a striker", "a state on a wave"))
+    assert np.linalg.norm(one - other) > 0.05 * np.linalg.norm(other)
+
+
+def test_a_weak_strike_is_added_to_the_wave_in_linear_theory(tmp_path: Path) -> None:
+    # The sum of two weak motions is their common motion but for products: 0.002 of each other
+    wave, strike = {"amplitude": 1e-3}, [{**STRUCK[0], "velocity": 1e-3 * UNIT}]
+    both = run(scene(wave, striker=strike), tmp_path / "both")
+    alone = run(scene(wave), tmp_path / "wave"), run(scene(wave | AT_REST, striker=strike), tmp_path / "strike")
+    for name in ("p", "q", "phi"):
+        added = sum(each.signals[name] for each in alone)
+        assert np.abs(both.signals[name] - added).max() < 0.01 * np.abs(added).max()
+
+
+def test_strikes_do_not_scale_with_the_amplitude_of_the_wave() -> None:
+    deck = build(MIXTURES["a state on a wave"].with_values({"striker": [{**STRUCK[0], "spheres": [[2, 2]]}]}))
+    assert "velocity     striker set" in deck.input_text
+    assert "sum yes" in deck.input_text
+    assert "variable     to_ux atom (v_D0*d_ux+d_sx)/v_slow" in deck.input_text
+    at = 5 * 8 + 4
+    length, velocity = MOVED[0][2] * 1e9, MOVED[0][5] * 1.0  # nm, and m/s is nm/ns
+    np.testing.assert_allclose(deck.data.wave[at, 6:9:2], [length, 0.0])
+    np.testing.assert_allclose(deck.data.wave[at, 9], velocity)
+    assert not deck.data.wave[:at, 6:].any()
+
+
+def test_a_struck_run_that_was_stopped_continues_to_the_same_bytes(
+    stop: Callable[[Scene, Path], None], tmp_path: Path
+) -> None:
+    often = {"time.duration": 200.0, "output.checkpoint": 96 * 200 / SPEED / 60}
+    struck = scene(striker=STRUCK, start={"state": [[2, 1, *MOVED[0][2:]]]}).with_values(often)
+    whole = run(struck, tmp_path / "whole")
+    stop(struck, tmp_path / "cut")
+    resume(tmp_path / "cut")
+    assert (tmp_path / "cut/dump.centre").read_bytes() == (tmp_path / "whole/dump.centre").read_bytes()
+    assert whole.info["status"] == "finished"
+
+
+def test_friction_and_openings_are_judged_by_what_a_strike_may_do() -> None:
+    weak, strong = (prepare(scene(AT_REST, striker=[{**STRUCK[0], "velocity": share * UNIT}])) for share in (0.01, 1.0))
+    assert not weak.on["contact_opening"]
+    assert strong.on["contact_opening"]  # ½mv² stretches a contact by more than Δ0
+    # Whatever part of an L wave moves none of them, a striker shears and turns spheres
+    of_l = prepare(scene({"mode": "L"}, striker=STRUCK))
+    assert of_l.on["shear"]
+    assert of_l.on["rotation"]
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"striker": [{"spheres": [[5, 4]]}]}, "striker 1: velocity: missing; must be a number"),
+        ({"striker": [{**STRUCK[0], "spheres": [[12, 0]]}]}, r"striker 1: sphere \[12, 0\]: must be \[row, column\]"),
+        ({"striker": STRUCK * 2}, r"striker 2: sphere \[5, 4\]: is in another striker too"),
+        ({"striker": [{**STRUCK[0], "velocity": 1e3}]}, "would stretch contacts by up to .* a tenth of the radius"),
+        ({"striker": STRUCK, "start": {"state": MOVED}}, r"sphere \[5, 4\]: ux_m = .* must be 0 for a sphere of a"),
+        ({"striker": STRUCK, "packing": {"rows": "auto", "columns": 8}}, r'packing\.rows = "auto": must be a number'),
+        (
+            {
+                "striker": [{**STRUCK[0], "spheres": [[30, 1]]}],
+                "wave": AT_REST | {"mode": "TR", "wavenumber": 1.475, "amplitude": 0.02},
+                "packing": {"rows": 81, "columns": 3, "ends": "fixed"},
+                "absorb": {"rows": "auto"},
+            },
+            r'absorb\.rows = "?.*must be 0 beside \[\[striker\]\]',
+        ),
+    ],
+)
+def test_what_cannot_be_struck_is_refused_by_name(tables: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        prepare(scene(**tables))
+
+
+def test_a_sphere_that_is_moved_from_outside_is_not_struck() -> None:
+    moved = [{"spheres": [[5, 4]], "motion": "x"}]
+    with pytest.raises(SceneError, match=r"source 1: sphere \[5, 4\]: is a striker or of the state too"):
+        prepare(scene(AT_REST, striker=STRUCK, source=moved))
+
+
+def test_the_echo_of_a_strike_is_that_of_the_nearest_wall() -> None:
+    packing = {"rows": 41, "columns": 8, "ends": "fixed"}
+    near, far = (
+        scene(AT_REST, striker=[{**STRUCK[0], "spheres": [[row, 4]]}], packing=packing).echo_time for row in (5, 20)
+    )
+    assert near < far
+    # Beside a wave that fills the crystal nothing comes earlier than what its walls disturb
+    assert scene(striker=STRUCK, packing=packing).echo_time == scene(packing=packing).echo_time
