@@ -1,0 +1,18 @@
+"""``python -m tests.matrix`` writes into the golden files what more builds now, and refuses what builds no more."""
+
+from tests.matrix.features import KINDS
+from tests.matrix.names import CHANGELOG, NAMES, gone, listed, public_names
+from tests.matrix.outcomes import GOLDEN, gains, golden, row, text, update
+
+for kind in KINDS:
+    file = GOLDEN / f"{kind.name}.txt"
+    before = golden(kind.name) if file.exists() else {}
+    now = {name: row(kind, name) for name in kind.features}
+    for line in gains(before, now):
+        print(f"{kind.name}: {line}")
+    file.write_text(text(update(before, now)), encoding="utf-8")
+
+held, now = listed() if NAMES.exists() else set(), public_names()
+if lost := gone(held, now, CHANGELOG.read_text("utf-8")):
+    raise SystemExit(f"no more there, and not in {CHANGELOG.name}: {', '.join(sorted(lost))}")
+NAMES.write_text("\n".join(sorted(now)) + "\n", "utf-8")

@@ -1,0 +1,114 @@
+"""Features of scenes, each as the settings by which a user takes it, and the scenes to which they are added.
+
+A feature is added to a scene that is small and has none of them. Settings of two features are one scene, unless they
+give one key two values. All places are in the first column, so that chains have them too.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from granular_lmp import ImpactScene, Scene
+
+Settings = Mapping[str, Any]
+FIXED = {"packing.ends": "fixed", "packing.rows": 37}  # fixed ends have an odd number of rows
+PRESSED = {"sphere.work_of_adhesion": 0.0, "packing.contact_force": 1e-7}  # N, about that of adhesion
+AT_REST = {"wave.form": "none"}
+
+
+def source(**how: Any) -> dict[str, Any]:
+    """Return the settings of a source beside which there is no other wave; all are between quiet ends, too."""
+    return AT_REST | {"source": [{"amplitude": 0.1} | how]}
+
+
+WAVE = Scene.load("tr_periodic").with_values(
+    {
+        "packing.rows": 36,
+        "packing.columns": 6,
+        "wave.amplitude": 0.02,
+        "wave.wavenumber": 1.0471975511965976,  # π/3, which fits 36 rows
+        "time.duration": 20.0,
+        "time.allow_echo": True,
+    }
+)
+WAVES: dict[str, Settings] = {
+    "chain": {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L"},
+    "square": {"packing.lattice": "square"},
+    "radii": {"disorder.radius": 5e-5},
+    "densities": {"disorder.density": 0.05},
+    "vacancies": {"disorder.vacancies": 0.03, "disorder.seed": 2},  # others take a second to come to rest pressed
+    "rows of another": {"inclusion": [{"rows": [10, 11], "density": 2500.0}]},
+    "another sphere": {"inclusion": [{"spheres": [[14, 0]], "radius": 5.0005e-7}]},
+    "jkr": {"sphere.adhesion_law": "jkr"},
+    "hertz": PRESSED,
+    "oblique": {"wave.direction": 30.0},
+    "standing": {"wave.form": "standing"},
+    "driven row": FIXED | {"wave.form": "driven"},
+    "moved row": source(rows=[20, 20], motion="y", signal="burst"),
+    "pushed sphere": source(spheres=[[22, 0]], force="y"),
+    "torque": source(spheres=[[24, 0]], force="torque"),
+    "packet": {"envelope.length": 5.0},
+    "beam": {"envelope.width": 3.0, "packing.columns": 24},
+    "fixed": FIXED,
+    "quiet": FIXED | {"absorb.rows": 10, "absorb.reflection": 0.45} | source(rows=[18, 18], force="y", signal="tone"),
+    "motion": {"monitor": [{"name": "motion", "rows": [16, 17]}]},
+    "flux": {"monitor": [{"name": "flux", "rows": [18, 19], "what": "flux"}]},
+    "one column": {"packing.columns": 1},
+    "viscosity": {"effects.viscosity": 1e-7},
+    "restitution": PRESSED | {"effects.restitution": 0.95},
+    "sliding": {"effects.sliding": True, "effects.friction": 0.5},
+    "opening": {"effects.contact_opening": True},
+    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1},
+    "incremental": {"effects.shear_law": "incremental"},
+    "no shear": {"effects.shear": False},
+    "no rotation": {"effects.rotation": False},
+    "no tracking": {"effects.tracking": False},
+    "tolerance": {"time.tolerance": 1e-2},
+    "snapshots": {"output.particles": 1.0},
+    "hertz scale": {"wave.frequency": 1.146e8},  # that of the wave number
+}
+
+IMPACT = ImpactScene.load("point_impact").with_values(
+    {"packing.rows": 13, "packing.columns": 9, "striker.1.spheres": [[0, 0]], "time.duration": 6.0}
+)
+IMPACTS: dict[str, Settings] = {
+    "chain": {"packing.lattice": "chain", "packing.columns": 1},
+    "square": {"packing.lattice": "square"},
+    "state": {"start.state": [[6, 0, 0.0, 0.0, 0.0, 0.5, 0.0]]},
+    "displaced": {"start.state": [[6, 0, 0.0, 1e-7, 0.0, 0.0, 0.0]]},
+    "held": {"packing.last": "held"},
+    "wall": {"packing.last": "wall"},
+    "periodic": {"packing.sides": "periodic"},
+    "pressed": {"packing.contact_force": 10.0},
+    "another radius": {"inclusion": [{"spheres": [[3, 0]], "radius": 0.0051}]},
+    "another density": {"inclusion": [{"rows": [8, 9], "density": 2000.0}]},
+    "vacancy": {"inclusion": [{"spheres": [[5, 0]], "vacancy": True}]},
+    "radii": {"disorder.radius": 1e-4},
+    "friction": {"effects.friction": 0.3},
+    "no rotation": {"effects.rotation": False},
+    "restitution": {"effects.restitution": 0.9},
+    "tolerance": {"time.tolerance": 1e-2},
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of scene: its name, the scene without features, and the features by name."""
+
+    name: str
+    scene: Scene | ImpactScene
+    features: Mapping[str, Settings]
+
+
+KINDS = (Kind("waves", WAVE, WAVES), Kind("impacts", IMPACT, IMPACTS))
+
+
+def together(*settings: Settings) -> dict[str, Any] | None:
+    """Return several settings as one, tables of a list after each other; None if they give one key two values."""
+    joined: dict[str, Any] = {}
+    for key, value in (item for each in settings for item in each.items()):
+        if isinstance(value, list) and key != "start.state":
+            joined[key] = joined.get(key, []) + value
+        elif joined.setdefault(key, value) != value:
+            return None
+    return joined
