@@ -67,10 +67,11 @@ def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, mon
 
 
 def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
-    for ranks in (0, launch.core_count() + 1):
+    for ranks in (0, launch.core_count() + 1, 1.5):
         with pytest.raises(LaunchError, match=f"ranks = {ranks}: must be from 1 to"):
-            run(small, tmp_path / "run", ranks=ranks)
+            run(small, tmp_path / "run", ranks=ranks)  # type: ignore[arg-type]
     assert not (tmp_path / "run").exists()
+    assert run(small, tmp_path / "run", ranks=np.int64(1)).info["ranks"] == 1  # type: ignore[arg-type]
 
 
 def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewhere(

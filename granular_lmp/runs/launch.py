@@ -52,6 +52,7 @@ from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
 from granular_lmp.runs.status import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import plain_value
 
 Progress = Callable[[int, int], None]
 Judge = Callable[[Record], dict[str, Any]]
@@ -74,12 +75,13 @@ class Options:
     kernel: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "ranks", plain_value(self.ranks))
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
         if self.kernel and self.program:
             taken = f"launcher = {self.launcher!r} with ranks = {self.ranks!r}"
             raise LaunchError(f"kernel=True: runs in this process on one rank, and excludes {taken}")
-        if not 1 <= self.ranks <= core_count():
+        if not isinstance(self.ranks, int) or not 1 <= self.ranks <= core_count():
             # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
 
