@@ -148,6 +148,7 @@ def test_an_old_sweep_is_finished_and_none_of_its_runs_is_repeated(there: Path) 
     assert [row["status"] for row in found.rows] == ["finished", "finished"]
     assert {there / row["run"] for row in found.rows} == set((there / "runs").iterdir())
     assert all(found.record(row).info["status"] == "finished" for row in found.rows)
+    assert main(["view", str(there), "-o", str(there.parent / "out.png")]) == 0
     before = files(there / "runs")
     assert sweep(found.scene, found.over, there).rows == found.rows
     assert files(there / "runs") == before
@@ -163,10 +164,10 @@ def test_the_name_of_a_run_is_that_of_the_last_release(name: str) -> None:
 
 @pytest.mark.parametrize("kind", [Scene, ImpactScene])
 def test_no_default_changes_and_no_key_is_lost(kind: type[Scene] | type[ImpactScene]) -> None:
-    """A file that does not say a key would mean something else."""
+    """A file that does not say a key would mean something else, and two runs would have one name."""
     now = {f"{key.section}.{key.name}": "must be given" if key.required else key.default for key in keys(kind)}
-    now = json.loads(json.dumps(now))
-    assert {key: now.get(key) for key in frozen(kind.__name__)} == frozen(kind.__name__)
+    data = frozen("0.1.0", kind.__name__) | frozen("younger", kind.__name__)
+    assert json.loads(json.dumps(now)) == data, 'a new key joins "younger" in identity.json, and no other line changes'
 
 
 @dataclass(frozen=True)

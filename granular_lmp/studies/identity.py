@@ -1,8 +1,9 @@
 """The names of a run in a sweep: hashes of its scene, which stay when the package learns a new key.
 
-``identity.json`` holds the keys of release 0.1.0 with their defaults, of both kinds of scene. They enter the hash with
-their values, whatever these are, as they did in that release. A younger key enters only where it departs from what was
-true before the package knew it: its default, and "off" for the switch of an effect, which is decided in a run.
+``identity.json`` holds the keys of release 0.1.0, of both kinds of scene. They enter the hash with their values,
+whatever these are, as they did in that release. A younger key enters only where it departs from what was true before
+the package knew it: its default, and "off" for the switch of an effect, which is decided in a run. The file holds the
+defaults too, those of younger keys under "younger", because a default never changes: a test refuses it.
 
 Departures of all keys would not do: finished sweeps would lose their names, and a default that changes would give two
 different runs one name.
@@ -36,15 +37,15 @@ def names_of(scene: Document) -> tuple[str, ...]:
     A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
     "auto" of the scene must be decided, as in a run folder.
     """
-    known = frozen(type(scene).__name__).keys()
+    known = frozen("0.1.0", type(scene).__name__).keys()
     return tuple(dict.fromkeys(_hash(scene, keys) for keys in (known, known - _JOINED)))
 
 
 @cache
-def frozen(kind: str) -> dict[str, Any]:
-    """Return dotted key → default of the keys that a kind of scene had in release 0.1.0."""
+def frozen(age: str, kind: str) -> dict[str, Any]:
+    """Return dotted key → default of the keys of a kind of scene that are of release "0.1.0", or "younger"."""
     text = (Path(__file__).parent / "identity.json").read_text(encoding="utf-8")
-    tables: dict[str, dict[str, Any]] = json.loads(text)[kind]
+    tables: dict[str, dict[str, Any]] = json.loads(text)[age][kind]
     return {f"{table}.{key}": default for table, keys in tables.items() for key, default in keys.items()}
 
 
