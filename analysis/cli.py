@@ -32,6 +32,7 @@ SCRIPTS = {
     "oblique": "waves of any direction beside theory, from a sweep",
     "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
     "pull_off": "a collision by the JKR law: snap-in, pull-off and restitution, in LAMMPS and theory",
+    "resonances": "all resonances and antiresonances of second order of a scene's crystal",
     "refraction": "a plane front of an impact at an interface of two hexagonal crystals: angles, and what passes",
     "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
     "sheets": "any field on a periodic sheet beside theory",

@@ -3,7 +3,7 @@
 The crystal is found here from the spheres and the lattice: places, contacts, modes. Rows may differ in density, in a
 pattern that repeats; then the wave, a mode of the lattice without the layers, starts as a sum of their modes.
 
-The start may run or stand. What is not held is refused by name: `analysis.theory.catalogue`, "any-crystal".
+The start may run or stand. Whatever else a scene declares is refused by its key.
 """
 
 from dataclasses import dataclass
@@ -22,6 +22,26 @@ Floats = NDArray[np.float64]
 NAMES = ("L", "TR", "RT")
 # Row spacing, shift of every other row, and whether rows are endless, in lattice constants
 STACKING = {"hexagonal": (np.sqrt(0.75), 0.5, True), "square": (1.0, 0.0, True), "chain": (1.0, 0.0, False)}
+# Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
+CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.seed"}).union(
+    f"{section}.{key}"
+    for section, keys in {
+        "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density adhesion_law",
+        "packing": "lattice rows columns ends contact_force relax relax_friction",
+        "wave": "mode wavenumber frequency amplitude phase form direction",
+        "envelope": "length width offset ramp",
+        "time": "duration timestep tolerance sample allow_echo",
+        "effects": "adhesion shear rotation tracking sliding contact_opening shear_law friction",
+        "output": "particles checkpoint",
+        "absorb": "rows reflection",
+    }.items()
+    for key in keys.split()
+)
+# Of these, those that change the motion of a wave that fills the crystal; contacts that slide or open are on if true
+MOTION = frozenset(
+    {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
+)
+FORMS = ("running", "standing")
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
 
 
@@ -35,6 +55,13 @@ class Setting:
     """
 
     scene: Scene
+
+    def refuse(self, allowed: frozenset[str]) -> None:
+        """Raise ValueError for a scene that declares something else, by its keys; what is switched off is nothing."""
+        departs = {key for key, value in self.scene.departures().items() if value is not False}
+        if other := sorted(departs - allowed):
+            values = ", ".join(f"{key} = {self.scene.departures()[key]!r}" for key in other)
+            raise ValueError(f"the theory of a crystal leaves out {values}")
 
     @cached_property
     def densities(self) -> Floats:
@@ -65,7 +92,12 @@ class Setting:
         return np.roll(rows, -shape.centre_row)[:length]
 
     def crystal(self, *, layers: bool = True) -> Crystal:
-        """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode."""
+        """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode.
+
+        Raises ValueError for a scene that declares what is not held: dashpots, rolling resistance, disorder, inclusions
+        that are no pattern of rows.
+        """
+        self.refuse(CRYSTAL_KEYS)
         scene = self.scene
         sphere, effects = scene.sphere, scene.effects
         density = self.densities if layers else np.array([sphere.density])
@@ -103,7 +135,13 @@ class Setting:
         return wave(lattice, k, named_branch(lattice, k, self.scene.wave.mode))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
-        """Return the crystal, and the waves with which the scene starts, displacements in m."""
+        """Return the crystal, and the waves with which the scene starts, displacements in m.
+
+        Raises ValueError for a scene that starts otherwise, or whose wave is also moved by something else.
+        """
+        self.refuse(CRYSTAL_KEYS - MOTION)
+        if self.scene.wave.form not in FORMS:
+            raise ValueError(f"wave.form = {self.scene.wave.form!r}; allowed: {', '.join(FORMS)}")
         scene, crystal, mode = self.scene, self.crystal(), self.mode()
         size = scene.displacement_amplitude * np.exp(1j * scene.wave.phase)
         field = np.broadcast_to(size * mode.shape, (len(crystal), 6))

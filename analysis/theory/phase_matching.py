@@ -1,0 +1,227 @@
+"""Resonances and antiresonances of second order: where in a crystal the second harmonic grows, and where there is none.
+
+A wave of branch i with the wave vector k drives branch j at 2k. Along a line of wave vectors k = q e
+
+    resonance       2ω_i(k) = ω_j(2k): the harmonic is a free wave, and grows in proportion to time
+    antiresonance   the force on branch j vanishes between two waves that have one
+
+A mirror of the crystal that contains e makes modes even or odd. The square of either is even: an odd branch at 2k gets
+nothing, at any wave number, and its resonances are *forbidden*.
+
+When it breaks: where two branches of the wave have one frequency all along the line, as shear waves along a fourfold
+axis, whose polarisation is arbitrary; a pair of crossings between two points of the grid is missed.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from analysis.theory.crystal import Crystal, padded
+from analysis.theory.second_order import Mixed, Wave
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+COUNT = 200  # wave numbers on a line
+_SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
+_SYMMETRIC = 1e-9  # share of D by which a mirror may miss, and of a mode by which it may not be even or odd
+_REACH = 2  # reciprocal vectors up to this many of each
+
+
+@dataclass(frozen=True)
+class Match:
+    """A resonance or an antiresonance.
+
+    Attributes
+    ----------
+    kind : "resonance" or "antiresonance".
+    wavenumber : q = |k|.
+    branch, target : i and j, from 0 by frequency.
+    frequency : ω of the wave.
+    rate : velocity of growth of branch j, per square of the amplitude of one wave; 0 if there is none.
+    forbidden : why a resonance does not grow, "" if it does.
+    """
+
+    kind: str
+    wavenumber: float
+    branch: int
+    target: int
+    frequency: float
+    rate: float
+    forbidden: str = ""
+
+
+def zone_edge(crystal: Crystal, direction: ArrayLike) -> float:
+    """Return the largest |k| along a direction that is in the first Brillouin zone."""
+    along = _unit(direction)
+    counts = product(range(-_REACH, _REACH + 1), repeat=len(crystal.vectors))
+    vectors = np.array([count for count in counts if any(count)]) @ crystal.reciprocal
+    towards = vectors @ along
+    facing = towards > _SYMMETRIC * np.linalg.norm(vectors, axis=1)
+    return float(np.min(np.sum(vectors[facing] ** 2, axis=1) / (2 * towards[facing])))
+
+
+def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, count: int = COUNT) -> list[Match]:
+    """Return all resonances and antiresonances on a line of wave vectors, by wave number.
+
+    Parameters
+    ----------
+    direction : (2,) or (3,) of any length
+    limit : largest |k|; None: the zone's edge
+    count : of wave numbers, from limit/count to limit
+    """
+    along = _unit(direction)
+    most = zone_edge(crystal, along) if limit is None else limit
+    numbers = most * np.arange(1, count + 1) / count
+    line = _Line(crystal, along)
+    frequencies, doubled, forces = line.at(numbers)
+    found = []
+    loudest = forces.max()
+    for branch, target in product(range(frequencies.shape[1]), repeat=2):
+        above = 2 * frequencies[:, branch] >= doubled[:, target]
+        found += [
+            line.resonance(branch, target, numbers[n], numbers[n + 1]) for n in np.flatnonzero(above[1:] != above[:-1])
+        ]
+        size = forces[:, branch, target]
+        low = np.flatnonzero((size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (size[2:] > _SILENT * loudest)) + 1
+        found += [
+            each
+            for n in low
+            if (each := line.antiresonance(branch, target, numbers[n - 1], numbers[n + 1], loudest)) is not None
+        ]
+    return sorted(found, key=lambda each: each.wavenumber)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """Wave vectors q·along of a crystal."""
+
+    crystal: Crystal
+    along: Floats
+
+    def wave(self, number: ArrayLike, branch: int) -> Wave:
+        k = np.multiply.outer(np.asarray(number, dtype=float), self.along)
+        modes = self.crystal.modes(k)
+        return Wave(k, modes.frequencies[..., branch], modes.shapes[..., branch, :, :])
+
+    def doubled(self, number: ArrayLike, branch: int) -> Mixed:
+        one = self.wave(number, branch)
+        return Mixed(self.crystal, one, one)
+
+    def at(self, numbers: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return ω_i(k) (N, J), ω_j(2k) (N, J), and the size of the forces (N, i, j) on the branches at 2k."""
+        pairs = [self.doubled(numbers, branch) for branch in range(len(self.crystal.moving(self.crystal.mass)))]
+        frequencies = np.stack([pair.first.frequency for pair in pairs], axis=1)
+        return frequencies, pairs[0].targets.frequencies, np.stack([np.abs(pair.steady) for pair in pairs], axis=1)
+
+    def resonance(self, branch: int, target: int, low: float, high: float) -> Match:
+        """Return the resonance between two wave numbers where the detuning has different signs."""
+
+        def gap(number: float) -> float:
+            pair = self.doubled(number, branch)
+            return float(pair.frequency - pair.targets.frequencies[target])
+
+        number = float(brentq(gap, low, high, xtol=1e-15 * high, rtol=1e-14))
+        pair = self.doubled(number, branch)
+        size = np.abs(pair.steady)
+        rate, reason = float(0.5 * size[target] / (2 * pair.targets.frequencies[target])), ""
+        if size[target] < _SILENT * size.max():
+            rate, reason = 0.0, self.selection(pair, target)
+        return Match("resonance", number, branch, target, float(pair.first.frequency), rate, reason)
+
+    def antiresonance(self, branch: int, target: int, low: float, high: float, loudest: float) -> Match | None:
+        """Return the wave number between two where a branch gets no force, None if it gets some everywhere."""
+
+        start = self.doubled(low, branch)
+
+        def followed(number: float) -> tuple[complex, float]:
+            """The force in the phases of the modes at `low`, where it is real, and how like the modes are to those."""
+            pair = self.doubled(number, branch)
+            wave = np.vdot(start.first.shape, pair.first.shape) / len(self.crystal)
+            answer = np.vdot(start.targets.shapes[target], pair.targets.shapes[target]) / len(self.crystal)
+            force = pair.steady[target] * wave.conj() ** 2 * answer / start.steady[target]
+            return complex(force), float(min(abs(wave), abs(answer)))
+
+        def force(number: float) -> float:
+            return followed(number)[0].real
+
+        if force(high) > 0:
+            return None
+        number = float(brentq(force, low, high, xtol=1e-15 * high, rtol=1e-14))
+        left, like = followed(number)
+        if like < 0.5 or abs(left) * abs(start.steady[target]) > _SILENT * loudest:
+            return None  # another branch beyond a crossing, or a force whose phase turns
+        return Match("antiresonance", number, branch, target, float(self.wave(number, branch).frequency), 0.0)
+
+    def selection(self, pair: Mixed, target: int) -> str:
+        """Return which mirror forbids that a wave drives a branch at 2k."""
+        for mirror in mirrors(self.crystal, self.along):
+            parities = [parity(mirror, shape) for shape in (pair.first.shape, pair.targets.shapes[target])]
+            if parities[0] and parities[1] == -1:
+                names = {1: "even", -1: "odd"}
+                return f"a mirror: {names[parities[0]]} + {names[parities[0]]} is even, and this branch is odd"
+        return "vanishes, by no mirror along the wave"
+
+
+def mirrors(crystal: Crystal, along: Floats) -> list[tuple[Floats, NDArray[np.intp]]]:
+    """Return the mirrors that contain a direction: the reflection (3, 3), and where each sphere goes (B,)."""
+    normals: list[Floats] = []
+    for contact in crystal.bonds.normal:
+        for normal in (np.cross(along, contact), contact - (along @ contact) * along):
+            size = np.linalg.norm(normal)
+            if size > _SYMMETRIC and not any(abs(normal / size @ other) > 1 - _SYMMETRIC for other in normals):
+                normals.append(normal / size)
+    # A wave vector at which a crystal without the mirror would not be symmetric by accident
+    k = 0.37 * zone_edge(crystal, along) * along
+    found = []
+    for normal in normals:
+        reflection = np.eye(3) - 2 * np.outer(normal, normal)
+        for to in range(len(crystal)):
+            places = _images(crystal, reflection, to)
+            if places is not None and _commutes(crystal, k, reflection, places):
+                found.append((reflection, places))
+                break
+    return found
+
+
+def _commutes(crystal: Crystal, k: Floats, reflection: Floats, places: NDArray[np.intp]) -> bool:
+    size = len(crystal.moving(crystal.mass))
+    units = crystal.whole(np.eye(size))
+    image = crystal.moving(_mirrored(units, reflection, places)).T
+    matrix = crystal.stiffness(k)
+    return bool(np.abs(image @ matrix - matrix @ image).max() < _SYMMETRIC * np.abs(matrix).max())
+
+
+def _images(crystal: Crystal, reflection: Floats, to: int) -> NDArray[np.intp] | None:
+    """Return where each sphere goes (B,) if the first goes to `to`; None if not all go to equal spheres."""
+    shift = crystal.position[to] - reflection @ crystal.position[0]
+    image = crystal.position @ reflection.T + shift
+    apart = image[:, None] - crystal.position
+    cells = apart @ np.linalg.pinv(crystal.vectors)
+    left = np.linalg.norm(apart - np.round(cells) @ crystal.vectors, axis=-1)
+    same = left < _SYMMETRIC * np.linalg.norm(crystal.vectors[0])
+    same &= np.isclose(crystal.mass[:, None, 0], crystal.mass[:, 0], rtol=_SYMMETRIC)
+    return np.argmax(same, axis=1) if np.all(same.any(axis=1)) else None
+
+
+def _mirrored(field: Complexes, reflection: Floats, places: NDArray[np.intp]) -> Complexes:
+    """Return the mirror image of a field (..., B, 6); a rotation is an axial vector."""
+    result = np.empty_like(field)
+    result[..., places, :3] = field[..., :3] @ reflection.T
+    result[..., places, 3:] = -(field[..., 3:] @ reflection.T)
+    return result
+
+
+def parity(mirror: tuple[Floats, NDArray[np.intp]], shape: Complexes) -> int:
+    """Return 1 for a mode (B, 6) that is even under a mirror, −1 for an odd one, 0 for one that is neither."""
+    image = _mirrored(shape, *mirror)
+    missed = {sign: np.abs(image - sign * shape).max() for sign in (1, -1)}
+    return next((sign for sign, miss in missed.items() if miss < 1e-6 * np.abs(shape).max()), 0)
+
+
+def _unit(direction: ArrayLike) -> Floats:
+    vector = padded(direction)
+    return vector / np.linalg.norm(vector)
