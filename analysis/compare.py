@@ -151,6 +151,8 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
     loud += [f"{name} = {g['value']}: {g['meaning']}" for name, g in guards.items() if not g["quiet"]]
     if edited := record.info.get("edited"):
         loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
+    if accepted := record.info.get("accepted"):
+        loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
     if not holding(wave):
         script = script_for(traits(wave))
         instead = "the network of its spheres" if reference.name else f"nothing, as {reference.reason}"

@@ -1,5 +1,6 @@
 """Runs that LAMMPS has not made: what a script reads of a record whose rows move as given."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +12,12 @@ import numpy as np
 from granular_lmp import Record, Scene
 from granular_lmp.effects.selection import switches
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import SCENE
+from granular_lmp.lammps.outputs import SCENE, STATUS
 from granular_lmp.problem import prepare
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.record import TRAJECTORY, write_status
+from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 
@@ -48,7 +50,17 @@ def leave_folder(record: Record, folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / SCENE).write_text(scene.to_toml(), encoding="utf-8")
     record.write_csv(folder / TRAJECTORY)
-    write_status(folder, {"status": "finished", "samples": len(record.tau)} | status_of(scene) | record.info)
+    said = {"status": "finished", "samples": len(record.tau)} | status_of(scene) | record.info
+    write_status(folder, said | {"files": files_of(folder)})
+
+
+def of_first_format(folder: Path) -> Path:
+    """Make a folder one of release 0.1.0, which lists no files: their agreement is then all there is to judge by."""
+    info = json.loads((folder / STATUS).read_text(encoding="utf-8"))
+    for key in ("format", "files", "sealed"):
+        info.pop(key, None)
+    (folder / STATUS).write_text(json.dumps(info), encoding="utf-8")
+    return folder
 
 
 def leave_sweep(records: Sequence[Record], folder: Path) -> None:

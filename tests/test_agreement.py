@@ -17,11 +17,12 @@ from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.effects.selection import EFFECTS, select, switches
 from granular_lmp.errors import RunFolderError
 from granular_lmp.problem import prepare
-from granular_lmp.runs.agreement import SAME, refuse_other_trajectory
+from granular_lmp.runs.agreement import SAME, refuse_other_trajectory, scene_digest
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from tests.conftest import PAPER
+from tests.stand_in import of_first_format
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -163,6 +164,7 @@ def test_a_run_without_the_digest_of_its_scene_is_not_resumed(folder: Path) -> N
 @pytest.mark.parametrize("column", range(4), ids=["tau", "p", "q", "phi"])
 @pytest.mark.parametrize("row", [1, 3, 5])
 def test_one_number_of_a_trajectory_that_its_dump_does_not_give_is_refused(row: int, column: int, folder: Path) -> None:
+    of_first_format(folder)
     lines = (folder / TRAJECTORY).read_text().splitlines()
     cells = lines[row].split(",")
     cells[column] = repr(float(cells[column]) + 1e-9)
@@ -171,6 +173,7 @@ def test_one_number_of_a_trajectory_that_its_dump_does_not_give_is_refused(row: 
 
 
 def test_the_trajectory_and_the_dump_of_another_run_are_refused(folder: Path, tmp_path: Path) -> None:
+    of_first_format(folder)
     scene = Record.load(folder).scene
     run(scene.with_values({"wave.phase": 0.1}), tmp_path / "phase")
     run(scene.with_values({"time.duration": 1.5}), tmp_path / "short")
@@ -215,7 +218,8 @@ def test_untracked_angles_are_the_same_and_a_number_among_them_is_not(whole: Pat
         refuse_other_trajectory(tmp_path, record.columns, none.columns, whole=True)
 
 
-def test_a_folder_without_a_dump_is_read(folder: Path) -> None:
+def test_a_folder_of_release_0_1_without_a_dump_is_read(folder: Path) -> None:
+    of_first_format(folder)
     (folder / "dump.centre").unlink()
     assert len(Record.load(folder).tau) == 5
 
@@ -225,15 +229,20 @@ def test_the_runs_of_a_tolerance_and_their_extrapolation_agree_with_themselves(s
     Record.load(tmp_path / "run")
     parts = sorted((tmp_path / "run").glob("*_per_sample"))
     assert len([Record.load(part) for part in parts]) >= 2
-    shutil.copy(parts[0] / TRAJECTORY, parts[1] / TRAJECTORY)
+    shutil.copy(parts[0] / TRAJECTORY, of_first_format(parts[1]) / TRAJECTORY)
     refused(parts[1], r"by dump\.centre")
 
 
 def test_an_extrapolation_that_was_changed_is_refused(small: Scene, tmp_path: Path) -> None:
     run_any(small.with_values({"time.tolerance": 1e-2}), tmp_path / "run")
     written = (tmp_path / "run" / TRAJECTORY).read_text(encoding="utf-8")
+    digest = scene_digest(written)
     for part in sorted((tmp_path / "run").glob("*_per_sample")):  # as long as the extrapolation, of the same times
         shutil.copy(part / TRAJECTORY, tmp_path / "run" / TRAJECTORY)
-        refused(tmp_path / "run", "trajectory.csv: was changed since its runs ended")
+        refused(tmp_path / "run", "trajectory.csv: was changed since the run wrote it")
+    # Release 0.1.0 listed no files, and the digest of this one
+    info = json.loads((of_first_format(tmp_path / "run") / "run.json").read_text()) | {"trajectory_sha256": digest}
+    (tmp_path / "run/run.json").write_text(json.dumps(info))
+    refused(tmp_path / "run", "trajectory.csv: was changed since its runs ended")
     (tmp_path / "run" / TRAJECTORY).write_text(written, encoding="utf-8")
     assert len(Record.load(tmp_path / "run").tau) == 5

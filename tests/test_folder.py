@@ -12,6 +12,7 @@ from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.lammps.outputs import COST, SWEEP
 from granular_lmp.runs.folder import clear, is_held, locked
 from granular_lmp.runs.record import Record, read_status, write_status
+from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.schema import LONGEST_NAME
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.collision import Collision
@@ -162,6 +163,6 @@ def test_a_sweep_is_resumed_by_its_own_command(small: Scene, tmp_path: Path) -> 
 def test_a_trajectory_that_is_none_is_refused(text: str, said: str, small: Scene, tmp_path: Path) -> None:
     once(small, tmp_path)
     (tmp_path / "trajectory.csv").write_text(text)
-    write_status(tmp_path, read_status(tmp_path) | {"samples": len(text.splitlines()) - 1})
+    write_status(tmp_path, read_status(tmp_path) | {"samples": len(text.splitlines()) - 1, "files": files_of(tmp_path)})
     with pytest.raises(RunFolderError, match=said):
         Record.load(tmp_path)

@@ -26,6 +26,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
+from tests.stand_in import of_first_format
 from tests.test_deck import lmp
 
 FILES = {"scene.toml", "in.small", "data.small", "dump.centre", "log.lammps", "run.json", "trajectory.csv"}
@@ -449,7 +450,7 @@ def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path)
     with pytest.raises(RunFolderError, match="not a run folder"):
         Record.load(tmp_path)
     run(small, tmp_path / "run")
-    (tmp_path / "run" / "trajectory.csv").write_text("a,b\n1,2\n")
+    (of_first_format(tmp_path / "run") / "trajectory.csv").write_text("a,b\n1,2\n")
     with pytest.raises(RunFolderError, match=r"trajectory\.csv: cannot be read: header \['a', 'b'\]"):
         Record.load(tmp_path / "run")
     (tmp_path / "dump").write_text("ITEM: TIMESTEP\n" * 10)

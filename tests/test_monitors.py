@@ -21,6 +21,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
+from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.document import note
 from granular_lmp.studies.kick import run_kicked
@@ -233,7 +234,8 @@ def test_contacts_that_a_killed_run_did_not_write_are_unknown(record: Record, tm
     shutil.copytree(record.folder, tmp_path / "run")
     path = tmp_path / "run" / "monitor.behind.contacts"
     path.write_bytes(path.read_bytes()[:-50])
-    whole, cut = record.monitor("behind"), Record.load(tmp_path / "run").monitor("behind")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"})
+    whole, cut = record.monitor("behind"), Record.load(tmp_path / "run", unfinished=True).monitor("behind")
     np.testing.assert_array_equal(cut.flux[:-1], whole.flux[:-1])
     assert np.isnan(cut.flux[-1]).all()
     assert np.isfinite(cut.velocity).all()

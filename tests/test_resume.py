@@ -21,6 +21,7 @@ from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.fields import FIELDS, refuse_malformed
 from granular_lmp.runs.launch import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER
 
 # 8 rows, as `small`, with a monitor; 12,000 steps
@@ -166,7 +167,7 @@ def test_a_wrong_value_in_any_field_is_one_line_and_never_a_traceback(
         if len(path) > 1:  # inside a field: the file is one object to all doors
             said = refusal(lambda: malformed(there))
         else:
-            (folder / STATUS).write_text(json.dumps(there))
+            (folder / STATUS).write_text(json.dumps(there | {"sealed": seal_of(there)}))
             said = refusal(lambda: read_status(folder)).partition(f"{STATUS}: ")[2]
             assert "\n" not in (said or refusal(loaded) + refusal(lambda: continued(folder)))
         if said:

@@ -223,7 +223,7 @@ def test_a_finished_run_whose_record_is_damaged_is_made_again(small: Scene, tmp_
     (tmp_path / "sweep" / done.rows[0]["run"] / "trajectory.csv").write_text("tau")
     damaged = Sweep.load(tmp_path / "sweep")
     assert list(damaged.column("status")) == ["failed", "finished"]
-    assert "trajectory.csv: cannot be read" in damaged.rows[0]["message"]
+    assert "trajectory.csv: was changed since the run wrote it" in damaged.rows[0]["message"]
     again = sweep(small, TWO, tmp_path / "sweep")
     assert list(again.column("largest_q")) == list(done.column("largest_q"))
 

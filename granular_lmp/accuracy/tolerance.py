@@ -25,13 +25,13 @@ from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch
-from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
+from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.scene import Scene
 
 
@@ -213,8 +213,7 @@ def refine(
     }
     with writable(folder):
         record.write_csv(folder / TRAJECTORY)
-        digest = scene_digest((folder / TRAJECTORY).read_text(encoding="utf-8"))
-        found_out = record.info | info | outcome | {"trajectory_sha256": digest}
+        found_out = record.info | info | outcome | {"files": files_of(folder)}
         write_status(folder, found_out)
     return replace(record, scene=scene, info=found_out, folder=folder)
 

@@ -1,4 +1,4 @@
-"""Commands that do one run: run, resume, adopt."""
+"""Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -45,6 +45,9 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     changes_argument(adopt, "wave.amplitude=0.1, which the log does not say")
     folder_arguments(adopt, "run folder (default: runs/NAME)")
 
+    accept = add(commands, "accept", _accept, "take the files of a finished run as they are, where they were changed")
+    accept.add_argument("folder", metavar="DIR", help="its run folder")
+
 
 def _run(options: Options) -> int:
     if impact := impacts.impact_of(options):
@@ -90,6 +93,16 @@ def _adopt(options: Options) -> int:
     if "edited" in record.info:
         remark(f"note: the deck is not as granular-lmp writes it; lines that differ: {len(record.info['edited'])}")
     return _say_how_it_went(str(record.folder), record)
+
+
+def _accept(options: Options) -> int:
+    from granular_lmp.runs.seal import accept
+
+    changed = accept(options.folder)
+    for name in changed:
+        say(f"{options.folder}/{name}: accepted")
+    say(f"{options.folder}: {'all other files are' if changed else 'all files are'} as the run wrote them")
+    return 0
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:

@@ -20,6 +20,7 @@ from granular_lmp.impact.sections import WALL
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status
+from granular_lmp.runs.seal import refuse_changed
 
 Floats = NDArray[np.float64]
 _AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no others, which are 2√2 − 2 = 0.83 apart or more
@@ -71,6 +72,7 @@ class ImpactRecord:
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         refuse_other_scene(folder, info)
+        refuse_changed(folder, info)
         record = cls.from_dump(folder, prepare(ImpactScene.load(folder / SCENE)), info)
         if len(record.tau) != info.get("samples") and not unfinished:
             raise RunFolderError(f"{folder}: {len(record.tau)} records, and run.json says {info.get('samples')}")

@@ -46,6 +46,7 @@ from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.launch import Options, Progress, options_of
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.routes import Job, Route, log_tail, route_of
+from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
@@ -202,6 +203,7 @@ def _refined(
     )
     with writable(folder):
         write_dump(folder, coarse, fine, p)
+        outcome["files"] = files_of(folder)
         write_status(folder, outcome)
     return replace(answer(records), problem=problem, info=outcome, folder=folder)
 
@@ -245,6 +247,7 @@ def _execute(problem: ImpactProblem, job: Job, route: Route, info: dict[str, Any
     except BaseException as error:
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
+    info |= {"files": files_of(folder)} if failure is None else {}
     info |= {"status": status, "message": str(failure or "")}
     with writable(folder):
         write_status(folder, info)

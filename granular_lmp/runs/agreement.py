@@ -101,7 +101,7 @@ def _guards(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
 def refuse_other_extrapolation(path: Path, text: str, info: dict[str, Any]) -> None:
     """Raise RunFolderError if ``trajectory.csv`` is not the extrapolation whose digest ``run.json`` holds.
 
-    Only a run with a tolerance has that digest, because it has no dump of its own to be compared with.
+    Only a run with a tolerance of format 1 has that digest; a later one lists all files (`granular_lmp.runs.seal`).
     """
     if info.get("trajectory_sha256") not in (None, scene_digest(text)):
         raise RunFolderError(f"{path}: was changed since its runs ended; put it back, or run with force=True")

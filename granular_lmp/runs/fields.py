@@ -102,13 +102,13 @@ FIELDS: dict[str, Check] = {
         (_one_of(STATES), "status"),
         (_one_of(LAUNCHERS), "launcher"),
         (_RANKS, "ranks"),
-        (_TEXT, "message name scene_sha256 trajectory_sha256"),
+        (_TEXT, "message name scene_sha256 trajectory_sha256 sealed"),
         (_COUNT, "format particles recorded steps samples centre order"),
         (_NUMBER, "timestep_used wavenumber_used direction_used frequency amplitude tolerance"),
         (_NUMBER, "epsilon overlap_ratio Delta0_m t0_s length_m velocity_m_s mass_kg shortest_collision"),
         (_MAYBE, "smallest_overlap"),
         (_FLAG, "tolerance_met"),
-        (_list_of(_TEXT), "edited refinements remarks"),
+        (_list_of(_TEXT), "edited refinements remarks accepted"),
         (_list_of(_NUMBER), "extrapolated_from"),
         (_table_of(_TEXT), "kernel"),
         (_table_of(_or_null(_TEXT)), "versions"),
@@ -120,6 +120,7 @@ FIELDS: dict[str, Check] = {
         (_list_of(_BUDGET), "error_budget"),
         (_SECONDS, "wall_seconds"),
         (_CRYSTAL, "crystal"),
+        (_table_of(_entries({"bytes": _COUNT, "sha256": _TEXT})), "files"),
         (_entries({"from": _TEXT, "variables": _table_of(_TEXT)}), "adopted"),
     )
     for name in names.split()

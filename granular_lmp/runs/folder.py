@@ -35,6 +35,8 @@ _FILES = (
     *("in.sheet", "dump.sheet", "sheet.npz", "dump.collision", "collision.csv", "collision.json", "compare.png"),
 )
 _DECK = ("in.{}", "data.{}", "in.{}.resume")
+# Of these the ones that are written while the run lasts, or by what reads it
+_PASSING = {STATUS, CONTACTS, "compare.png", *CHECKPOINTS}
 _STUDIES = {SWEEP: "a sweep", COST: "a cost study", SCATTER: "a study of scattering"}
 _BELOW = 300  # bytes of runs/HASH/N_per_sample/in.NAME.resume with the longest name of a scene
 
@@ -102,6 +104,13 @@ def clear(folder: Path) -> None:
                 clear(inner)
                 if not any(inner.iterdir()):
                     inner.rmdir()
+
+
+def written_files(folder: Path) -> list[str]:
+    """Return the names of the files of a finished run, and for each of its steps that of ``run.json`` there."""
+    names = {name for name in _own_names(folder) - _PASSING if (folder / name).is_file()}
+    parts = [part for part in folder.iterdir() if _is_part(part) and (part / STATUS).is_file()]
+    return sorted(names) + sorted(f"{part.name}/{STATUS}" for part in parts)
 
 
 def refuse_links(folder: Path) -> None:

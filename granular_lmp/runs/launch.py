@@ -50,6 +50,7 @@ from granular_lmp.runs.phases import Seconds, collected, phase, split
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, Route, check_machine, log_tail, route_of, run_input
+from granular_lmp.runs.seal import files_of
 from granular_lmp.runs.status import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
@@ -252,7 +253,7 @@ def execute(
         if messages and failure is None:
             failure = EffectError(f"{folder}: {'; '.join(messages)}")
         if failure is None:
-            info |= readouts_of(record) | (judge(record) if judge is not None else {})
+            info |= readouts_of(record) | (judge(record) if judge is not None else {}) | {"files": files_of(folder)}
     except BaseException as error:  # a full disk, or malformed files of LAMMPS
         failure = failure or error
     status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"

@@ -33,6 +33,7 @@ from granular_lmp.lammps.monitors import CONTACT_COLUMNS
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
@@ -115,6 +116,7 @@ class MonitorRecord:
         path = finest(folder, MONITOR.format(name))
         if path is None:
             raise RunFolderError(f"{folder / MONITOR.format(name)}: missing; run the scene again with force=True")
+        refuse_changed_record(folder, path)
         return cls(known[name], scene_of(path.parent), path.parent)
 
     # --- motion ---
@@ -201,6 +203,7 @@ class MonitorRecord:
                 'what = "contacts" or "flux"'
             )
         path = self.folder / MONITOR_CONTACTS.format(self.monitor.name)
+        refuse_changed_record(self.folder, path)
         when = {step: number for number, step in enumerate(self._motion[0].tolist())}
         unknown = np.ones(len(when), dtype=bool)
         times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(CONTACT_COLUMNS)))]

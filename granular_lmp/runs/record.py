@@ -28,6 +28,7 @@ from granular_lmp.runs.agreement import (
 )
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
+from granular_lmp.runs.seal import refuse_changed
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
@@ -103,6 +104,7 @@ class Record:
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         refuse_other_scene(folder, info)
+        refuse_changed(folder, info, lazily=True)
         scene = scene_of(folder)
         refuse_other_physics(folder, info, scene)
         try:

@@ -20,6 +20,7 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.scene import Scene
 
@@ -111,6 +112,7 @@ class Snapshots:
                 f"{folder}: holds no snapshots of all spheres; run its scene with output.particles, the tau between "
                 "them, for instance output.particles = 1.0"
             )
+        refuse_changed_record(folder, path)
         scene = scene_of(path.parent)
         count = sphere_count(scene)
         whole = (each for each in whole_snapshots(path) if each.entries == count)

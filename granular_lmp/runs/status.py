@@ -1,7 +1,9 @@
 """The file ``run.json`` of a run folder: how the run was started, how far it has come, and how it ended."""
 
+import hashlib
 import json
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from granular_lmp.errors import RunFolderError
@@ -11,25 +13,27 @@ from granular_lmp.runs.fields import refuse_malformed
 from granular_lmp.runs.folder import is_held
 from granular_lmp.runs.formats import as_today, format_of
 
+SEAL = "sealed"  # entry of run.json: SHA-256 of all others
 
-def read_status(folder: str | Path) -> dict[str, Any]:
+
+def read_status(folder: str | Path, *, changed: bool = False) -> dict[str, Any]:
     """Return the contents of ``run.json``; a killed run, whose status is still "running", is "interrupted".
 
     Raises
     ------
     RunFolderError
-        If the folder holds no ``run.json``, or it is malformed.
+        If the folder holds no ``run.json``, it is malformed, or was changed since it was written (without `changed`).
     """
     folder = Path(folder)
-    info = _status(folder)
+    info = _status(folder, changed)
     if info.get("status") == "running" and not is_held(folder):
-        info = _status(folder)  # the run may have ended since the file was read
+        info = _status(folder, changed)  # the run may have ended since the file was read
         if info.get("status") == "running":
             info |= {"status": "interrupted", "message": f"killed: {STATUS} says that it runs, and no process does"}
     return info
 
 
-def _status(folder: Path) -> dict[str, Any]:
+def _status(folder: Path, changed: bool) -> dict[str, Any]:
     path = folder / STATUS
     try:
         info = json.loads(path.read_text(encoding="utf-8"))
@@ -40,13 +44,28 @@ def _status(folder: Path) -> dict[str, Any]:
     if not isinstance(info, dict):
         raise RunFolderError(f"{path}: must hold a JSON object")
     try:
-        format_of(info)
+        number = format_of(info)
         refuse_malformed(info)
     except ValueError as error:
         raise RunFolderError(f"{path}: {error}") from error
+    sealed = info.pop(SEAL, None)
+    if number > 1 and not changed and sealed != seal_of(info):
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder)}")
     return as_today(info)
 
 
+def how_to_accept(folder: Path) -> str:
+    """Return what to do about a file that is not as the run wrote it."""
+    accept = f"granular-lmp accept {quote(str(folder))}"
+    return f"put it back, run the scene again with force=True, or, if that is on purpose: {accept}"
+
+
 def write_status(folder: str | Path, info: dict[str, Any]) -> None:
-    """Write ``run.json``."""
-    replace_text(Path(folder) / STATUS, json.dumps(info, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write ``run.json``, and into it the digest of all that it says."""
+    sealed = info | {SEAL: seal_of(info)}
+    replace_text(Path(folder) / STATUS, json.dumps(sealed, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def seal_of(info: dict[str, Any]) -> str:
+    said = {key: value for key, value in info.items() if key != SEAL}
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()

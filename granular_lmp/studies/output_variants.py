@@ -15,7 +15,8 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.record import TRAJECTORY, Record
+from granular_lmp.runs.record import TRAJECTORY, Record, write_status
+from granular_lmp.runs.seal import files_of
 
 Floats = NDArray[np.float64]
 
@@ -111,6 +112,8 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     kept.write_csv(record.folder / TRAJECTORY)
     for stale in (path, record.folder / DUMP):  # the trajectory no longer belongs to the dump of the centre sphere
         stale.unlink()
+    kept = replace(kept, info=record.info | {"files": files_of(record.folder)})
+    write_status(record.folder, kept.info)
     return kept
 
 

@@ -11,7 +11,7 @@ from granular_lmp.errors import GranularError, RunFolderError, SceneError
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.runs.readouts import readout_columns
-from granular_lmp.runs.record import Record, read_status
+from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.studies import sweep_impacts
 from granular_lmp.studies.identity import names_of
@@ -36,11 +36,13 @@ IMPACT_COLUMNS = (*_FIRST, *sweep_impacts.COLUMNS, "guards")
 
 
 def info_of(folder: Path) -> dict[str, Any]:
-    """Return the contents of ``run.json``; nothing where it cannot be read."""
+    """Return the contents of ``run.json``: nothing where there is none, and that it failed where it cannot be read."""
+    if not (folder / STATUS).exists():
+        return {}
     try:
         return read_status(folder)
-    except RunFolderError:
-        return {}
+    except RunFolderError as error:
+        return {"status": "failed", "message": str(error)}
 
 
 def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:

@@ -16,6 +16,7 @@ from granular_lmp.effects.selection import order
 from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
+from granular_lmp.runs.seal import files_of
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
 from granular_lmp.studies.output_variants import OUTPUTS
 
@@ -86,7 +87,8 @@ def _write_reference(folder: Path, record: Record, left: dict[str, float | None]
     scene = record.scene.to_toml()
     replace_text(folder / SCENE, scene)
     record.write_csv(folder / TRAJECTORY)
-    write_status(folder, record.info | {"error_estimate": left, "scene_sha256": scene_digest(scene)})
+    said = {"error_estimate": left, "scene_sha256": scene_digest(scene), "files": files_of(folder)}
+    write_status(folder, record.info | said)
 
 
 def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:

@@ -1,0 +1,105 @@
+"""The seal of a finished run: ``run.json`` lists each file that the run wrote, with its size and its digest.
+
+It also holds a digest of itself, and that of a run to a tolerance lists the ``run.json`` of each of its steps. A reader
+compares the files, those of snapshots and monitors, which may be large, when it reads them. What is not listed is the
+user's. A folder of format 1 lists nothing, and is read as it was (`granular_lmp.runs.formats`).
+"""
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps.outputs import MONITOR, SNAPSHOTS, STATUS, writable
+from granular_lmp.runs.agreement import refuse_other_scene
+from granular_lmp.runs.folder import written_files
+from granular_lmp.runs.formats import format_of
+from granular_lmp.runs.status import how_to_accept, read_status, write_status
+
+_LARGE = (SNAPSHOTS, MONITOR.partition("{")[0])  # beginnings of the names of files that few readers need
+
+
+def files_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return ``files`` of ``run.json``: of each file of a run its name, its size and its SHA-256."""
+    return {name: _entry(folder / name) for name in written_files(folder)}
+
+
+def _entry(path: Path) -> dict[str, Any]:
+    with path.open("rb") as stream:
+        return {"bytes": path.stat().st_size, "sha256": hashlib.file_digest(stream, "sha256").hexdigest()}
+
+
+def refuse_changed(folder: Path, info: dict[str, Any], *, lazily: bool = False) -> None:
+    """Raise RunFolderError if a file that ``run.json`` of a finished run lists is not there as it was written.
+
+    Parameters
+    ----------
+    folder : Path
+    info : dict
+        ``run.json``.
+    lazily : bool
+        Of snapshots and monitors, which may be large, compare the size only: `refuse_changed_record` does the rest.
+    """
+    if info["status"] != "finished" or format_of(info) == 1:
+        return
+    if "files" not in info:
+        raise RunFolderError(f"{folder / STATUS}: files is missing, so that they may be any; {how_to_accept(folder)}")
+    for name, said in info["files"].items():
+        _refuse_other(folder, name, said, whole=not (lazily and name.startswith(_LARGE)))
+
+
+def refuse_changed_record(folder: Path, path: Path) -> None:
+    """Raise RunFolderError if a file in a run folder, or in that of one of its steps, is not as the run wrote it.
+
+    Nothing is known of the files of a run that is not finished, or of a folder without ``run.json``.
+    """
+    places = [(folder, path)] if path.parent == folder else [(folder, path.parent / STATUS), (path.parent, path)]
+    for place, file in places:
+        info: dict[str, Any] = read_status(place) if (place / STATUS).is_file() else {"status": "none"}
+        if info["status"] == "finished" and format_of(info) > 1:
+            name = file.relative_to(place).as_posix()
+            if name not in info.get("files", {}):
+                raise RunFolderError(f"{file}: was not written by the run of its folder; {how_to_accept(place)}")
+            _refuse_other(place, name, info["files"][name], whole=True)
+
+
+def _refuse_other(folder: Path, name: str, said: dict[str, Any], *, whole: bool) -> None:
+    path = folder / name
+    if not path.is_file():
+        raise RunFolderError(f"{path}: is missing, and the run wrote it; {how_to_accept(folder)}")
+    if path.stat().st_size != said["bytes"] or (whole and _entry(path) != said):
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder)}")
+
+
+def accept(folder: str | Path) -> list[str]:
+    """Take the files of a finished run as they are now, on purpose, and return the names of those that differ.
+
+    ``run.json`` keeps the names in ``accepted``. Steps of a run to a tolerance are accepted with it.
+
+    Raises
+    ------
+    RunFolderError
+        If the run is not finished, or its scene was changed: another scene is another run.
+    """
+    folder = Path(folder)
+    info = read_status(folder, changed=True)
+    if info["status"] != "finished":
+        raise RunFolderError(f"{folder}: not a finished run (status '{info['status']}'); there is nothing to accept")
+    refuse_other_scene(folder, info)
+    before = info.get("files", {})
+    steps = [name for name in before if "/" in name and (folder / name).is_file()]
+    found = [f"{Path(name).parent}/{each}" for name in steps for each in accept((folder / name).parent)]
+    now = files_of(folder)
+    found += sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
+    found += [] if _is_sealed(folder) else [STATUS]
+    if found:
+        with writable(folder):
+            write_status(folder, info | {"files": now, "accepted": sorted({*info.get("accepted", ()), *found})})
+    return found
+
+
+def _is_sealed(folder: Path) -> bool:
+    try:
+        return bool(read_status(folder))
+    except RunFolderError:
+        return False
