@@ -29,6 +29,7 @@ from granular_lmp.runs import launch
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from granular_lmp.studies import sweep
+from tests.stand_in import of_first_format
 
 Edit = tuple[str, str]
 END = "run ${steps}"
@@ -116,6 +117,7 @@ def test_a_failed_run_can_be_forced_through_compare_and_shows_that_it_is_no_numb
 
 def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
+    of_first_format(tmp_path / "run")
     lines = (tmp_path / "run" / TRAJECTORY).read_text().splitlines()
     lines[3] = "1.0,nan,nan,nan"
     (tmp_path / "run" / TRAJECTORY).write_text("\n".join([*lines, ""]))
@@ -130,6 +132,7 @@ def test_a_nan_in_a_forced_run_is_refused_in_one_line(small: Scene, tmp_path: Pa
 
 def test_a_trajectory_that_was_cut_off_is_not_taken_for_whole(small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
+    of_first_format(tmp_path / "run")
     path = tmp_path / "run" / TRAJECTORY
     whole = path.read_text()
     for cut in (len(whole) - 3, whole.rindex("\n", 0, -1) + 1, whole.index("\n") + 1, 3, 0):
@@ -528,6 +531,7 @@ def test_a_run_json_of_another_form_is_refused_in_one_line(
 @pytest.mark.parametrize("tau", ["nan", "0.0", "9" * 200_000])
 def test_a_trajectory_whose_times_do_not_ascend_is_refused(tau: str, small: Scene, tmp_path: Path) -> None:
     run(small, tmp_path / "run")
+    of_first_format(tmp_path / "run")
     path = tmp_path / "run" / TRAJECTORY
     lines = path.read_text().split("\n")
     lines[2] = ",".join([tau, *lines[2].split(",")[1:]])
