@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import hypot
+from math import hypot, nextafter
 from typing import Any
 
 import ase
@@ -23,9 +23,12 @@ from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of
 from granular_lmp.scene.scene import Scene
-from granular_lmp.scene.sources import PlacedSource, check_steps, placed
+from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
 from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
+
+# A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large
+COARSEST = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,22 +154,18 @@ def prepare(scene: Scene) -> Problem:
     resolved = scene.with_values(values)
     problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
     _check_strikes(problem)
-    check_steps(problem.sources, scene.time)
     check_groups(problem.monitors, len(problem.sources))
-    limit, echo = problem.largest_step, resolved.echo_time / swiftness(resolved)
+    echo = resolved.echo_time / swiftness(resolved)
     if scene.time.duration > echo and not scene.time.allow_echo:
         raise SceneError(
             f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal may "
             f"bring the echo of the walls to the centre at tau = {echo:.4g}; must be at most that, or set "
             "time.allow_echo = true"
         )
-    if scene.time.tolerance is None and scene.time.step >= limit:
-        drag = resolved.effects.damping is True or resolved.absorb.rows
-        name = "2/Omega_max, less with drag," if drag else "2/Omega_max"
-        raise SceneError(
-            f"time.timestep = {scene.time.timestep!r}: beyond the stability limit of velocity Verlet; "
-            f"must be below {name} = {limit:.6g}, in tau"
-        )
+    if scene.time.tolerance is None:
+        for rule in step_rules(resolved):
+            if scene.time.step > rule.longest:
+                raise SceneError(f"time.timestep = {scene.time.timestep!r}: {rule.sentence}")
     return problem
 
 
@@ -179,6 +178,37 @@ def _check_strikes(problem: Problem) -> None:
                 f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
                 "and a sphere that is moved has no velocity of its own"
             )
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """A rule for the time step of a scene.
+
+    Attributes
+    ----------
+    longest : float
+        The longest step that it allows, τ.
+    first : float
+        The longest step with which the runs for a tolerance may begin, τ.
+    sentence : str
+        What is wrong with a longer step, and what to do.
+    """
+
+    longest: float
+    first: float
+    sentence: str
+
+
+def step_rules(scene: Scene) -> list[StepRule]:
+    """Return all rules for the time step of a scene, which `prepare` and the choice of a step both follow."""
+    limit = largest_step(scene)
+    name = "2/Omega_max, less with drag," if scene.effects.damping is True or scene.absorb.rows else "2/Omega_max"
+    sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
+    sources = longest_steps(scene.source, scene.sphere, mode_of(scene).frequency)
+    return [
+        *(StepRule(longest, longest, why) for longest, why in sources),
+        StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),
+    ]
 
 
 def largest_step(scene: Scene) -> float:

@@ -16,7 +16,7 @@ from analysis.theory.network_motion import integrate as network_motion
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.accuracy import halving
 from granular_lmp.cli import main
-from granular_lmp.errors import EffectError, RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
@@ -236,13 +236,17 @@ def _edit(folder: Path, changes: dict[str, Any]) -> None:
     (folder / "run.json").write_text(json.dumps(info | changes))
 
 
-def test_a_guard_of_a_run_to_a_tolerance_says_what_shortens_its_steps(tmp_path: Path) -> None:
+def test_a_state_that_presses_spheres_deep_shortens_the_first_step(tmp_path: Path) -> None:
     # Two spheres are let go that overlap by far more than the unit of the impact, that of the slow one
     slow = {"striker": [], "start": {"state": [[4, 0, 0, 1e-5, 0, 0, 0], [0, 0, 0, 0, 0, 1e-3, 0]]}}
     scene = ImpactScene.from_dict(CHAIN.with_values({"packing.rows": 6, "time.duration": 1.0}).to_dict() | slow)
-    with pytest.raises(EffectError, match="step_in_contact = .* take a shorter time.timestep, or a smaller time.toler"):
-        run_impact(scene.with_values({"time.tolerance": 1e-2}), tmp_path / "coarse")
-    run_impact(scene.with_values({"time.tolerance": 1e-4}), tmp_path / "fine")
+    with pytest.raises(SceneError, match=r"above 0\.5/omega of the stiffest contact at the beginning") as no:
+        prepare(scene.with_values({"time.timestep": 0.2}))
+    most = float(str(no.value).rpartition(" ")[2])
+    prepare(scene.with_values({"time.timestep": 0.99 * most}))
+    loose = scene.with_values({"time.tolerance": 1e-2})
+    assert loose.time.sample / plan(prepare(loose)).per_sample <= most
+    assert run_impact(loose, tmp_path / "run").info["guards"]["step_in_contact"]["quiet"]
 
 
 def test_a_step_beside_a_tolerance_is_refused_and_one_replaces_the_other() -> None:

@@ -17,7 +17,6 @@ from analysis.theory.timestep import extrapolated, limit, stepped
 from granular_lmp import Record, Scene, cli, run
 from granular_lmp.accuracy.halving import MOST_RUNGS
 from granular_lmp.accuracy.ladder import (
-    COARSEST,
     RUNGS,
     deciding_frequency,
     finest_step,
@@ -30,7 +29,7 @@ from granular_lmp.accuracy.richardson import SAFETY, answer, estimate
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
 from granular_lmp.accuracy.tolerance import refine, resume
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import COARSEST, largest_step, prepare
 from granular_lmp.runs import routes
 from granular_lmp.runs.record import read_status
 from tests.conftest import PAPER

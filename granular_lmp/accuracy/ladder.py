@@ -17,14 +17,12 @@ from math import hypot, sqrt
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare, step_rules
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
 RUNGS = 4  # runs of the planned ladder: the last two answers then rest on three runs each
 MOST_STEPS = 10**9
-# A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large
-COARSEST = 0.7
 
 
 def with_step(scene: Scene, step: float) -> Scene:
@@ -72,8 +70,8 @@ def first_step(scene: Scene) -> float:
     def enough(per_sample: int) -> bool:
         return pair_error(frequency, sample / (per_sample << RUNGS - 1), duration) <= tolerance
 
-    stable = int(sample / (COARSEST * largest_step(scene))) + 1
-    low, high = stable - 1, stable
+    fewest = int(sample / min(rule.first for rule in step_rules(scene))) + 1
+    low, high = fewest - 1, fewest
     while not enough(high):
         low, high = high, 2 * high
         if _ladder(high) * scene.time.samples > MOST_STEPS:

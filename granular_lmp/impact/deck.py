@@ -7,7 +7,6 @@ exact positions (`granular_lmp.impact.lattice`).
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.sections import PERIODIC
+from granular_lmp.impact.steps import LONGEST_STEP
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile, id_ranges
@@ -28,7 +28,6 @@ from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 Floats = NDArray[np.float64]
 SKIN = 0.2  # radii
 LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
-LONGEST_STEP = 0.5  # A step takes at most this share of 1/ω of the stiffest contact; a collision then has ten
 GUARD_COLUMNS = ("v_tau", "v_overlap", "v_omega_dt")  # The thermo table has them behind the step
 _DISPLACEMENTS = ("# --- displacements count from the places at rest", "compute      u all displace/atom", "")
 _PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy", "vz"]
@@ -339,15 +338,9 @@ def _guards(problem: ImpactProblem) -> list[str]:
     The largest force of a contact F makes no overlap above (F/A)^{2/3} of the softest pair of spheres, and no contact
     is stiffer than one of the stiffest pair, or with a wall, at that overlap.
     """
-    stiffness, walls = problem.contacts[3], problem.planes
-    softest, stiffest = float(stiffness.min(initial=1.0)), float(stiffness.max(initial=1.0))
-    radius = problem.crystal.arrays["radius"]
-    lightest, smallest, largest = float(problem.mass.min()), float(radius.min()), float(radius.max())
+    softest, walls = float(problem.contacts[3].min(initial=1.0)), problem.planes
+    smallest = float(problem.crystal.arrays["radius"].min())
     length = units_of(problem).number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
-    square = 3 * stiffest / lightest  # ω²/√δ of two spheres, k (1/m + 1/m) with k = (3/2) A √δ
-    if walls:
-        own = [m.effective_modulus / problem.scene.sphere.effective_modulus for m in problem.materials]
-        square = max(square, 3 * sqrt(2 * largest) * max(own) / lightest)
     lines = [
         "compute      contact all pair/local force",
         "compute      largest all reduce max c_contact inputs local",
@@ -366,7 +359,7 @@ def _guards(problem: ImpactProblem) -> list[str]:
         *lines,
         f"variable     deepest equal {depth}",
         f"variable     overlap equal v_deepest*{length / (2 * smallest)!r}  # in diameters of the smallest sphere",
-        f"variable     omega_dt equal v_step*sqrt({square!r}*sqrt(v_deepest))",
+        f"variable     omega_dt equal v_step*sqrt({problem.square_rate!r}*sqrt(v_deepest))",
         "thermo_style custom step v_tau v_overlap v_omega_dt",
         "thermo_modify flush yes",
         f"thermo       {look_steps(problem)}",

@@ -12,12 +12,14 @@ from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import collision_time
+from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output
+from granular_lmp.impact.steps import step_rules
 from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.start import refuse_motion, state_in
 from granular_lmp.scene.strikers import struck
@@ -27,7 +29,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 # A force f on a sphere that vibrates with ω makes a velocity f/mω, which then is 1e-4 of the striker's at most
 LARGEST_RESIDUAL = 1e-4
-STEPS_IN_COLLISION = 10.0  # The shortest collision has at least as many; the velocities then err by 3 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,42 @@ class ImpactProblem:
         rate = np.sqrt(self.rest_stiffness / light)
         pairs = {*zip(light.tolist(), stiffness.tolist(), rate.tolist(), strict=True)}
         return min((1 / hypot(1 / collision_time(m, s), w / pi) for m, s, w in pairs), default=inf)
+
+    @cached_property
+    def started(self) -> ase.Atoms:
+        """Spheres at the beginning, displaced by ``[start]``, in radii."""
+        moved = self.crystal.copy()
+        moved.positions[:, :2] += self.start[:, :2] / self.scene.sphere.radius
+        return moved
+
+    @cached_property
+    def square_rate(self) -> float:
+        """ω² of the stiffest contact at an overlap of ℓ, 1/t0²: k (1/m + 1/m) with k = (3/2) A √ℓ."""
+        lightest, largest = float(self.mass.min()), float(self.crystal.arrays["radius"].max())
+        square = 3 * float(self.contacts[3].max(initial=1.0)) / lightest
+        own = [each.effective_modulus / self.scene.sphere.effective_modulus for each in self.materials]
+        return max(square, 3 * sqrt(2 * largest) * max(own) / lightest) if self.planes else square
+
+    @cached_property
+    def first_depth(self) -> float:
+        """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force."""
+        if not self.scene.start.state:
+            return float(self.rest_force.max(initial=0.0) / self.contacts[3].min(initial=1.0)) ** (2 / 3)
+        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.contacts[3].min()
+        i, j, vector = overlapping(self.started)
+        law = law_between(self.crystal, self.materials, i, j)
+        relative = (law.normal_coefficient / self.scene.sphere.normal_coefficient / softest) ** (2 / 3)
+        in_walls = [
+            radius - (places[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
+            for name, plane in self.planes.items()
+        ]
+        depth = np.concatenate([relative * (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)), *in_walls])
+        return float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scene.scale.length
+
+    @property
+    def step_rules(self) -> list[tuple[float, str]]:
+        """The longest step, t0, of each rule for the time step, and what is wrong with a longer one."""
+        return step_rules(self.shortest_collision, sqrt(self.square_rate * sqrt(self.first_depth)))
 
     # --- a chain that is pressed together ---
 
@@ -292,26 +329,21 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         )
     if scene.start.state:
         _check_start(problem)
-    most = problem.shortest_collision / STEPS_IN_COLLISION
-    if scene.time.tolerance is None and scene.time.step > most:
-        raise SceneError(
-            f"time.timestep = {scene.time.timestep!r}: leaves the shortest collision of two neighbours, "
-            f"{problem.shortest_collision:.4g} t0, fewer than {STEPS_IN_COLLISION:g} steps; must be at most "
-            f"{most:.4g}, and at most {most / 8:.2g} for errors of 1e-4"
-        )
+    if scene.time.tolerance is None:
+        for longest, sentence in problem.step_rules:
+            if scene.time.step > longest:
+                raise SceneError(f"time.timestep = {scene.time.timestep!r}: {sentence}")
     return problem
 
 
 def _check_start(problem: ImpactProblem) -> None:
     """Raise a SceneError if the state at the beginning displaces spheres that rub, or presses them into a wall."""
-    scene, crystal, everyone = problem.scene, problem.crystal, np.ones(len(problem.crystal), dtype=bool)
+    crystal, everyone = problem.crystal, np.ones(len(problem.crystal), dtype=bool)
     if problem.on["shear"]:
         refuse_motion(problem.start, [0, 1], crystal, everyone, "whose contacts rub: a state lacks their shear at rest")
     radius = crystal.arrays["radius"]
-    moved = crystal.copy()
-    moved.positions[:, :2] += problem.start[:, :2] / scene.sphere.radius
     for name, plane in problem.planes.items():
-        inward = (moved.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
+        inward = (problem.started.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
         overlap = (1 - inward / radius) / 2
         if overlap.max() > LARGEST_OVERLAP_RATIO:
             worst = int(overlap.argmax())

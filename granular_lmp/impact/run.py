@@ -15,7 +15,6 @@ from granular_lmp.accuracy.halving import One, begun, continued, halved
 from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
-    LONGEST_STEP,
     ImpactDeck,
     checkpoint_steps,
     deck_of,
@@ -25,6 +24,7 @@ from granular_lmp.impact.deck import (
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
+from granular_lmp.impact.steps import LONGEST_STEP
 from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, write_dump
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (

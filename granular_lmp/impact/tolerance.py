@@ -40,6 +40,7 @@ MOST_STEPS = 10**9
 # then estimated to err by 2e-5 to 2e-4 after 12 collision times
 _STEPS_AT = (48.0, 1e-4)
 _FEWEST = 16.0
+_SHARE = 0.7  # of the longest step that a rule allows: spheres may come to press each other deeper on their way
 _POWER = 2.5  # power of the step in the error of the answer
 _MOVED = ("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz")  # columns of a dump
 _HEAD = 9  # lines of a snapshot before its spheres
@@ -56,7 +57,8 @@ def plan(problem: ImpactProblem) -> Plan:
     time = problem.scene.time
     assert time.tolerance is not None
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
-    found = Plan(max(1, ceil(time.sample * steps / problem.shortest_collision)), RUNS)
+    longest = min(problem.shortest_collision / steps, *(each * _SHARE for each, _ in problem.step_rules))
+    found = Plan(max(1, ceil(time.sample / longest)), RUNS)
     if found.steps_per_sample * time.samples > MOST_STEPS:
         raise SceneError(f"time.tolerance = {time.tolerance!r}: would take more than {MOST_STEPS} steps in this scene")
     return found

@@ -258,15 +258,16 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
     return tuple(found)
 
 
-def check_steps(sources: Sequence[PlacedSource], time: Time) -> None:
-    """Check that a period of each source has enough time steps."""
+def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> Iterator[tuple[float, str]]:
+    """Yield for each source the longest step (τ) that resolves its signal, and why; `usual` is Ω of the wave."""
     for number_, each in enumerate(sources, 1):
-        top = each.source.known.top * each.frequency
-        most = 2 * pi / top / FEWEST_STEPS if top else inf
-        if time.tolerance is None and time.step > most:
-            raise SceneError(
-                f"time.timestep = {time.timestep!r}: leaves a period of source {number_} fewer than {FEWEST_STEPS:g} "
-                f"steps at its frequency of {top:.6g} rad per t0; must be at most {most:.4g}"
+        top = each.known.top * each.pulsation(sphere, usual)
+        if top:
+            most = 2 * pi / top / FEWEST_STEPS
+            yield (
+                most,
+                f"leaves a period of source {number_} fewer than {FEWEST_STEPS:g} steps at its frequency of {top:.6g} "
+                f"rad per t0; must be at most {most:.4g}",
             )
 
 

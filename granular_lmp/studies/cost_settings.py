@@ -14,7 +14,7 @@ from granular_lmp.accuracy.ladder import finest_step, planned_steps, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
-from granular_lmp.problem import largest_step, prepare
+from granular_lmp.problem import prepare, step_rules
 from granular_lmp.runs.launch import core_count
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
@@ -127,8 +127,8 @@ def _pair(scene: Scene, step: float) -> tuple[str, tuple[Run, ...]]:
 
 
 def _steps(scene: Scene) -> list[float]:
-    """Return the longest stable step that fits a sample, and its halves, τ."""
-    longest = scene.time.sample / (int(scene.time.sample / largest_step(scene)) + 1)
+    """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
+    longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in step_rules(scene))) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
