@@ -21,6 +21,7 @@ from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
+from granular_lmp.scene.resolution import farthest_rounding, gathered_rounding
 from tests.conftest import PAPER
 from tests.instance import silent_lammps
 
@@ -327,6 +328,22 @@ def test_a_row_that_is_torn_apart_is_reported(tmp_path: Path) -> None:
     torn = replace(deck.data, wave=wave)
     with pytest.raises(EffectError, match="width triggered its guard at tau = 0: row_spread = "):
         run(replace(deck, data=torn), tmp_path / "run")
+
+
+def test_rounding_alone_breaks_no_symmetry_however_many_steps(tmp_path: Path) -> None:
+    # 48000 steps of a wave of 1e-5: torques are 150 roundings of a position, and the spread of a row 100
+    changes = {"packing.rows": 16, "wave.wavenumber": 2 * np.pi * 2 / 16, "wave.amplitude": 1e-5, "wave.mode": "L"}
+    times = {"time.duration": 3000.0, "time.sample": 3000.0, "time.timestep": 1 / 16}
+    record = run(CELL.with_values(changes | times), tmp_path / "run")
+    law, rounding = gathered_rounding(record.scene), farthest_rounding(record.scene)
+    for name in ("largest_torque", "row_spread"):
+        guard = record.info["guards"][name]
+        # 1.4 and 1.0 of the law here; another processor rounds otherwise, by a factor and not by a power
+        assert 0.2 < guard["value"] / law < 5
+        assert guard["value"] > 25 * rounding
+        assert guard["quiet"]
+    finer = record.scene.with_values({"time.timestep": 1 / 64})
+    assert 2 < gathered_rounding(finer) / law < 4  # between the root and the number of steps
 
 
 def blind(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:

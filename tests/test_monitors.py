@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from analysis import compare
+from analysis.measure.norms import relative_error
 from analysis.theory.choice import traits_of
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.recorded import Recorded
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, RunFolderError, SceneError
 from granular_lmp.lammps.binary_dump import binary_snapshots, continuation, mend_binary
@@ -21,6 +23,7 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.export import export
 from granular_lmp.runs.launch import resume
+from granular_lmp.runs.readouts import readout
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.at_rest import echo_at
 from granular_lmp.scene.document import note
@@ -303,15 +306,46 @@ def test_adopted_and_forced_runs_take_their_monitors_along(record: Record, tmp_p
         adopt(tmp_path / "run", tmp_path / "again", scene=short.with_values({"monitor": [LINE]}))
 
 
-def test_a_run_to_a_tolerance_has_the_monitors_of_its_finest_step(tmp_path: Path) -> None:
-    changes = {"time.duration": 6.0, "time.tolerance": 1e-2, "source.1.cycles": 1.0}
-    coarse = run(SHEET.with_values(changes), tmp_path / "run")
-    behind = coarse.monitor("behind")
-    assert sorted(path.name for path in (tmp_path / "run").glob("*_per_sample"))[-1] == behind.folder.name
-    assert behind.scene.time.step == min(coarse.info["extrapolated_from"])
-    assert coarse.info["monitors"]["line"] == {
-        "why": 'source 1: signal = "burst": must be "tone", which becomes steady'
-    }
+def test_a_tolerance_holds_for_monitors(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    scene = SHEET.with_values({"time.tolerance": 1e-2, "output.particles": 0.5})
+    (tmp_path / "scene.toml").write_text(scene.to_toml())
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "run")]) == 0
+    answer = Record.load(tmp_path / "run")
+    finest = tmp_path / "run" / f"{round(0.25 / min(answer.info['extrapolated_from']))}_per_sample"
+    # Errors of second order of a step that is at least eight times as small
+    step = min(answer.info["extrapolated_from"]) / 8
+    exact = run(SHEET.with_values({"time.timestep": step, "output.particles": 0.5}), tmp_path / "exact")
+    truth, found, single = (Recorded() for _ in range(3))
+    for one, record in ((truth, exact), (found, answer), (single, Record.load(finest))):
+        one.add(record)
+    (true,), (held,), (alone,) = truth.signals, found.signals, single.signals
+    estimates = answer.info["errors_of_monitors"]
+    assert {name for name in true if "." in name} >= set(estimates) >= {"behind.flux", "beside.normal", "line.v_t"}
+    errors = {name: relative_error(held[name], true[name]) for name in estimates}
+    assert max(errors.values()) <= max(estimates.values()) <= 1e-2
+    assert all(errors[name] < estimates[name] for name in errors)
+    assert max(relative_error(alone[name], true[name]) for name in estimates) > 2 * max(errors.values())
+    # Files that a reader opens are those of the answer, and keep what does not move
+    behind = answer.monitor("behind")
+    assert behind.folder == tmp_path / "run"
+    np.testing.assert_allclose(behind.tau, answer.tau)
+    mine, theirs = (next(binary_snapshots(each / "monitor.line.bin")) for each in (tmp_path / "run", finest))
+    assert mine.names == theirs.names
+    np.testing.assert_array_equal(mine.table[:, :2], theirs.table[:, :2])
+    worst = max(estimates, key=estimates.__getitem__)
+    assert f"of all else {worst} {estimates[worst]:.1e} at most (tolerance 0.01)" in capsys.readouterr().out
+    export(answer, tmp_path / "behind.csv", monitor="behind")
+    flux = np.loadtxt(tmp_path / "behind.csv", delimiter=",", skiprows=1)[:, 2]
+    np.testing.assert_allclose(flux, behind.flux.ravel() * behind.watt, rtol=1e-12)
+
+
+def test_read_outs_of_a_run_to_a_tolerance_are_those_of_its_answer(tmp_path: Path) -> None:
+    tone = {"rows": [6, 6], "force": "y", "ramp": 1.0, "frequency": 1.5}
+    changes = {"source": [tone], "monitor": [LINE], "time.duration": 80.0, "packing.columns": 3, "time.tolerance": 1e-2}
+    record = run(SHEET.with_values(changes), tmp_path / "run")
+    assert record.info["monitors"]["line"] == readout(record.monitor("line"))
+    assert record.info["monitors"]["line"]["v"]["1"][0] > 0
+    assert Record.load(tmp_path / "run").info["monitors"] == record.info["monitors"]
 
 
 def test_what_is_left_of_a_dump_is_mended_and_what_is_another_is_refused(record: Record, tmp_path: Path) -> None:

@@ -145,10 +145,16 @@ def test_a_mended_dump_of_many_spheres_is_that_of_one_run(cut: int, seen: Scene,
     assert dump.read_text() == text
 
 
-def test_a_run_to_a_tolerance_shows_the_snapshots_of_its_finest_step(seen: Scene, tmp_path: Path) -> None:
+def test_a_run_to_a_tolerance_shows_the_snapshots_of_its_answer(seen: Scene, tmp_path: Path) -> None:
     record = run(seen.with_values({"time.tolerance": 1e-3}), tmp_path / "run")
     snapshots = Snapshots.load(tmp_path / "run")
-    assert snapshots.scene.time.step == min(record.info["extrapolated_from"])
+    assert (snapshots.path.parent, snapshots.step) == (tmp_path / "run", 0.0)
+    np.testing.assert_allclose(snapshots.tau, record.tau[::2])
+    centre = seen.shape.centre_row * seen.shape.columns + seen.shape.columns // 2
+    # Sums of three numbers of order 1
+    np.testing.assert_allclose(snapshots.stack("displacement")[:, centre, 1], record.p[::2], atol=1e-14)
+    assert snapshots[2].rotation[centre] == pytest.approx(record.phi[4], abs=1e-14)
+    assert record.info["errors_of_monitors"]["output.particles.v"] <= 1e-3
 
 
 def test_a_run_without_snapshots_says_what_its_scene_needs(small: Scene, tmp_path: Path) -> None:

@@ -132,10 +132,9 @@ def compare(record: Record) -> Tones:
         dict(zip(sorted(seen), amplitudes_at(rows.tau[late], each[late][:, n], sorted(seen))[1], strict=True))
         for each in (rows.p, rows.q)
     )
-    # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
-    contact, step, place = contact_of(record), record.snapshots().scene.time.step, n - scene.shape.centre_row
+    contact, step, place = contact_of(record), record.snapshots().step, n - scene.shape.centre_row
     # Velocity Verlet moves a wave of the lattice's Ω at the frequency 2/h·asin(Ωh/2)
-    xi = [wavenumber(2 / step * np.sin(w * step / 2), contact, longitudinal=False) for w in (first, second)]
+    xi = [wavenumber(w * np.sinc(w * step / (2 * np.pi)), contact, longitudinal=False) for w in (first, second)]
     pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
     sent = []
     for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), pair_of, strict=True):
@@ -151,7 +150,7 @@ def compare(record: Record) -> Tones:
         frequency = abs(at)
         if at < 0:  # the same field with a positive frequency
             theory, forced = theory.conjugate(), -forced
-        free = wavenumber(2 / step * np.sin(frequency * step / 2), contact, longitudinal=True)
+        free = wavenumber(frequency * np.sinc(frequency * step / (2 * np.pi)), contact, longitudinal=True)
         run, ahead, back = waves(p[frequency], place, [forced, free, -free])[0].tolist()
         lines.append(Line(name, frequency, forced, free, run, theory, ahead, back, p[frequency]))
     return Tones(record, (first, second), place, tuple(lines))

@@ -95,8 +95,7 @@ def compare(record: Record) -> Comparison:
     sheet = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, sphere.overlap_ratio)
     if not np.allclose(rest_of(particles), sheet.rest, rtol=0, atol=1e-6):
         raise ValueError("the spheres at rest are not where this theory has them, row by row")
-    # The snapshots of a run to a tolerance are those of the finest step, which their own scene says
-    linear, second = evolve(sheet, fields[0], rate, particles.tau, timestep=particles.scene.time.step)
+    linear, second = evolve(sheet, fields[0], rate, particles.tau, timestep=particles.step)
     amplitude, wavevector = record.scene.wave.amplitude, carrier(sheet, fields[0], rate)
     return Comparison(sheet, amplitude, wavevector, particles.tau, fields, linear, amplitude * second)
 

@@ -15,15 +15,19 @@ The rounding of positions limits the accuracy at any time step: `granular_lmp.ac
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf, isclose
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular_lmp.accuracy.halving import extrapolated
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+Signals = dict[str, Floats]
 
 # The distance was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5 with errors
 # above 3e-6 (docs/accuracy.md)
@@ -74,15 +78,18 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
 def answer(runs: Sequence[Record]) -> Record:
     """Return the best extrapolation of runs of one scene, each with half the step of the one before.
 
-    A single run is returned as it is; of more runs the last three are used.
+    A single run is returned as it is.
     """
     if len(runs) == 1:
         return runs[0]
-    exponent = order(runs[-1].scene)
-    newer = richardson(runs[-2], runs[-1], exponent)
-    if len(runs) == 2 or exponent == 1:
-        return newer
-    return richardson(richardson(runs[-3], runs[-2]), newer, order=4)
+    return combined_record(runs, judge([run.signals for run in runs], order(runs[-1].scene)))
+
+
+def combined_record(runs: Sequence[Record], judgement: "Judgement") -> Record:
+    """Return the answer that a judgement makes of runs."""
+    weights = judgement.weights
+    signals = {name: combined([run.signals[name] for run in runs], weights) for name in runs[-1].signals}
+    return replace(runs[-1], p=signals["p"], q=signals["q"], phi=signals["phi"], folder=None)
 
 
 def estimate(runs: Sequence[Record]) -> dict[str, float]:
@@ -98,14 +105,66 @@ def estimate(runs: Sequence[Record]) -> dict[str, float]:
     dict
         Errors by signal, without signals that vanish by symmetry; inf if there is only one run.
     """
-    newer = answer(runs)
-    names = judged(newer.scene, newer.signals)
+    names = judged(runs[-1].scene, answer(runs).signals)
+    errors = judge([run.signals for run in runs], order(runs[-1].scene)).errors
+    return {name: errors[name] for name in names}
+
+
+# --- the answer and the estimate, of any signals ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the runs of a ladder say together.
+
+    Attributes
+    ----------
+    weights : tuple of float
+        Weight of each run, from the longest step, in the answer: a sum of runs, whose weights sum to 1.
+    errors : dict of str to float
+        Estimated relative L2 error of each signal of the answer; inf if it is not known, nan if the signal is.
+    """
+
+    weights: tuple[float, ...]
+    errors: dict[str, float]
+
+
+def judge(runs: Sequence[Signals], order: int) -> Judgement:
+    """Return the answer of runs and the estimate of its error: the one place where both are decided.
+
+    Parameters
+    ----------
+    runs : sequence of dict
+        Signals by name, arrays whose first axis is time, of each run, from the longest step; each has half the step of
+        the one before.
+    order : int
+        Order of the error in the step: 2, or 1 with some effects (`effects.selection.order`).
+    """
+    weights = weights_of(len(runs), order)
     if len(runs) == 1:
-        return dict.fromkeys(names, inf)
-    older = answer(runs[:-1])
+        return Judgement(weights, dict.fromkeys(runs[0], inf))
+    before = (*weights_of(len(runs) - 1, order), 0.0)
+    errors = {}
+    for name in runs[-1]:
+        values = [run[name] for run in runs]
+        newer = combined(values, weights)
+        size = float(np.linalg.norm(newer))
+        apart = float(np.linalg.norm(combined(values, before) - newer))
+        errors[name] = SAFETY * apart / size if size else 0.0
+    return Judgement(weights, errors)
 
-    def distance(name: str) -> float:
-        values = newer.signals[name]
-        return float(np.linalg.norm(older.signals[name] - values) / np.linalg.norm(values))
 
-    return {name: SAFETY * distance(name) for name in names}
+def weights_of(runs: int, order: int) -> tuple[float, ...]:
+    """Return the weight of each run in the answer: of the last three runs, or two if the order is 1, count."""
+    if runs == 1:
+        return (1.0,)
+    if order == 1 or runs == 2:
+        used: tuple[float, ...] = (-1 / (2**order - 1), 2**order / (2**order - 1))
+    else:  # (16 (4c − b)/3 − (4b − a)/3)/15
+        used = (1 / 45, -20 / 45, 64 / 45)
+    return (0.0,) * (runs - len(used)) + used
+
+
+def combined(values: Sequence[Floats] | Floats, weights: Sequence[float]) -> Floats:
+    """Return the sum of arrays of runs with their weights."""
+    return np.asarray(sum(weight * each for weight, each in zip(weights, values, strict=True) if weight))

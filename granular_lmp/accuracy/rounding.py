@@ -151,12 +151,15 @@ def grain(scene: Scene) -> float:
 
 
 def _spacing(scene: Scene) -> float:
-    """Return the root mean square, in D0, of the spacing of doubles at the y of the rows that reach the centre."""
+    """Return the root mean square, in D0, of the spacing of doubles at the places that reach the centre."""
     # Noise that arrives at the centre left its row, on average, half-way through the run
     reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
-    n = np.arange(scene.shape.rows) - scene.shape.centre_row
     # The spacing jumps by factors of two, so it depends on the units of the deck
     units = units_for(scene.sphere.radius)
-    y = units.number(scene.sphere.lattice_constant, length=1) * scene.lattice.row_spacing * n[np.abs(n) <= reach]
-    size = units.number(scene.displacement_amplitude, length=1)
-    return float(np.sqrt(np.mean(np.spacing(np.abs(y)) ** 2)) / size)
+    row = units.number(scene.sphere.lattice_constant, length=1) * scene.lattice.row_spacing
+    n = np.arange(scene.shape.rows) - scene.shape.centre_row
+    square = float(np.mean(np.spacing(np.abs(row * n[np.abs(n) <= reach])) ** 2))
+    if not scene.plane_along_y:  # what is recorded moves along the rows too
+        x = np.arange(scene.shape.columns) - scene.shape.columns / 2
+        square += float(np.mean(np.spacing(np.abs(row * x[np.abs(x) <= reach])) ** 2))
+    return float(np.sqrt(square) / units.number(scene.displacement_amplitude, length=1))

@@ -16,10 +16,13 @@ from typing import Any
 
 from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.accuracy.halving import One, Plan, begun, continued, halved
-from granular_lmp.accuracy.ladder import RUNGS, first_step
-from granular_lmp.accuracy.richardson import answer, estimate
+from granular_lmp.accuracy.ladder import RUNGS, finest_step, first_step, with_step
+from granular_lmp.accuracy.noise import counted, lost
+from granular_lmp.accuracy.recorded import Recorded, write_answer
+from granular_lmp.accuracy.richardson import Judgement, combined_record, judge
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.errors import RunFolderError, ToleranceError
+from granular_lmp.effects.selection import order
+from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, writable
@@ -30,6 +33,7 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import wall_seconds
+from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.scene import Scene
@@ -192,19 +196,30 @@ def refine(
         As in `run`.
     """
     plan = Plan(round(scene.time.sample / first_step(scene)), RUNGS)
+    recorded, noise, judgements = Recorded(), dict[str, float](), list[Judgement]()
 
-    def judged(records: Sequence[Record]) -> dict[str, float]:
+    def estimated(records: Sequence[Record]) -> dict[str, float]:
+        recorded.add(records[-1])
+        signals = recorded.signals
         if len(records) == 1:
-            check_floor(scene, records[0].signals, ToleranceError)
-        return estimate(records)
+            noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
+        judgements.append(judge(signals, order(records[-1].scene)))
+        errors = judgements[-1].errors
+        return {name: errors[name] for name in counted(scene, signals[-1]) if name not in noise}
 
-    records, found, refinements = halved(scene, folder, plan, one, judged, progress, info)
-    record = answer(records)
+    records, found, refinements = halved(scene, folder, plan, one, estimated, progress, info)
+    judgement = judgements[-1]
+    found |= {name: judgement.errors[name] for name in noise}
+    record = combined_record(records, judgement)
     runs = [run.info for run in records]
     outcome = {
         "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
-        "error_budget": error_budget(scene, record.signals, found),
-        "extrapolated_from": [run.scene.time.step for run in records[-3:]],
+        "errors_of_monitors": {name: error for name, error in found.items() if "." in name},
+        "noise": noise,
+        "error_budget": error_budget(scene, record.signals, {n: e for n, e in found.items() if "." not in n}),
+        "extrapolated_from": [
+            run.scene.time.step for run, weight in zip(records, judgement.weights, strict=True) if weight
+        ],
         "refinements": refinements,
         "steps": sum(run["steps"] for run in runs),
         "wall_seconds": _all_seconds(runs),
@@ -213,6 +228,8 @@ def refine(
     }
     with writable(folder):
         record.write_csv(folder / TRAJECTORY)
+        write_answer(folder, records, judgement.weights)
+        outcome |= readouts_of(replace(record, scene=scene, folder=folder))
         found_out = record.info | info | outcome | {"files": files_of(folder)}
         write_status(folder, found_out)
     return replace(record, scene=scene, info=found_out, folder=folder)

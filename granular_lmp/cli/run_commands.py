@@ -106,6 +106,7 @@ def _accept(options: Options) -> int:
 
 
 def _say_how_it_went(folder: str, record: "Record") -> int:
+    from granular_lmp.accuracy.noise import said
     from granular_lmp.accuracy.rounding import below_rounding
 
     info = record.info
@@ -118,7 +119,12 @@ def _say_how_it_went(folder: str, record: "Record") -> int:
         remark(f"note: {sentence}")
     if "tolerance" in info:
         found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
+        others = {name: error for name, error in info["errors_of_monitors"].items() if name not in info["noise"]}
+        worst = max(others, key=lambda name: others[name], default="")
+        found += f"; of all else {worst} {others[worst]:.1e} at most" if worst else ""
         say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
+        if info["noise"]:
+            remark(f"note: {said(info['noise'], info['tolerance'])}")
     else:  # a tolerance has its own refusal
         for sentence in below_rounding(record.scene, record.signals):
             remark(f"warning: {sentence}")

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from math import cos, pi
 
-from granular_lmp.scene.resolution import farthest_rounding
+from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 
 LOOKS = 40  # looks in a period of the fastest motion that matters
@@ -16,10 +16,10 @@ BETWEEN = 1 - cos(pi / LOOKS)  # share of an oscillation's amplitude that may li
 TOP = 1.0  # rad/tau, top of the branches that carry displacements: L and TR at the edge of the zone
 NEVER = 1e20  # tau of a limit that was not passed; LAMMPS's minimum of an empty set
 
-# A quantity that a symmetry forbids stays at the rounding of the farthest position: 0.5 times (spread), 25 times
-# (torque) that. For a = 0.2 and 201 rows that is 2e-10 D0. A millionth of the wave is far above it, yet harmless.
+# A quantity that a symmetry forbids stays at the `gathered_rounding` of its run, up to 2 times that. For a = 0.2, 201
+# rows and 2400 steps that is 1e-10 D0. A millionth of the wave is far above it, yet harmless.
 BROKEN_SYMMETRY = 1e-6
-ROUNDINGS = 100.0
+ROUNDINGS = 20.0
 
 
 # A quantity that is kept at every look, in the lines of a guard: a vector of its values since the last line
@@ -112,7 +112,7 @@ class Guard:
     cure : str
         Advice for the user, for the message.
     roundings : float
-        Multiple of the rounding of positions (`farthest_rounding`) that is added to the limit.
+        Multiple of the `gathered_rounding` of positions that is added to the limit.
     of_contacts : bool
         True if the lines read `contact_lines` or `overlap_line`.
     per_contact : bool
@@ -136,4 +136,4 @@ class Guard:
 
     def limit_in(self, scene: Scene) -> float:
         """Return the limit above which the guard triggers in a scene, with the rounding of positions."""
-        return self.limit + self.roundings * farthest_rounding(scene)
+        return self.limit + self.roundings * gathered_rounding(scene)

@@ -12,6 +12,8 @@ import numpy as np
 
 from granular_lmp import __version__
 from granular_lmp.accuracy.halving import One, begun, continued, halved
+from granular_lmp.accuracy.recorded import write_dump
+from granular_lmp.accuracy.richardson import weights_of
 from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
@@ -25,7 +27,7 @@ from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.steps import LONGEST_STEP
-from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, write_dump
+from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
@@ -181,10 +183,8 @@ def _refined(
     """Run with smaller and smaller steps to the tolerance; write the dump of the answer and ``run.json`` of all."""
     records, found, refinements = halved(problem.scene, folder, plan(problem), one, estimate, progress, info)
     p, runs = order(records), [each.info for each in records]
-    coarse, fine = (each.folder for each in records[-2:])
+    folders = [each.folder / SNAPSHOTS for each in records if each.folder is not None]
     assert p is not None  # `estimate` has met the tolerance
-    assert coarse is not None
-    assert fine is not None
     outcome = (
         records[-1].info
         | info
@@ -202,7 +202,7 @@ def _refined(
         }
     )
     with writable(folder):
-        write_dump(folder, coarse, fine, p)
+        write_dump(folder / SNAPSHOTS, folders[-2:], weights_of(2, p))
         outcome["files"] = files_of(folder)
         write_status(folder, outcome)
     return replace(answer(records), problem=problem, info=outcome, folder=folder)

@@ -1,7 +1,8 @@
 """An impact to a tolerance: which steps are tried, the extrapolation of their runs, and the estimate of its error.
 
 The error of every velocity and of R times every spin, over the unit v of the impact (`ImpactScene.scale`: the velocity
-of the fastest striker), is at most ``time.tolerance``, as estimated. Three runs a, b, c, each with half the step of the
+of the fastest striker), and that of every displacement over the largest, is at most ``time.tolerance``, as estimated.
+Three runs a, b, c, each with half the step of the
 one before, show the order p of their error by the L2 norms of their differences,
 
     |a − b|/|b − c| = 2^p,
@@ -15,20 +16,17 @@ error is not known, and counts as infinite.
 """
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import replace
-from itertools import islice, pairwise
+from itertools import pairwise
 from math import ceil, inf, isclose, sqrt
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.halving import Plan, extrapolated
+from granular_lmp.accuracy.halving import Plan
+from granular_lmp.accuracy.richardson import Judgement, Signals, combined, weights_of
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.lammps.outputs import SNAPSHOTS
 
 # The difference was at least 0.5 of the true error in 48 answers of a compressed chain whose contacts barely open,
 # and 0.97 in 82 of other chains and of sheets (docs/impacts.md)
@@ -42,8 +40,6 @@ _STEPS_AT = (48.0, 1e-4)
 _FEWEST = 16.0
 _SHARE = 0.7  # of the longest step that a rule allows: spheres may come to press each other deeper on their way
 _POWER = 2.5  # power of the step in the error of the answer
-_MOVED = ("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz")  # columns of a dump
-_HEAD = 9  # lines of a snapshot before its spheres
 
 
 def plan(problem: ImpactProblem) -> Plan:
@@ -79,77 +75,73 @@ def planned_steps(problem: ImpactProblem) -> int:
     return time.steps if time.tolerance is None else plan(problem).steps_per_sample * time.samples
 
 
-def order(runs: Sequence[ImpactRecord]) -> int | None:
-    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge.
+def judge(runs: Sequence[Signals]) -> tuple[Judgement, int | None]:
+    """Return the answer of runs, the estimate of its error, and the order of the error in the step.
 
-    Raises ValueError if a run has not half the step of the one before.
+    Parameters
+    ----------
+    runs : sequence of dict
+        Signals of each run by name, from the longest step; each has half the step of the one before.
+
+    Returns
+    -------
+    judgement : Judgement
+        Errors are the largest ones: of velocities and spins in the unit v of the impact, of displacements over the
+        largest of them; inf where the order is not known.
+    order : int or None
+        2 or 1, by the last three runs; None if they do not converge.
     """
+    p = _order(runs[-RUNS:])
+    if p is None:
+        return Judgement(weights_of(len(runs), 1), dict.fromkeys(runs[-1], inf)), None
+    weights = (0.0,) * (len(runs) - 2) + weights_of(2, p)
+    before = (*weights[1:], 0.0)
+
+    def largest(name: str) -> float:
+        values = [run[name] for run in runs]
+        newer = combined(values, weights)
+        apart, of_run = newer - combined(values, before), newer - values[-1]
+        error = float(max(SAFETY * np.max(np.abs(apart)), np.max(np.abs(of_run)) / GAIN))
+        return error / float(np.max(np.abs(newer))) if name == "displacement" and error else error
+
+    return Judgement(weights, {name: largest(name) for name in runs[-1]}), p
+
+
+def _order(runs: Sequence[Signals]) -> int | None:
     if len(runs) < RUNS:
         return None
-    steps = [each.scene.time.step for each in runs[-RUNS:]]
-    if not all(isclose(longer, 2 * shorter, rel_tol=1e-9) for longer, shorter in pairwise(steps)):
-        raise ValueError(f"the steps {steps} must each be half of the one before")
-    coarse, middle, fine = map(_signals, runs[-RUNS:])
-    first, second = (
-        sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in a)) for a, b in ((coarse, middle), (middle, fine))
-    )
+    moving = [name for name in runs[-1] if name != "displacement"]
+    first, second = (sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in moving)) for a, b in pairwise(runs))
     if second == 0 or first >= 2**1.5 * second:
         return 2
     return 1 if first >= 2**0.5 * second else None
 
 
-def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
-    """Return the largest errors of velocities and spins, in the unit v of the impact, of the answer.
+def order(runs: Sequence[ImpactRecord]) -> int | None:
+    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge.
 
-    inf where the order of the error is not known.
+    Raises ValueError if a run has not half the step of the one before.
     """
-    p = order(runs)
-    names = _signals(runs[-1])
-    if p is None:
-        return dict.fromkeys(names, inf)
-    a, b, c = map(_signals, runs[-RUNS:])
-    older, newer = _combined(a, b, p), _combined(b, c, p)
+    return judge(_signals(runs))[1]
 
-    def largest(name: str) -> float:
-        apart, of_run = newer[name] - older[name], (c[name] - b[name]) / (2**p - 1)
-        return float(max(SAFETY * np.max(np.abs(apart)), np.max(np.abs(of_run)) / GAIN))
 
-    return {name: largest(name) for name in names}
+def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
+    """Return the largest errors of what the runs recorded, of the answer; see `judge`."""
+    return judge(_signals(runs))[0].errors
 
 
 def answer(runs: Sequence[ImpactRecord]) -> ImpactRecord:
-    """Return the extrapolation of the last two runs, of the order that the last three show."""
-    p, (coarse, fine) = order(runs), runs[-2:]
-    assert p is not None
-    names = ("displacement", "velocity", "spin")
-    a, b = ({name: getattr(each, name) for name in names} for each in (coarse, fine))
-    return replace(fine, **_combined(a, b, p))
+    """Return the extrapolation of runs."""
+    weights = judge(_signals(runs))[0].weights
+    displacement, velocity, spin = (
+        combined([getattr(run, name) for run in runs], weights) for name in ("displacement", "velocity", "spin")
+    )
+    return replace(runs[-1], displacement=displacement, velocity=velocity, spin=spin)
 
 
-def _signals(record: ImpactRecord) -> dict[str, Any]:
-    return {"velocity": record.velocity} | ({"spin": record.spin} if record.problem.on["rotation"] else {})
-
-
-def _combined(coarse: dict[str, Any], fine: dict[str, Any], p: int) -> dict[str, Any]:
-    return {name: extrapolated(coarse[name], fine[name], p) for name in coarse}
-
-
-def write_dump(folder: Path, coarse: Path, fine: Path, p: int) -> None:
-    """Write ``dump.particles`` of an answer into a folder, from those in the run folders of two runs.
-
-    What does not move, and the steps, are those of the finer run.
-    """
-    with ExitStack() as files:
-        one, two = (files.enter_context((each / SNAPSHOTS).open(encoding="utf-8")) for each in (coarse, fine))
-        out = files.enter_context((folder / SNAPSHOTS).open("w", encoding="utf-8"))
-        while head := list(islice(two, _HEAD)):
-            list(islice(one, _HEAD))
-            out.writelines(head)
-            names = head[-1].split()[2:]
-            moved = [name in _MOVED for name in names]
-            for a, b in zip(islice(one, int(head[3])), islice(two, int(head[3])), strict=True):
-                words = [
-                    repr(extrapolated(float(x), float(y), p)) if moves else y
-                    for x, y, moves in zip(a.split(), b.split(), moved, strict=True)
-                ]
-                out.write(" ".join(words) + "\n")
+def _signals(runs: Sequence[ImpactRecord]) -> list[Signals]:
+    steps = [each.scene.time.step for each in runs]
+    if not all(isclose(longer, 2 * shorter, rel_tol=1e-9) for longer, shorter in pairwise(steps)):
+        raise ValueError(f"the steps {steps} must each be half of the one before")
+    names = ("velocity", *(["spin"] if runs[-1].problem.on["rotation"] else []), "displacement")
+    return [{name: getattr(run, name) for name in names} for run in runs]

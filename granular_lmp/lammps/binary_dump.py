@@ -10,7 +10,7 @@ https://docs.lammps.org/dump.html, tools/binary2txt.cpp of LAMMPS. OVITO and ASE
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -40,6 +40,8 @@ class BinarySnapshot:
     table : (spheres, columns) array
     begin, end : int
         Offsets in the file, bytes.
+    head_end : int
+        Offset of the chunks.
     """
 
     step: int
@@ -47,6 +49,7 @@ class BinarySnapshot:
     table: NDArray[np.float64]
     begin: int
     end: int
+    head_end: int
 
 
 def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
@@ -86,6 +89,7 @@ def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
         at += _INT.size
         names = content[at : at + length].decode().split()
         at += length
+        head_end = at
         (chunks,) = _INT.unpack_from(content, at)
         at += _INT.size
         parts = []
@@ -99,8 +103,22 @@ def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:
     except (struct.error, IndexError):
         return None
     return BinarySnapshot(
-        step, names, (parts[0] if chunks == 1 else np.concatenate(parts)).reshape(spheres, columns), begin, at
+        step,
+        names,
+        (parts[0] if chunks == 1 else np.concatenate(parts)).reshape(spheres, columns),
+        begin,
+        at,
+        head_end,
     )
+
+
+def write_binary(path: Path, like: Path, snapshots: Iterable[tuple[BinarySnapshot, NDArray[np.float64]]]) -> None:
+    """Write a binary dump: snapshots of the dump `like`, with other numbers in their tables."""
+    with like.open("rb") as source, path.open("wb") as target:
+        for snapshot, table in snapshots:
+            source.seek(snapshot.begin)
+            target.write(source.read(snapshot.head_end - snapshot.begin))
+            target.write(_INT.pack(1) + _INT.pack(table.size) + np.ascontiguousarray(table, dtype=np.float64).tobytes())
 
 
 def continuation(path: Path) -> Path:

@@ -34,7 +34,7 @@ from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshot
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.runs.snapshots import dimensionless, finest
+from granular_lmp.runs.snapshots import dimensionless, finest, step_of
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
@@ -101,7 +101,8 @@ class MonitorRecord:
 
     @classmethod
     def load(cls, folder: str | Path, name: str) -> Self:
-        """Return the record of a monitor in a run folder; for a run with a tolerance that of its finest step.
+        """Return the record of a monitor in a run folder; for a run with a tolerance that of its answer, or
+        of its finest step if an earlier release left no other.
 
         Raises
         ------
@@ -164,7 +165,8 @@ class MonitorRecord:
     @property
     def tau(self) -> Floats:
         """Times, (T,), in t0."""
-        return self._motion[0].astype(float) * self.scene.time.step
+        steps = self._motion[0]
+        return steps.astype(float) * step_of(self.scene, steps.tolist(), self.scene.time.sample)
 
     @property
     def displacement(self) -> Floats:

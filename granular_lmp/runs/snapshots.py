@@ -6,8 +6,10 @@ Velocity); the angle is the scalar ``v_theta``. ASE reads it as ``lammps-dump-te
 types and ``v_theta``. Here a snapshot is read when it is used, and is dimensionless like `granular_lmp.runs.record`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 from pathlib import Path
 from typing import Self
 
@@ -72,6 +74,23 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
     )
 
 
+def step_of(scene: Scene, steps: Sequence[int], apart: float) -> float:
+    """Return the time step of a dump, τ: of an answer that several runs gave, from the steps of its records.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the folder that holds the dump; with a tolerance it has no step of its own.
+    steps : sequence of int
+        Steps of the records, from 0.
+    apart : float
+        Time between two records, τ.
+    """
+    if scene.time.tolerance is None:
+        return scene.time.step
+    return apart / steps[1] if len(steps) > 1 else apart
+
+
 def finest(folder: Path, name: str) -> Path | None:
     """Return a file of a run folder, or that of the finest step of a run with a tolerance; None without it."""
     finer = sorted(folder.glob(f"*{PER_SAMPLE}/{name}"), key=lambda path: int(path.parent.name.split("_")[0]))
@@ -98,7 +117,8 @@ class Snapshots:
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Find the snapshots of a run folder; for a run with a tolerance those of its finest step.
+        """Find the snapshots of a run folder; for a run with a tolerance those of its answer,
+        or of its finest step if an earlier release left no others.
 
         Raises
         ------
@@ -136,7 +156,19 @@ class Snapshots:
     @property
     def tau(self) -> NDArray[np.float64]:
         """Times of the snapshots, (T,), in units of t0."""
-        return np.array([each.step for each in self.index], dtype=float) * self.scene.time.step
+        return np.array([each.step for each in self.index], dtype=float) * self._step
+
+    @property
+    def step(self) -> float:
+        """Time step of the motion, τ; 0 of a run with a tolerance, which is extrapolated to that."""
+        return 0.0 if self.scene.time.tolerance is not None else self.scene.time.step
+
+    @property
+    def _step(self) -> float:
+        """Time, τ, of a step that the file counts."""
+        time = self.scene.time
+        apart = time.sample * ceil(self.scene.output.particles / time.sample - 1e-9)  # as the deck has it
+        return step_of(self.scene, [each.step for each in self.index[:2]], apart)
 
     def stack(self, name: str) -> NDArray[np.float64]:
         """Return one attribute of `Spheres` over all snapshots: ``stack("displacement")`` is (T, N, 2)."""
@@ -164,7 +196,7 @@ class Snapshots:
             raise RunFolderError(f"{self.path}: not a dump of our spheres: {error!r}") from error
 
     def _dimensionless(self, step: int, columns: dict[str, NDArray[np.float64]]) -> Spheres:
-        return Spheres(step * self.scene.time.step, *dimensionless(columns, self.scene))
+        return Spheres(step * self._step, *dimensionless(columns, self.scene))
 
     def __repr__(self) -> str:
         return f"<Snapshots {self.path}: {len(self)} snapshots of {sphere_count(self.scene)} spheres>"

@@ -328,13 +328,13 @@ def _compare(problem: Problem, normal: Snapshots, scattered: Snapshots, frequenc
     ]
     rows = []
     for k, frequency in enumerate(frequencies):
-        # Velocity Verlet has the waves of this frequency in the lattice; with a tolerance the steps of two runs differ
+        # Velocity Verlet has the waves of this frequency in the lattice
         whole, lower, upper = (
-            row_waves(line, 2 / step * np.sin(frequency * step / 2), physics)
+            row_waves(line, frequency * np.sinc(frequency * step / (2 * np.pi)), physics)
             for line, step in (
-                (windows.whole, normal.scene.time.step),
-                (windows.lower, scattered.scene.time.step),
-                (windows.upper, scattered.scene.time.step),
+                (windows.whole, normal.step),
+                (windows.lower, scattered.step),
+                (windows.upper, scattered.step),
             )
         )
         before, after, front, behind = (

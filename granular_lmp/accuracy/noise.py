@@ -1,0 +1,89 @@
+"""Which signals of a run count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from granular_lmp.accuracy.recorded import FORCES, MOTION, RATES
+from granular_lmp.accuracy.richardson import Signals
+from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
+from granular_lmp.errors import ToleranceError
+from granular_lmp.problem import largest_step
+from granular_lmp.scene.scene import Scene
+
+# The estimate of three runs is 1.5 times the distance of two answers, and the last run counts 64/45 in each: of
+# independent noise in the runs it sees about three times that of the last one
+_SEEN = 3.0
+_KINDS = (MOTION, RATES, FORCES, ("flux",))
+
+
+def counted(scene: Scene, signals: Signals) -> list[str]:
+    """Return the names of the signals that do not vanish by symmetry, those of monitors beside others of their kind."""
+    centre = {name: values for name, values in signals.items() if "." not in name}
+    names = judged(scene, centre)
+    for monitor in dict.fromkeys(name.rpartition(".")[0] for name in signals if name not in centre):
+        for kind in _KINDS:
+            there = [f"{monitor}.{name}" for name in kind]
+            names += moving({name: signals[name] for name in there if name in signals})
+    return names
+
+
+def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
+    """Return the rounding noise of each signal relative to it, in a run with the step of the scene.
+
+    That of displacements and forces is `noise_floor` or `grain`, whichever is larger; that of their rates is higher by
+    the highest frequency of the crystal, and the one of a flux follows from its factors.
+    """
+    noise, fastest = max(noise_floor(scene), grain(scene)), 2 / largest_step(scene)
+    sizes = {name: _rms(values) for name, values in signals.items()}
+
+    def level(name: str) -> float:
+        monitor, _, column = name.rpartition(".")
+        if column != "flux":
+            return noise * (fastest if column in RATES else 1.0)
+        rate, force = (max(sizes[f"{monitor}.{each}"] for each in kind) for kind in (RATES[:2], FORCES))
+        return noise * (fastest * force + rate) * float(np.sqrt(scene.shape.columns))
+
+    return {name: level(name) / size if size else 0.0 for name, size in sizes.items()}
+
+
+def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
+    """Return the noise of the signals that it keeps above ``time.tolerance``, from those of the first run.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with the tolerance.
+    signals : dict
+        Signals of the first run.
+    finest : Scene
+        Scene with the shortest step that is planned.
+
+    Raises
+    ------
+    ToleranceError
+        If no signal is left that counts.
+    """
+    assert scene.time.tolerance is not None
+    names, noise = counted(scene, signals), noise_of(finest, signals)
+    found = {name: noise[name] for name in names if _SEEN * noise[name] > scene.time.tolerance}
+    if len(found) == len(names):
+        least = f"; must be at least {_SEEN * min(found.values()):.2g}, or" if found else ": nothing moves;"
+        raise ToleranceError(
+            f"time.tolerance = {scene.time.tolerance!r}: rounding keeps all that is recorded above it{least} take a "
+            "larger wave.amplitude or fewer packing.rows, or record where and when the wave is there"
+        )
+    return found
+
+
+def said(noise: Mapping[str, float], tolerance: float) -> str:
+    """Return the sentence about signals that are lost."""
+    names = ", ".join(f"{name} ({value:.1g} of it is rounding)" for name, value in noise.items())
+    return (
+        f"{names}: cannot meet the tolerance of {tolerance:g} and does not count; a larger wave.amplitude or fewer "
+        "packing.rows would lift it"
+    )
+
+
+def _rms(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0

@@ -1,0 +1,186 @@
+"""All that a run records, as signals, and the files of the answer to which several runs are extrapolated.
+
+Beside p, q and φ of the centre sphere there are, for each monitor NAME, the signals NAME.u, NAME.v, NAME.phi and their
+rates NAME.u_t, NAME.v_t, NAME.phi_t, (T, N) each; with contacts NAME.normal and NAME.shear, (T, C), 0 where a contact
+is open; and NAME.flux, (T, R). Those of the snapshots of all spheres are named as of a monitor "output.particles".
+Rates of spheres that a source moves, and the flux through their rows, are left out: LAMMPS has their velocity of half a
+step ago, whose error says nothing of the others.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.accuracy.richardson import Signals, combined
+from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
+from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
+from granular_lmp.runs.monitors import ContactForces, MonitorRecord
+from granular_lmp.runs.record import Record
+from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.places import spheres_at
+from granular_lmp.scene.scene import Scene
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+MOTION, RATES, FORCES = ("u", "v", "phi"), ("u_t", "v_t", "phi_t"), ("normal", "shear")
+PARTICLES = "output.particles"
+_FIELDS = ("displacement", "rotation", "velocity", "spin")
+# Columns of dumps that change with the step; of contacts those behind the two spheres
+_MOVED = {
+    *("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz", "v_theta"),
+    *("normal", "tangential_x", "tangential_y"),
+}
+_HEAD = 9  # lines of a snapshot before its spheres
+
+
+class Recorded:
+    """Signals of the runs of a ladder: `add` a run, and `signals` are those of all runs so far, of one shape each."""
+
+    def __init__(self) -> None:
+        self._own: list[Signals] = []
+        self._monitors: list[list[MonitorRecord]] = []
+
+    def add(self, record: Record) -> None:
+        """Read what a run has recorded."""
+        monitors = [record.monitor(each.name) for each in record.scene.monitor]
+        own: Signals = dict(record.signals)
+        moved = _moved(record.scene) if monitors or record.scene.output.particles > 0 else np.empty(0, dtype=int)
+        for each in monitors:
+            own |= _moving_parts(each.monitor.name, each.spheres, moved, *(getattr(each, name) for name in _FIELDS))
+            if each.monitor.what == "flux":
+                free = ~np.isin(each.rows, each.crystal.arrays["row"][moved])
+                own[f"{each.monitor.name}.flux"] = each.flux[:, free]
+        if record.scene.output.particles > 0:
+            snapshots = record.snapshots()
+            everyone = np.arange(len(snapshots.rest))
+            own |= _moving_parts(PARTICLES, everyone, moved, *snapshots.stacks(*_FIELDS))
+        self._own.append(own)
+        self._monitors.append(monitors)
+
+    @property
+    def signals(self) -> list[Signals]:
+        """Signals of each run by name."""
+        found = [dict(own) for own in self._own]
+        for of_runs in zip(*self._monitors, strict=True):
+            if of_runs[0].monitor.with_contacts:
+                pairs = [each.contacts for each in of_runs]
+                for name in FORCES:
+                    for signals, values in zip(found, _aligned(pairs, name), strict=True):
+                        signals[f"{of_runs[0].monitor.name}.{name}"] = values
+        return found
+
+
+def _moved(scene: Scene) -> Integers:
+    """Return the spheres of which sources or the drive prescribe the motion."""
+    atoms = crystal_of(scene).atoms
+    moved = [spheres_at(each.rows, each.spheres, atoms, "source") for each in scene.source if each.motion]
+    if scene.wave.form == "driven":
+        moved.append(np.flatnonzero(atoms.arrays["row"] == 0))
+    return np.concatenate([np.empty(0, dtype=int), *moved])
+
+
+def _moving_parts(
+    name: str,
+    spheres: Integers,
+    moved: Integers,
+    displacement: Floats,
+    rotation: Floats,
+    velocity: Floats,
+    spin: Floats,
+) -> Signals:
+    free = ~np.isin(spheres, moved)
+    rates = (*np.moveaxis(velocity[:, free], 2, 0), spin[:, free])
+    parts = (*np.moveaxis(displacement, 2, 0), rotation, *rates)
+    return {f"{name}.{column}": values for column, values in zip((*MOTION, *RATES), parts, strict=True)}
+
+
+def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
+    """Yield the forces of several runs, (T, C) each, on the contacts that touched in any of them."""
+    every = sorted({pair for each in pairs for pair in zip(each.i.tolist(), each.j.tolist(), strict=True)})
+    place = {pair: column for column, pair in enumerate(every)}
+    for each in pairs:
+        values = getattr(each, name)
+        whole = np.zeros((len(values), len(every)))
+        whole[:, [place[pair] for pair in zip(each.i.tolist(), each.j.tolist(), strict=True)]] = values
+        yield whole
+
+
+# --- the files of the answer -----------------------------------------------------------------------------------------
+
+
+def write_answer(folder: Path, records: Sequence[Record], weights: Sequence[float]) -> None:
+    """Write the dumps of monitors and of all spheres of an answer into a folder, from those of its runs.
+
+    What does not move, and the steps, are those of the last run; of a contact that is open in any run it has all.
+    """
+    places = [each.folder for each in records]
+    scene, folders = records[-1].scene, [place for place in places if place is not None]
+    assert len(folders) == len(places) or not (scene.monitor or scene.output.particles > 0)
+    for monitor in scene.monitor:
+        name = MONITOR.format(monitor.name)
+        _write_motion(folder / name, [each / name for each in folders], weights)
+        if monitor.with_contacts:
+            name = MONITOR_CONTACTS.format(monitor.name)
+            write_dump(folder / name, [each / name for each in folders], weights)
+    if scene.output.particles > 0:
+        write_dump(folder / SNAPSHOTS, [each / SNAPSHOTS for each in folders], weights)
+
+
+def _write_motion(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> None:
+    """Write a binary dump of an answer."""
+
+    def tables() -> Iterator[tuple[BinarySnapshot, Floats]]:
+        for each in zip(*map(binary_snapshots, paths), strict=True):
+            ascending = [one.table[np.argsort(one.table[:, 0])] for one in each]  # each rank writes its own
+            moved = np.array([name in _MOVED for name in each[-1].names])
+            yield each[-1], np.where(moved, combined(ascending, weights), ascending[-1])
+
+    write_binary(path, paths[-1], tables())
+
+
+def write_dump(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> None:
+    """Write a text dump of an answer, of spheres or of contacts, from those of its runs, moment by moment."""
+    with ExitStack() as files:
+        streams = [files.enter_context(each.open(encoding="utf-8")) for each in paths]
+        out = files.enter_context(path.open("w", encoding="utf-8"))
+        for snapshots in zip(*map(_snapshots, streams), strict=True):
+            head, _, words = snapshots[-1]
+            out.writelines(head)
+            names = head[-1].split()[2:]
+            keys = 2 if names[0] == "first" else 1
+            numbers = [_by_key(each[1], keys) for each in snapshots]
+            moved = [at for at, name in enumerate(names) if name in _MOVED]
+            for key, line in zip(numbers[-1], words, strict=True):
+                whole = [each[key] for each in numbers if key in each]
+                if len(whole) == len(numbers):
+                    values = combined(whole, weights)
+                    if keys == 2 and int(line[0]) > int(line[1]):  # LAMMPS may name the spheres the other way round
+                        values[3:] *= -1
+                    for at in moved:
+                        line[at] = repr(float(values[at]))
+                out.write(" ".join(line) + "\n")
+
+
+def _snapshots(stream: TextIO) -> Iterator[tuple[list[str], Floats, list[list[str]]]]:
+    """Yield the head, the numbers and the words of each line of the snapshots of a text dump."""
+    while head := list(islice(stream, _HEAD)):
+        words = [line.split() for line in islice(stream, int(head[3]))]
+        yield head, np.array(words, dtype=float).reshape(len(words), -1), words
+
+
+def _by_key(table: Floats, keys: int) -> dict[tuple[int, ...], Floats]:
+    """Return the lines of a table by sphere, or by pair of spheres, of which the first is the lower one."""
+    found = {}
+    for row in table:
+        key = tuple(map(int, row[:keys]))
+        if keys == 2 and key[0] > key[1]:
+            row = row.copy()
+            row[3:] *= -1  # the vector and the force on the first are those of the other sphere
+            key = key[::-1]
+        found[key] = row
+    return found
