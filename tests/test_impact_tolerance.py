@@ -228,7 +228,7 @@ def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Pa
     again = resume_impact(tmp_path / "run")
     assert np.array_equal(again.velocity, whole.velocity)
     _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})
-    with pytest.raises(RunFolderError, match="run.json does not say how the run was started"):
+    with pytest.raises(RunFolderError, match="run.json: launcher = None: must be one of module, lmp"):
         resume_impact(tmp_path / "run")
 
 
