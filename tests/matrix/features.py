@@ -66,6 +66,9 @@ WAVES: dict[str, Settings] = {
     "tolerance": {"time.tolerance": 1e-2},
     "snapshots": {"output.particles": 1.0},
     "hertz scale": {"wave.frequency": 1.146e8},  # that of the wave number
+    # of the other kind of scene
+    "striker": {"striker": [{"rows": [4, 4], "velocity": 1e-3}]},
+    "state": {"start.state": [[6, 0, 0.0, 0.0, 0.0, 1e-3, 0.0]]},
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
@@ -88,6 +91,14 @@ IMPACTS: dict[str, Settings] = {
     "no rotation": {"effects.rotation": False},
     "restitution": {"effects.restitution": 0.9},
     "tolerance": {"time.tolerance": 1e-2},
+    # of the other kind of scene
+    "wave": {"wave.mode": "L", "wave.wavenumber": 1.0, "wave.amplitude": 0.02},
+    "source": {"source": [{"spheres": [[7, 0]], "force": "y", "signal": "burst", "frequency": 1.0}]},
+    "monitor": {"monitor": [{"name": "motion", "rows": [6, 7]}]},
+    "quiet": {"packing.last": "quiet"},
+    "adhesion": {"sphere.work_of_adhesion": 0.1},
+    "viscosity": {"effects.viscosity": 1e-3},
+    "rolling": {"effects.rolling_stiffness": 10.0, "effects.rolling_friction": 0.1},
 }
 
 

@@ -40,7 +40,12 @@ REFUSALS: dict[str, str] = {
     r'packing.lattice = .*: must be "hexagonal" with absorb.rows': NOT_BUILT,
     r"effects.damping = true: .*where spheres differ": NOT_BUILT,
     r'what = "flux": .*effects.rolling': NOT_BUILT,
+    r"absorb.rows = .*: no number of rows absorbs the long waves of a strike": PHYSICS,
     # impacts
+    r"^(wave.mode|effects.\w+): unknown key": NOT_BUILT,
+    r"is of the scene of a wave": NOT_BUILT,
+    r"packing.last = 'quiet': must be one of": NOT_BUILT,
+    r"sphere.work_of_adhesion = .*must be 0 or left out": NOT_BUILT,
     r'packing.sides = "periodic": must be 1 and "free" in a chain': PHYSICS,
     r"vacancy = true: .*in a chain": PHYSICS,
     r"effects.friction = .*in a chain": PHYSICS,
