@@ -10,8 +10,7 @@ import pytest
 
 from granular_lmp import ImpactScene, Scene
 from granular_lmp.errors import SceneError
-from granular_lmp.impact import start
-from granular_lmp.scene import files, samples
+from granular_lmp.scene import files, samples, start
 from granular_lmp.scene.files import LARGEST_TABLE, MOST_PARTS, assignment, file_text, toml_tables
 from granular_lmp.studies.sweep_points import scene_hash
 from tests.test_samples import SMALL, burst_samples, sources
