@@ -213,18 +213,23 @@ def differences(records: Sequence[Record]) -> dict[str, list[Any]]:
 
     A key that a scene does not have, a time step beside a tolerance, has the value None there.
     """
-    scenes = [
-        {
-            f"{table}.{key}": value
-            for table, values in tables.items()
-            if isinstance(values, dict)  # name and description do not change a run
-            for key, value in values.items()
-        }
-        for tables in (record.scene.to_dict() for record in records)
-    ]
+    scenes = [_values(record) for record in records]
     keys = dict.fromkeys(key for scene in scenes for key in scene)
     values = {key: [scene.get(key) for scene in scenes] for key in keys}
     return {key: row for key, row in values.items() if any(value != row[0] for value in row)}
+
+
+def _values(record: Record) -> dict[str, Any]:
+    """Return the values of a scene by dotted key, "inclusion.1.density" of the first of several tables.
+
+    Name and description, which change no run, are left out.
+    """
+    scene = record.scene
+    tables = {name: asdict(getattr(scene, name)) for name in scene.optional} | scene.to_dict()
+    for name in scene.repeated:
+        tables |= {f"{name}.{number}": table for number, table in enumerate(tables.pop(name, []), start=1)}
+    held = {table: values for table, values in tables.items() if isinstance(values, dict)}
+    return {f"{table}.{key}": value for table, values in held.items() for key, value in values.items()}
 
 
 def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison]) -> list[str]:

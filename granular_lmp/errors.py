@@ -5,6 +5,8 @@ _OPTIONS = {
     "force=True": "--force",
     "scene=SCENE": "--scene SCENE",
     "kernel=True": "--kernel",
+    "launcher='lmp'": "--lmp",
+    "ranks=": "--np ",
     "changes={KEY: VALUE}": "--set KEY=VALUE",
 }
 

@@ -188,9 +188,9 @@ def test_a_section_that_no_theory_knows_is_refused_unless_it_is_at_its_default(
 def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2, "sphere.adhesion_law": "jkr"}).to_dict()}
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
-    # A step excludes a tolerance, the force is of the packing, a table of which nothing is declared is not there, no
-    # theory knows another lattice than its own, and monitors change no motion
-    assert keys - {"packing.lattice"} | {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor"} == KEYS
+    # A step excludes a tolerance, the force is of the packing, a table of which nothing is declared is not there, and
+    # monitors change no motion
+    assert keys | {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor"} == KEYS
 
 
 def test_departures_are_what_is_not_at_its_default() -> None:

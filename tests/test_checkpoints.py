@@ -69,6 +69,11 @@ def test_what_was_measured_on_more_ranks_lies_within_the_bounds(ranks: int, meas
     assert low <= measured <= high
 
 
+def test_short_runs_are_said_to_be_slower_on_more_ranks() -> None:
+    assert forecast(0.0, 1.0).lost_on(2) == "2 are slower: they start 0.7 s later and save at most 0.5 s"
+    assert forecast(0.0, 10.0).lost_on(2) == ""
+
+
 def minutes(cell: str) -> list[float]:
     return [float(word) for word in cell.split(" to ")]
 

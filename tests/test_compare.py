@@ -227,6 +227,27 @@ def test_the_table_names_each_run_by_its_folder_and_a_record_without_one_by_its_
     assert len({line.index("second-order") for line in lines[1::2]}) == 1
 
 
+def test_what_differs_names_inclusions_and_disorder() -> None:
+    record = from_theory(PAPER, "second-order", TAU)
+    sheet = {"packing.columns": 4, "inclusion": [{"spheres": [[5, 1]], "density": 20000.0}], "disorder.density": 0.1}
+    other = replace(record, scene=record.scene.with_values(sheet))
+    found = compare.differences([record, other])
+    assert found["inclusion.1.density"] == [None, 20000.0]
+    assert found["disorder.density"] == [0.0, 0.1]
+
+
+def test_an_impact_is_refused_in_words_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_text("[[striker]]\nvelocity = 1.0\n")
+    with pytest.raises(SystemExit, match="holds an impact, and theories here are compared with waves only"):
+        compare.main([str(tmp_path)])
+
+
+def test_a_file_in_place_of_a_run_folder_is_called_a_file(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(SystemExit, match="run.json: is a file; give the run folder that holds run.json"):
+        compare.main([str(tmp_path / "run.json")])
+
+
 def test_what_differs_between_runs_is_named_by_key_and_value() -> None:
     record = from_theory(PAPER, "second-order", TAU)
     changes = [{}, {"wave.amplitude": 0.1}, {"time.tolerance": 1e-3, "name": "other"}]

@@ -197,10 +197,13 @@ def test_the_kernel_itself_refuses_other_laws(words: str, named: str, built: Pat
         lammps.close()
 
 
-@pytest.mark.parametrize("options", [{"launcher": "lmp"}, {"ranks": 2}])
-def test_the_program_and_several_ranks_are_refused(options: dict[str, object], tmp_path: Path) -> None:
-    with pytest.raises(LaunchError, match="kernel=True"):
+@pytest.mark.parametrize(("options", "typed"), [({"launcher": "lmp"}, "--lmp"), ({"ranks": 2}, "--np 2")])
+def test_the_program_and_several_ranks_are_refused_as_they_were_typed(
+    options: dict[str, object], typed: str, tmp_path: Path
+) -> None:
+    with pytest.raises(LaunchError, match="kernel=True") as caught:
         run(short("tr_periodic"), tmp_path / "run", kernel=True, **options)  # type: ignore[arg-type]
+    assert caught.value.in_options().endswith(f"leave out one of --kernel and {typed}")
 
 
 def test_a_stopped_run_has_no_checkpoint_and_is_not_resumed(tmp_path: Path) -> None:

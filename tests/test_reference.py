@@ -148,8 +148,6 @@ def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> No
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"effects.viscosity": 1e-9}, "effects.damping"),
-    ({"effects.shear": False}, "effects.shear = false"),
-    ({"effects.rotation": False}, "effects.rotation = false"),
     ({"wave.form": "driven", "packing.ends": "fixed", "packing.rows": 9}, "wave.form = 'driven'"),
 ]
 
@@ -162,6 +160,15 @@ def test_the_network_refuses_by_name_what_it_leaves_out(changes: dict[str, Any],
     record = Record(tau, tau, tau, tau, scene, {"effects": {name: {"on": value} for name, value in on.items()}})
     with pytest.raises(TheoryError, match=f"theory = 'network' leaves out {left_out};"):
         Reference.named("network", record, wave_of(record))
+
+
+def test_all_that_stands_against_the_network_is_said_at_once() -> None:
+    scene = SMALL.with_values({"wave.form": "standing"})
+    tau = np.array([0.0, 1e6])
+    record = Record(tau, tau, tau, tau, scene, {})
+    reason = Reference.of(record, wave_of(record)).reason
+    assert "without snapshots, and " in reason
+    assert "more than the 1000000 spheres times tau" in reason
 
 
 def test_what_the_network_lacks_is_the_reason_why_nothing_is_compared(

@@ -59,13 +59,24 @@ class Reference:
         """Return the reference of a run by the rule of this module, one without a name if there is none."""
         if holding(wave):
             return cls.named(best(wave, record.tau), record, wave)
-        lacks = missing(NETWORK, traits(wave))
-        if reason := f"the network leaves out {', '.join(lacks)}" if lacks else _too_long(record, wave):
-            return cls(None, None, reason)
+        if reasons := _against(record, wave):
+            return cls(None, None, ", and ".join(reasons))
         try:
             return cls.named(NETWORK, record, wave)
         except TheoryError as error:
             return cls(None, None, str(error))
+
+
+def _against(record: Record, wave: Wave) -> list[str]:
+    """Return all that stands against the network of a run, so that its user is not told one reason after the other."""
+    lacks = missing(NETWORK, traits(wave))
+    found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
+    try:
+        first_snapshot(record)
+    except (ValueError, OSError, GranularError) as error:
+        found.append(str(error))
+    too_long = _too_long(record, wave)
+    return [*found, too_long] if too_long else found
 
 
 def _too_long(record: Record, wave: Wave) -> str:

@@ -1,5 +1,6 @@
 """Runs as a script reads them: what is wrong with one is a single line and the end of the script."""
 
+import tomllib
 from collections.abc import Iterable
 from math import isclose
 from pathlib import Path
@@ -13,6 +14,10 @@ from granular_lmp.runs.record import GranularError, Record
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
+    if _is_impact(Path(folder)):
+        raise SystemExit(
+            f"{folder}: holds an impact, and theories here are compared with waves only; granular-lmp view draws it"
+        )
     try:
         record = Record.load(folder, unfinished=unfinished)
     except GranularError as error:
@@ -23,6 +28,15 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     if not all(np.isfinite(x).all() for x in tracked):
         raise SystemExit(f"{folder}: the record holds numbers that are not finite; there is nothing to compare")
     return record
+
+
+def _is_impact(folder: Path) -> bool:
+    """Return whether a run folder holds an impact; what cannot be read is left to the reader of the record."""
+    try:
+        tables = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return "wave" not in tables and not tables.keys().isdisjoint(("striker", "start"))
 
 
 def sweep(folder: str) -> list[Record]:

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from analysis.theory.bloch import frame
 from analysis.theory.catalogue import SLIDING
-from analysis.theory.choice import others_of
+from analysis.theory.choice import contact_of, others_of
 from analysis.theory.network import Law, Material, Network, State, start
 from analysis.theory.network_motion import Trajectory
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
+_TURNING = ("omegaz", "v_theta")  # columns that a dump of spheres that do not turn may lack
 _COLUMNS = ("id", "type", "x", "y", "radius", "Displacement.X", "Displacement.Y", "vx", "vy", "omegaz", "v_theta")
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
@@ -73,7 +74,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     scene, path = record.scene, record.snapshots().path
     if scene.sphere.adhesion_law != "dmt":
         raise ValueError(f"sphere.adhesion_law = {scene.sphere.adhesion_law!r}: the network holds 'dmt' only")
-    sphere, sliding = scene.sphere, SLIDING in others_of(record)
+    sphere, sliding, contact = scene.sphere, SLIDING in others_of(record), contact_of(record)
     _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
     network, state = read_network(
         path,
@@ -81,6 +82,8 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         density=sphere.density / (kilogram / metre**3) if scene.perfect else None,
         law=scene.effects.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
         friction=float(scene.effects.friction) if sliding else np.inf,
+        shear=contact.shear,
+        rotation=contact.rotation,
     )
     with path.with_name(CENTRE).open(encoding="utf-8") as stream:
         _head(stream)
@@ -113,6 +116,8 @@ def read_network(
     density: float | None = None,
     law: Law = "secant",
     friction: float = np.inf,
+    shear: bool = True,
+    rotation: bool = True,
 ) -> tuple[Network, State]:
     """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
 
@@ -121,7 +126,7 @@ def read_network(
     path : the dump.
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
-    law, friction : of the contacts, as of `analysis.theory.network.Network`.
+    law, friction, shear, rotation : as of `analysis.theory.network.Network`.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
     and where not exactly one of the column mass and `density` is given.
@@ -133,7 +138,7 @@ def read_network(
                 f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
             )
         names, count = head[8][2:], int(head[3][0])
-        missing = [name for name in _COLUMNS if name not in names]
+        missing = [name for name in _COLUMNS if name not in names and (rotation or name not in _TURNING)]
         if missing:
             raise ValueError(f"{path}: has no column {', '.join(missing)}")
         if ("mass" in names) == (density is not None):
@@ -141,7 +146,7 @@ def read_network(
         rows = [stream.readline().split() for _ in range(count)]
     if any(len(row) != len(names) for row in rows):
         raise ValueError(f"{path}: its first snapshot is cut off")
-    table = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    table = dict.fromkeys(_TURNING, np.zeros(count)) | dict(zip(names, np.array(rows, dtype=float).T, strict=True))
     order = np.argsort(table["id"])
     _, number, x, y, radius, ux, uy, vx, vy, spin, angle = (table[name][order] for name in _COLUMNS)
     types = number.astype(np.intp)
@@ -161,6 +166,8 @@ def read_network(
         cell=_cell(head),
         law=law,
         friction=friction,
+        shear=shear,
+        rotation=rotation,
     )
     return network, start(network, np.stack([ux, uy], axis=1), np.stack([vx, vy], axis=1), angle, spin)
 

@@ -29,6 +29,7 @@ def said(key: str, value: str) -> str:
 
 RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("running", "standing", "driven", "none"))
 STRUCK = {"striker", "start.state"}  # in the first snapshot of a run, as all that moves at the beginning
+LATTICES = {said("packing.lattice", name) for name in ("square", "chain")}  # beside the hexagonal one of the theories
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
@@ -55,8 +56,8 @@ HOLDS: dict[str, frozenset[str]] = {
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
-    NETWORK: _ALONG_Y - {NO_SHEAR, NO_ROTATION}
-    | {STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING}
+    NETWORK: _ALONG_Y
+    | {STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, SLIDING, OPENING, *LATTICES}
     | STRUCK
     | _IMPERFECT,
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
@@ -75,7 +76,7 @@ KEYS = frozenset({"monitor"}).union(
     f"{section}.{key}"
     for section, keys in {
         "sphere": "radius youngs_modulus poisson_ratio work_of_adhesion density contact_force adhesion_law",
-        "packing": "rows columns ends contact_force relax relax_friction",
+        "packing": "lattice rows columns ends contact_force relax relax_friction",
         "wave": "mode wavenumber amplitude phase form direction",
         "envelope": "length width offset ramp",
         "time": "duration timestep tolerance sample allow_echo",

@@ -88,6 +88,7 @@ def others_of(record: Record) -> frozenset[str]:
     effects, guards = record.info.get("effects", {}), record.info.get("guards", {})
     parted = effects.get("contact_opening", {}).get("called_for", False)
     said = {"wave.form": scene.wave.form, "wave.mode": scene.wave.mode, "packing.ends": scene.shape.ends}
+    said |= {"packing.lattice": scene.packing.lattice} if scene.packing.lattice != "hexagonal" else {}
     present = {
         catalogue.SLIDING: on.get("sliding", False),
         catalogue.OPENING: parted or guards.get("open_contacts", {}).get("passed_at") is not None,

@@ -79,6 +79,7 @@ class Network:
     law : of the shear force.
     friction : μ; inf for contacts that never slide.
     shear_mixing : rule for G* of two kinds.
+    shear, rotation : whether contacts resist shear, and whether spheres turn.
     """
 
     position: Floats
@@ -91,6 +92,8 @@ class Network:
     law: Law = "secant"
     friction: float = np.inf
     shear_mixing: ShearMixing = "mindlin"
+    shear: bool = True
+    rotation: bool = True
 
     def __post_init__(self) -> None:
         for name in ("position", "radius", "density"):
@@ -134,7 +137,7 @@ class Network:
     def mobility(self) -> Floats:
         """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
         free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
-        return np.stack([free / self.mass, free / self.mass, free / self.inertia])
+        return np.stack([free / self.mass, free / self.mass, self.rotation * free / self.inertia])
 
     @property
     def margin(self) -> float:
@@ -149,7 +152,8 @@ class Network:
     def coefficients(self, first: Integers, second: Integers) -> tuple[Floats, Floats, Floats]:
         """Return A, B and F of the contacts of spheres `first` and `second`, each (M,), by the mixing above."""
         i, j = self.kinds[first], self.kinds[second]
-        return mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)[:3]
+        A, B, F, _ = mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)
+        return A, self.shear * B, F
 
 
 def mixed(

@@ -122,6 +122,8 @@ def _check(options: Options) -> int:
         bounds = found.on(ranks)
         if bounds and found.spheres >= WORTH_RANKS:
             say(f"{f'on {ranks}':10}{bounds[0]:.2g} to {bounds[1]:.2g} s{how}")
+    if lost := found.lost_on(2):
+        say(f"ranks     {lost}")
     restart = f"a checkpoint about every {found.checkpoint:.3g} minutes"
     say(f"restart   {restart}")
     say(f"memory    about {found.memory / 1e6:.0f} MB")

@@ -75,14 +75,17 @@ def refuse(case: Case) -> str:
         return "effects.sliding = true: needs effects.friction, the Coulomb coefficient, a number in (0, 1e4]"
     if case.on["shear"] and not isfinite(case.no_slip_friction):
         return (
-            'effects.friction = "auto": must be a number in (0, 1e4], as no force presses the weakest contact of this '
+            'effects.friction = "auto": give a number in (0, 1e4]: no force presses the weakest contact of this '
             "crystal together"
         )
     if case.on["shear"] and case.largest_slip() >= 1:
-        return (
-            'effects.friction = "auto": must be a number in (0, 1e4], as in so strong a wave contacts that open slide '
-            "before"
+        cause = (
+            "in a wave this strong, contacts slide before they open"
+            if case.scene.perfect
+            else f"unequal or missing spheres ({case.scene.imperfections}) leave a contact so weak that it slides in "
+            "this wave; a smaller wave.amplitude or less disorder helps too"
         )
+        return f'effects.friction = "auto": give a number in (0, 1e4]: {cause}'
     return ""
 
 

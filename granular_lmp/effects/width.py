@@ -16,7 +16,7 @@ GUARD = Guard(
     ),
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,
-    meaning="D0 are between spheres of the centre row: the wave is no longer plane, and needs more packing.columns",
+    meaning="in D0, the distance by which spheres of the centre row have moved apart: the wave is no longer plane",
     cure="set packing.columns to more",
 )
 

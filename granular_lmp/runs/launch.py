@@ -80,8 +80,10 @@ class Options:
         if self.launcher not in LAUNCHERS:
             raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
         if self.kernel and self.program:
-            taken = f"launcher = {self.launcher!r} with ranks = {self.ranks!r}"
-            raise LaunchError(f"kernel=True: runs in this process on one rank, and excludes {taken}")
+            taken = f"ranks={self.ranks}" if self.ranks > 1 else f"launcher={self.launcher!r}"
+            raise LaunchError(
+                f"kernel=True: runs on one rank of this process; leave out one of kernel=True and {taken}"
+            )
         if not isinstance(self.ranks, int) or not 1 <= self.ranks <= core_count():
             # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
             raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")

@@ -39,6 +39,8 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         info = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise RunFolderError(f"{folder}: not a run folder (there is no {STATUS})") from error
+    except NotADirectoryError as error:
+        raise RunFolderError(f"{folder}: is a file; give the run folder that holds {STATUS}") from error
     except (OSError, ValueError, RecursionError) as error:
         raise RunFolderError(f"{path}: cannot be read: {error}") from error
     if not isinstance(info, dict):

@@ -38,6 +38,9 @@ _SPHERE = 1160.0
 _READ, _KEPT = 230.0, 40.0
 # Share of the loop that more ranks do not shorten, at most: 2 ranks took 0.52 to 0.55 of it, 4 ranks 0.30
 SERIAL = 0.1
+# s that a run on several ranks, which starts mpiexec and the program lmp, begins later than one in a warm process: 0.70
+# at least in six runs each of 20 steps
+START_OF_RANKS = 0.7
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,14 @@ class Forecast:
     basis: str
     memory: float
     checkpoint: float
+
+    def lost_on(self, ranks: int) -> str:
+        """Return why some MPI ranks are slower than one, "" if they may be faster or nothing is known."""
+        if self.start is None or self.seconds is None:
+            return ""
+        later, saved = START_OF_RANKS * self.runs, (self.seconds - self.start) * (1 - 1 / ranks)
+        slower = f"{ranks} are slower: they start {later:.2g} s later and save at most {saved:.2g} s"
+        return slower if saved < later else ""
 
     def on(self, ranks: int) -> tuple[float, float] | None:
         """Return the least and the most seconds on some MPI ranks; None where those on one are unknown.
