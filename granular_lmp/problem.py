@@ -17,7 +17,7 @@ from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import select, warnings
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
@@ -116,7 +116,8 @@ class Problem:
 
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
-        return [*self.declared.remarks(), *self.at_rest.remarks(), *warnings(self.effects), *self._echoes()]
+        of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
+        return [*of_scene, *warnings(self.effects), *self._echoes()]
 
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""
@@ -215,8 +216,8 @@ def largest_step(scene: Scene) -> float:
     """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag.
 
     LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
-    Here b = cλ + c_L: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice, and c_L the
-    largest damping rate of quiet ends.
+    Here b = cλ: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
+    ends is none of the kind (`granular_lmp.crystal.quiet_ends`).
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
@@ -230,6 +231,5 @@ def largest_step(scene: Scene) -> float:
         unloaded = np.zeros(len(contacts))
         alone = replace(contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded)
         drag = viscosity * (frequency_bound(alone, sphere, physics) / top) ** 2 if viscosity else 0.0
-    quiet = quiet_end_of(scene)
-    half = (drag * top + (quiet.strength if quiet else 0.0) / top) / 2  # b/2Ω
+    half = drag * top / 2  # b/2Ω
     return 2 / top / (hypot(half, 1) + half)

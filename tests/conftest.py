@@ -52,8 +52,8 @@ def fast_looks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stop(fast_looks: None) -> Callable[[Scene, Path], None]:
-    """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder)``.
+def stop(fast_looks: None) -> Callable[..., None]:
+    """Stops the run of a scene in a folder after a third of its steps: ``stop(scene, folder, ranks=2)``.
 
     Progress is looked at each millisecond, as a fast machine runs the whole of a short scene in the usual tenth of a
     second. After its last step a run is finished, and is not stopped.
@@ -63,9 +63,9 @@ def stop(fast_looks: None) -> Callable[[Scene, Path], None]:
         if steps / 3 < step < steps:
             raise KeyboardInterrupt
 
-    def stopped(scene: Scene, folder: Path) -> None:
+    def stopped(scene: Scene, folder: Path, **options: Any) -> None:
         with pytest.raises(RunInterrupted):
-            run(scene, folder, progress=interrupt)
+            run(scene, folder, progress=interrupt, **options)
 
     return stopped
 

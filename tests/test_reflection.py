@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene
+from granular_lmp.crystal.quiet_ends import reflection as lattice
 from granular_lmp.errors import ViewError
 from granular_lmp.plot import reflection
-from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.scene.linear import mode_of, unit_contacts
 
 SCENE = Scene.load("tr_driven").with_values(
     {"packing.rows": 41, "absorb.rows": 10, "absorb.reflection": 0.5, "wave.wavenumber": 1.0, "envelope.ramp": 20.0}
@@ -34,14 +36,14 @@ def test_the_smaller_of_two_waves_over_the_larger_is_the_reflection(share: float
     assert found == pytest.approx(min(share, 1 / share), rel=1e-4)  # the minimum over ξ is found to 1e-9
 
 
-def test_pairs_of_steps_are_extrapolated_linearly() -> None:
-    coarse, fine = (SCENE.with_values({"time.timestep": step}) for step in (0.05, 0.025))
-    ((key, (theory, lammps)),) = reflection.extrapolated([stand_in(coarse, 0.02), stand_in(fine, 0.03)]).items()
-    assert key == ("TR", 1.0, 10)
-    assert theory == reflection.expected(fine)
-    assert lammps == pytest.approx(0.04, rel=1e-4)  # as above
-    with pytest.raises(ViewError, match=r"time steps \[0\.05\]: must be two, one half of the other"):
-        reflection.extrapolated([stand_in(coarse, 0.02)])
+def test_theory_is_that_of_the_step() -> None:
+    scene = SCENE.with_values({"wave.mode": "RT"})
+    end = quiet_end_of(scene)
+    assert end is not None
+    at_zero = lattice(unit_contacts(scene), scene.sphere, mode_of(scene), end)
+    found = [reflection.expected(scene.with_values({"time.timestep": step})) for step in (1e-3, 0.25)]
+    assert found[0] == pytest.approx(at_zero, rel=1e-3)  # second order: 6e4 times less than at 0.25
+    assert abs(found[1] / at_zero - 1) > 0.1
 
 
 def test_runs_that_show_no_reflection_are_refused() -> None:
@@ -58,6 +60,6 @@ def test_the_figure_has_a_panel_a_mode_and_a_mark_a_run(monkeypatch: pytest.Monk
     sweep: Any = SimpleNamespace(folder=tmp_path, having=lambda status: [{"run": name} for name in runs])
     panels = reflection.figure([sweep], wavenumbers=(1.0, 1.5)).axes
     assert [panel.get_title() for panel in panels] == ["L", "TR", "RT"]
-    assert [len(panel.lines) for panel in panels] == [2, 4, 2]  # two lines; a ring and a dot
+    assert [len(panel.lines) for panel in panels] == [2, 6, 2]  # two lines; a ring and a dot of each run
     with pytest.raises(ViewError, match="no run is finished"):
         reflection.figure([SimpleNamespace(folder=tmp_path, having=lambda status: [])], wavenumbers=(1.0,))  # type: ignore[list-item]

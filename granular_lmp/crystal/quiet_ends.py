@@ -1,16 +1,25 @@
 """Quiet ends: rows that absorb a wave, with the reflection of a layer from the linear lattice.
 
-Rows n = 1 … L in front of a held row are damped, F = −γ_n v and T = −γ_n Ĩ R² ω, by
+Rows n = 1 … L in front of a held row lose velocity and spin at the rate
 
     γ_n t0/m = c_n = c (n/L)^p
 
 which grows from nothing, so that the wave enters without an echo. All modes decay with the rate c_n/2 in row n, because
-a torque is damped like a force. Matched, Bloch modes or not: a perfectly matched layer would amplify waves whose crests
+spin is damped like velocity. Matched, Bloch modes or not: a perfectly matched layer would amplify waves whose crests
 run against their energy, as those of RT do, and a viscous one does not.
+
+**The step.** At the end of a step h, between the two halves of the kick, v becomes v (1 − c_n h/2)/(1 + c_n h/2). This
+is a drag on the mean velocity over two steps,
+
+    M (X₊ − 2X + X₋)/h² + c_n M (X₊ − X₋)/2h = −K X
+
+of second order in h, and stable wherever the lattice without drag is, |Ω| h < 2. It needs no force, so that a run is
+set up from positions and velocities alone. A wave of the lattice whose frequency is Ω has the frequency
+(2/h) asin(Ωh/2) in the run, and there the drag of row n is −iΩc_n √(1 − (Ωh/2)²).
 
 **Reflection.** In a wave along y all spheres of a row move alike. With X_n = (u, v, φ) of row n and time e^{−iΩτ},
 
-    K₋ X_{n−1} + (K₀ − ΩM(Ω + i c_n)) X_n + K₊ X_{n+1} = 0,    X_{L+1} = 0
+    K₋ X_{n−1} + (K₀ − ΩM(Ω + i c_n √(1 − (Ωh/2)²))) X_n + K₊ X_{n+1} = 0,    X_{L+1} = 0
 
 where K₀ + K₊e^{iξ} + K₋e^{−iξ} is the Bloch matrix. From the held row backward X_{n+1} = T_n X_n; in front of the layer
 the incident mode and those that leave it solve the quadratic eigenproblem of the perfect lattice. The reflection is the
@@ -19,6 +28,7 @@ root of the energy flux that comes back, in all modes, over the incident one: ex
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import asin, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +57,7 @@ class QuietEnd:
     power : float
         Exponent p of the profile.
     reflection : float
-        Largest |r| over the waves that it was made for.
+        Largest |r| over the waves that it was made for, at the time step that it was judged for.
     """
 
     rows: int
@@ -60,7 +70,19 @@ class QuietEnd:
         return self.strength * (np.arange(1, self.rows + 1) / self.rows) ** self.power
 
 
-def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, physics: Physics = FULL) -> float:
+def frequency_in_run(frequency: float, step: float) -> float:
+    """Return the frequency that a wave of the lattice has in velocity Verlet with a step, (2/h) asin(Ωh/2)."""
+    return 2 / step * asin(frequency * step / 2) if step else frequency
+
+
+def frequency_in_lattice(frequency: float, step: float) -> float:
+    """Return the frequency of the wave of the lattice that has this one in a run, (2/h) sin(Ωh/2)."""
+    return 2 / step * sin(frequency * step / 2) if step else frequency
+
+
+def reflection(
+    lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, physics: Physics = FULL, step: float = 0.0
+) -> float:
     """Return |r| of a layer for a mode along y, the root of the reflected over the incident energy flux.
 
     Parameters
@@ -72,13 +94,19 @@ def reflection(lattice: Contacts, sphere: Sphere, mode: Mode, end: QuietEnd, phy
     end : QuietEnd
     physics : Physics
         Degrees of freedom.
+    step : float
+        Time step of the run in τ; 0 for the lattice itself.
 
     Raises
     ------
     ValueError
-        If the mode does not run along y.
+        If the mode does not run along y, or oscillates too fast for the step, Ωh ≥ 2.
     """
-    return float(_reflections(line_of(lattice, sphere, physics), mode, end.rates()[None], physics)[0])
+    half = mode.frequency * step / 2
+    if half >= 1:
+        raise ValueError(f"step = {step!r}: must be below {2 / mode.frequency:.6g}, 2/Omega of the wave")
+    rates = end.rates()[None] * sqrt(1 - half**2)
+    return float(_reflections(line_of(lattice, sphere, physics), mode, rates, physics)[0])
 
 
 def _reflections(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Physics) -> NDArray[np.float64]:

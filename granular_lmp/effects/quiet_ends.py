@@ -1,19 +1,26 @@
-"""Quiet ends: damped rows in front of the held ones, so that no echo comes back (`granular_lmp.crystal.quiet_ends`)."""
+"""Quiet ends: damped rows in front of the held ones, so that no echo comes back (`granular_lmp.crystal.quiet_ends`).
+
+Their drag is no force. LAMMPS computes forces with the velocities of half a step ago, and sets a run up with those of
+the whole step: a force of drag errs by first order in the step, and a resumed run begins with another one.
+"""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.scene.absorption import quiet_end_of
 from granular_lmp.scene.scene import Scene
 
 LINES = {
-    "quiet": "\n# --- quiet ends: the <quiet_rows> rows before a held one are damped, F = -c m v and T = -c I omega\n"
-    "#     with c = <quiet_strength> (depth)^<quiet_power> per t0; <quiet_reflection> of the amplitude comes back\n"
-    "variable     depth atom (<quiet_side>-<quiet_from>)/<quiet_thickness>\n"
+    "quiet": "\n# --- quiet ends: in row n of the <quiet_rows> before a held one velocities decay at the rate\n"
+    "#     c = <quiet_strength> (n/<quiet_rows>)^<quiet_power> per t0, by (1 - c step/2)/(1 + c step/2) at the end of\n"
+    "#     a step; <quiet_reflection> of the amplitude comes back at this step\n"
+    "variable     depth atom round((<quiet_side>-<quiet_from>)/<quiet_row>)\n"
     "variable     deep  atom v_depth>0\n"
     "group        quiet variable deep\n"
-    "variable     rate  atom <quiet_strength>*abs(v_depth)^<quiet_power>/v_t0\n"
-    "variable     drag_x atom -v_rate*mass*vx\n"
-    "variable     drag_y atom -v_rate*mass*vy\n"
-    "fix          drag quiet addforce v_drag_x v_drag_y 0.0",
+    "variable     loss  atom $(<quiet_strength>*v_step/v_t0/2:%.17g)*(v_depth/<quiet_rows>)^<quiet_power>\n"
+    "variable     keep  atom (1-v_loss)/(1+v_loss)\n"
+    "fix          kept quiet store/state 0 v_keep\n"
+    "variable     kept_x atom f_kept*vx\n"
+    "variable     kept_y atom f_kept*vy\n"
+    "<quiet_turn>fix          drag all set 1 0 group quiet vx v_kept_x vy v_kept_y<quiet_spin>",
 }
 
 

@@ -59,7 +59,7 @@ units        <style>
 dimension    2
 boundary     <along_x> <along_y> p
 atom_style   <atom_style>
-atom_modify  map array
+atom_modify  map array sort 1 0.0
 comm_modify  vel yes
 <spheres>
 <mass>
@@ -105,8 +105,7 @@ timestep     $(v_step:%.17g)"""
 _MOTION = """\
 # --- motion of the spheres that are not held
 fix          move mobile <motion>
-<quiet>
-<quiet_turn>"""
+<quiet>"""
 
 _GUARDS = """\
 # --- guards: proof that the effects this deck leaves out do not occur
@@ -122,9 +121,11 @@ dump         centre centre custom ${every} ${dump} id c_u[1] c_u[2]<angle_column
 dump_modify  centre format float %.17g colname c_u[1] ux colname c_u[2] uy<angle_name>
 <particles_dump>"""
 
-QUIET_TURN = """\
-variable     turn_drag atom v_rate*0.4*mass*radius^2
-fix          turn_drag quiet viscous/sphere 1.0 scale v_turn_drag"""
+# Slots of quiet ends in which spheres turn
+QUIET_TURN = {
+    "quiet_turn": "fix          spin quiet store/state 1 omegaz\nvariable     kept_turn atom f_kept*f_spin\n",
+    "quiet_spin": " omega 0.0 0.0 v_kept_turn",
+}
 
 RAMP = "variable ramp      index <switch_on>  # tau in which the first row is switched on"
 
@@ -149,7 +150,7 @@ _SAID = "granular-lmp variables: "
 # Contents of the slots that no effect of a scene fills
 UNCALLED = dict.fromkeys(
     ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
-    + ("read_angle", "angle_column", "angle_name", "quiet", "quiet_turn"),
+    + ("read_angle", "angle_column", "angle_name", "quiet", "quiet_turn", "quiet_spin"),
     "",
 ) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
 
@@ -216,7 +217,7 @@ def resumed(scene: Scene) -> tuple[str, ...]:
     return (
         "# <title>: continues from <from>\nlog <log> append",
         _VARIABLES,
-        "comm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
+        "atom_modify  sort 1 0.0\ncomm_modify  vel yes\nread_restart <from>\nneighbor     <skin> bin",
         _CONTACTS,
         _MEASURES,
         *(("<field>",) if scene.wave.form == "driven" else ()),

@@ -308,11 +308,10 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
         "quiet_reflection": f"{end.reflection:.1e}",
         "quiet_side": quiet_side(scene),
         "quiet_from": repr(units.number(inside, length=1)),
-        "quiet_thickness": repr(units.number(end.rows * row, length=1)),
+        "quiet_row": repr(units.number(row, length=1)),
         "quiet_strength": repr(end.strength),
         "quiet_power": repr(end.power),
-        "quiet_turn": blocks.QUIET_TURN if problem.on["rotation"] else "",
-    }
+    } | (blocks.QUIET_TURN if problem.on["rotation"] else {})
 
 
 def _contact_values(problem: Problem, units: Units) -> dict[str, str]:

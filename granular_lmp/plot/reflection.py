@@ -4,25 +4,24 @@
 
 A line is |r| of the layer that is best for one wave alone (`granular_lmp.crystal.quiet_ends`). A run is one of a driven
 row; its layer was chosen for the free wave at 2Ω too, and may reflect the wave itself more. A ring is theory for the
-layer of a run, the dot what LAMMPS does, extrapolated from two time steps: drags take the velocities of half a step
-ago, an error of first order.
+layer and the time step of a run, the dot what LAMMPS does.
 """
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import FULL, MODES, bloch_mode
+from granular_lmp.crystal.modes import FULL, MODES, Mode, bloch_mode
 from granular_lmp.crystal.quiet_ends import quiet_end, reflection
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture, save
 from granular_lmp.runs.snapshots import Snapshots
-from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.scene.absorption import quiet_end_of, waves_at_ends
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.sweep import Sweep
@@ -33,8 +32,13 @@ _NEAR = 6  # rows beside the source and the layer, in which waves decay that are
 _LATE = 0.75  # share of a run, in which the front must have run to the layer and back
 
 
+def incident(scene: Scene) -> Mode:
+    """Return the wave of the lattice that a row sends out which is driven with the time step of a scene."""
+    return waves_at_ends(scene, scene.time.step)[0]
+
+
 def expected(scene: Scene) -> float:
-    """Return |r| of the quiet end of a driven scene for its wave, by the linear lattice.
+    """Return |r| of the quiet end of a driven scene for its wave, by the linear lattice with the step of the run.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def expected(scene: Scene) -> float:
     end = quiet_end_of(scene)
     if end is None or scene.wave.form != "driven":
         raise ViewError(f'{scene.name}: must have wave.form = "driven" and absorb.rows')
-    return reflection(unit_contacts(scene), scene.sphere, mode_of(scene), end, physics_of(scene))
+    return reflection(unit_contacts(scene), scene.sphere, incident(scene), end, physics_of(scene), scene.time.step)
 
 
 def measured(snapshots: Snapshots) -> float:
@@ -52,7 +56,7 @@ def measured(snapshots: Snapshots) -> float:
 
     Rows of the last quarter of the run are cos and sin in time at Ω, and in space A e^{iξn} + B e^{−iξn}; |r| is the
     smaller of the two amplitudes over the larger, as the crests of RT run against its energy. ξ is fitted, because the
-    time step shifts it. Good values: a ramp of ten periods, and a run of which two thirds are enough for the ramp and
+    amplitude shifts it. Good values: a ramp of ten periods, and a run of which two thirds are enough for the ramp and
     for the way to the layer and back.
 
     Raises
@@ -76,31 +80,10 @@ def measured(snapshots: Snapshots) -> float:
         amplitudes = np.linalg.lstsq(both, wave)[0]
         return np.abs(amplitudes), float(np.linalg.norm(both @ amplitudes - wave))
 
-    near = scene.wavenumber + np.array([-1, 1]) * 0.3 / len(rows)
+    near = incident(scene).wavenumber + np.array([-1, 1]) * 0.3 / len(rows)
     found = minimize_scalar(lambda xi: fitted(xi)[1], bounds=near, method="bounded", options={"xatol": 1e-9})
     amplitudes, _ = fitted(found.x)
     return float(amplitudes.min() / amplitudes.max())
-
-
-def extrapolated(runs: Iterable[Snapshots]) -> dict[tuple[str, float, int], tuple[float, float]]:
-    """Return mode, ξ and rows → |r| by theory and in LAMMPS, extrapolated linearly from pairs of time steps.
-
-    Raises
-    ------
-    ViewError
-        If runs of one mode, ξ and thickness are not two, one with half the step of the other.
-    """
-    found: dict[tuple[str, float, int], dict[float, Snapshots]] = {}
-    for run in runs:
-        key = run.scene.wave.mode, run.scene.wavenumber, int(run.scene.absorb.rows)
-        found.setdefault(key, {})[run.scene.time.step] = run
-    result = {}
-    for key, steps in found.items():
-        if len(steps) != 2 or not np.isclose(max(steps), 2 * min(steps)):
-            raise ViewError(f"{key}: time steps {sorted(steps)}: must be two, one half of the other")
-        fine, coarse = measured(steps[min(steps)]), measured(steps[max(steps)])
-        result[key] = expected(steps[min(steps)].scene), 2 * fine - coarse
-    return result
 
 
 def best(sphere: Sphere, name: str, rows: int, wavenumbers: Sequence[float]) -> list[float]:
@@ -115,17 +98,17 @@ def figure(sweeps: Sequence[Sweep], wavenumbers: Sequence[float] = WAVENUMBERS) 
     runs = [Snapshots.load(sweep.folder / row["run"]) for sweep in sweeps for row in sweep.having("finished")]
     if not runs:
         raise ViewError("no run is finished; there is nothing to draw")
-    sphere, marks = runs[0].scene.sphere, extrapolated(runs)
+    sphere = runs[0].scene.sphere
     drawing = Picture(figsize=(9.0, 3.6), layout="constrained")
     panels = drawing.subplots(1, len(MODES), sharey=True)
     for panel, name in zip(panels, MODES, strict=True):
         for place, rows in enumerate(THICKNESSES):
             panel.plot(wavenumbers, best(sphere, name, rows, wavenumbers), color=f"C{place}", label=f"{rows} rows")
-        for (mode, wavenumber, rows), (theory, lammps) in marks.items():
-            if mode == name:
-                colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
-                panel.plot(wavenumber, theory, "o", color=colour, markersize=7, fillstyle="none")
-                panel.plot(wavenumber, lammps, ".", color="black", markersize=4)
+        for run in (each for each in runs if each.scene.wave.mode == name):
+            rows, wavenumber = int(run.scene.absorb.rows), run.scene.wavenumber
+            colour = f"C{THICKNESSES.index(rows)}" if rows in THICKNESSES else "black"
+            panel.plot(wavenumber, expected(run.scene), "o", color=colour, markersize=7, fillstyle="none")
+            panel.plot(wavenumber, measured(run), ".", color="black", markersize=4)
         panel.set(title=name, xlabel=r"$\xi$ (rad per row)", yscale="log", ylim=(1e-6, 1))
     panels[0].set_ylabel(r"reflection $|r|$")
     drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize="small")

@@ -145,9 +145,8 @@ def resume(folder: str | Path, *, progress: Progress | None = None, judge: Judge
 
     Notes
     -----
-    The dumps have the same bytes as those of an uninterrupted run, with two exceptions. In sheets wider than 3 columns
-    between held rows they may differ by 1e-14 D0, because contacts are summed in another order. With damping or sliding
-    they differ by up to 1e-6 D0, because LAMMPS sets up a run with other velocities than those between its steps.
+    The dumps have the same bytes as those of an uninterrupted run. With damping or sliding they differ by up to
+    1e-6 D0, because LAMMPS sets up a run with other velocities than those between its steps.
     """
     folder = absolute(folder)
     read_status(folder)  # raises if the folder holds no run

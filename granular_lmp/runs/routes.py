@@ -10,9 +10,10 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -229,13 +230,16 @@ def _output(process: "subprocess.Popen[str]", job: Job) -> str:
 
 
 def _stop(process: "subprocess.Popen[str]") -> None:
-    """End the program and all its ranks."""
-    os.killpg(process.pid, signal.SIGTERM)
-    try:
-        process.wait(_GRACE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+    """End the program and all its ranks, which hold the folder's lock: the ``lmp`` of the wheel starts another one."""
+    with suppress(ProcessLookupError):  # none is left
+        for request in (signal.SIGTERM, signal.SIGKILL):
+            os.killpg(process.pid, request)
+            until = time.monotonic() + _GRACE
+            while time.monotonic() < until:
+                process.poll()
+                os.killpg(process.pid, 0)
+                time.sleep(0.01)
+    process.wait()
 
 
 def _step_in_log(folder: Path) -> int | None:

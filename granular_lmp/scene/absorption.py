@@ -2,14 +2,27 @@
 
 Sources make waves of every mode, at their frequencies; a burst those of its main lobe too. Those along y are absorbed
 to the reflection that is wanted. Oblique ones are absorbed as well, but nobody has said to what.
+
+Rows, strength and power follow from the lattice, so that all runs of one scene have the same layer whatever their time
+step is. What it reflects is said for the step that runs, and "auto" takes as many rows as that step needs. With a
+tolerance it is said for step zero, to which the runs are extrapolated.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from math import pi
 
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, restored
-from granular_lmp.crystal.quiet_ends import QuietEnd, quiet_end
+from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, restored
+from granular_lmp.crystal.quiet_ends import (
+    MOST_ROWS,
+    QuietEnd,
+    frequency_in_lattice,
+    frequency_in_run,
+    quiet_end,
+    reflection,
+)
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
@@ -22,10 +35,11 @@ DEVIATIONS = 2.5  # standard deviations of a packet's spectrum: 1e-3 of its ener
 _LEAST = 0.05  # rad per row: longer waves than that are a hundred rows long
 
 
-def waves_at_ends(scene: Scene) -> list[Mode]:
+def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     """Return the waves along y that reach the ends: the wave, the edges of a packet's spectrum, and free L at 2Ω.
 
-    Of sources they are all modes of each frequency, and of the edges of a burst's spectrum.
+    Of sources they are all modes of each frequency, and of the edges of a burst's spectrum. In a run with a `step` (τ)
+    a frequency is that of another wave of the lattice, 2 sin(Ωh/2)/h, while a packet has the wave numbers of its start.
 
     Raises
     ------
@@ -33,28 +47,32 @@ def waves_at_ends(scene: Scene) -> list[Mode]:
         If no wave along y has the frequency of a source.
     """
     if scene.source:
-        return _waves_of_sources(scene)
+        return _waves_of_sources(scene, step)
     mode, sphere, physics = mode_of(scene), scene.sphere, physics_of(scene)
-    wavenumbers = {scene.wavenumber}
+    lattice, usual = unit_lattice(sphere), frequency_in_run(mode.frequency, step)
+    if scene.wave.form == "driven":
+        usual = mode.frequency
+        numbers = _numbers_at(frequency_in_lattice(usual, step), sphere, physics, mode.name) if step else ()
+        # At the edge of a band none may be left; the row shakes its neighbours nevertheless
+        wavenumbers = {min(numbers, key=lambda xi: abs(xi - scene.wavenumber), default=scene.wavenumber)}
+    else:
+        wavenumbers = {scene.wavenumber}
     if scene.envelope.length:
         width = DEVIATIONS / scene.envelope.length
         wavenumbers |= {max(scene.wavenumber - width, _LEAST), min(scene.wavenumber + width, pi - _LEAST)}
-    lattice = unit_lattice(sphere)
     found = [bloch_mode(lattice, sphere, WaveVector.of(xi), mode.name, physics) for xi in sorted(wavenumbers)]
-    try:
-        hertz = 2 * mode.frequency / sphere.time_scale / (2 * pi)
-        doubled = wavenumbers_at(hertz, sphere, physics, "L", 90.0)
-    except SceneError:  # above the band no L wave runs at 2Ω
-        return found
-    return [*found, bloch_mode(lattice, sphere, WaveVector.of(doubled[0]), "L", physics)]
+    doubled = _numbers_at(frequency_in_lattice(2 * usual, step), sphere, physics, "L")
+    # Above the band no L wave runs at 2Ω
+    return [*found, *(bloch_mode(lattice, sphere, WaveVector.of(xi), "L", physics) for xi in doubled[:1])]
 
 
-def _waves_of_sources(scene: Scene) -> list[Mode]:
+def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
     sphere, physics, usual = scene.sphere, physics_of(scene), mode_of(scene).frequency
     found: dict[tuple[str, float], Mode] = {}
     for number, source in enumerate(scene.source, 1):
         frequency = source.pulsation(sphere, usual)
-        waves = [wave for share in source.band for wave in _waves_at(share * frequency, sphere, physics)]
+        shaken = [frequency_in_lattice(share * frequency, step) for share in source.band]
+        waves = [wave for each in shaken for wave in _waves_at(each, sphere, physics)]
         if not waves:
             raise SceneError(
                 f"source {number}: frequency = {frequency:.6g} rad per t0: is that of no wave along y, so that nothing "
@@ -66,14 +84,20 @@ def _waves_of_sources(scene: Scene) -> list[Mode]:
 
 def _waves_at(frequency: float, sphere: Sphere, physics: Physics) -> list[Mode]:
     """Return the waves along y of a frequency in rad/t0, none below those of a hundred rows."""
-    lattice, found = unit_lattice(sphere), []
-    for name in restored(lattice, physics):
-        try:
-            numbers = wavenumbers_at(frequency / sphere.time_scale / (2 * pi), sphere, physics, name, 90.0)
-        except SceneError:  # outside the band of the mode
-            continue
-        found += [bloch_mode(lattice, sphere, WaveVector.of(max(xi, _LEAST)), name, physics) for xi in numbers]
-    return found
+    lattice = unit_lattice(sphere)
+    return [
+        bloch_mode(lattice, sphere, WaveVector.of(max(xi, _LEAST)), name, physics)
+        for name in restored(lattice, physics)
+        for xi in _numbers_at(frequency, sphere, physics, name)
+    ]
+
+
+def _numbers_at(frequency: float, sphere: Sphere, physics: Physics, name: str) -> tuple[float, ...]:
+    """Return the wave numbers along y of a mode at a frequency in rad/t0, none outside its band."""
+    try:
+        return wavenumbers_at(frequency / sphere.time_scale / (2 * pi), sphere, physics, name, 90.0)
+    except SceneError:
+        return ()
 
 
 def quiet_side(scene: Scene) -> str:
@@ -91,7 +115,7 @@ def quiet_side(scene: Scene) -> str:
 
 
 def quiet_end_of(scene: Scene) -> QuietEnd | None:
-    """Return the layer at each quiet end of a scene; None without one.
+    """Return the layer at each quiet end of a scene, with what it reflects at the scene's step; None without one.
 
     Raises
     ------
@@ -101,15 +125,17 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     absorb, shape = scene.absorb, scene.shape
     if absorb.rows == 0:
         return None
-    wanted = absorb.reflection
     try:
-        end = _chosen(scene, None if absorb.rows == AUTO else int(absorb.rows))
-        if end.reflection > wanted:
-            enough = _chosen(scene, None)
-            raise SceneError(
-                f"absorb.rows = {absorb.rows!r}: reflect {end.reflection:.2g} of the wave, and absorb.reflection = "
-                f'{wanted!r} is wanted; must be at least {enough.rows}, or "auto"'
-            )
+        if absorb.rows == AUTO:
+            end = _enough(scene)
+        else:
+            end = _layer_of(scene, int(absorb.rows))
+            if end.reflection > absorb.reflection:
+                raise SceneError(
+                    f"absorb.rows = {absorb.rows!r}: reflect {end.reflection:.2g} of the wave, and absorb.reflection = "
+                    f'{absorb.reflection!r} is wanted; must be at least {_enough(scene).rows}, or "auto"'
+                )
+            end = _in_run(scene, end)
     except ValueError as error:
         raise SceneError(f"absorb.{error}") from error
     side = quiet_side(scene)
@@ -128,7 +154,39 @@ def quiet_end_of(scene: Scene) -> QuietEnd | None:
     return end
 
 
-def _chosen(scene: Scene, rows: int | None) -> QuietEnd:
+def remarks_on_ends(scene: Scene) -> list[str]:
+    """Return a sentence if the declared rows reflect more than is wanted because of the time step alone."""
+    end, wanted = quiet_end_of(scene), scene.absorb.reflection
+    if end is None or end.reflection <= wanted:
+        return []
+    return [
+        f"absorb.rows = {end.rows}: reflect {end.reflection:.3g} of the wave at time.timestep = "
+        f"{scene.time.timestep!r}, and absorb.reflection = {wanted!r} is wanted; take {_enough(scene).rows} rows, or a "
+        "shorter step"
+    ]
+
+
+def _enough(scene: Scene) -> QuietEnd:
+    """Return the layer with the fewest rows that reflects no more than is wanted, in the lattice and in the run."""
+    wanted = scene.absorb.reflection
+    in_lattice = _layer_of(scene, None)
+    while (end := _in_run(scene, in_lattice)).reflection > wanted or in_lattice.reflection > wanted:
+        if end.rows >= MOST_ROWS:
+            raise ValueError(f"reflection = {wanted!r}: needs more than {MOST_ROWS} rows at this step; ask for more")
+        in_lattice = _layer_of(scene, end.rows + 1)
+    return end
+
+
+def _in_run(scene: Scene, end: QuietEnd) -> QuietEnd:
+    """Return a layer with what it reflects at the step of a scene; with a tolerance that is step zero."""
+    sphere, physics = scene.sphere, physics_of(scene)
+    step = 0.0 if scene.time.tolerance is not None else scene.time.step
+    if step * highest_frequency(unit_lattice(sphere), sphere, physics) >= 2:  # such a step is refused
+        return end
+    return replace(end, reflection=_largest(sphere, tuple(waves_at_ends(scene, step)), end, physics, step))
+
+
+def _layer_of(scene: Scene, rows: int | None) -> QuietEnd:
     waves = tuple(waves_at_ends(scene))
     return _layer(scene.sphere, waves, scene.absorb.reflection, rows, physics_of(scene))
 
@@ -136,3 +194,8 @@ def _chosen(scene: Scene, rows: int | None) -> QuietEnd:
 @lru_cache(maxsize=32)
 def _layer(sphere: Sphere, waves: tuple[Mode, ...], wanted: float, rows: int | None, physics: Physics) -> QuietEnd:
     return quiet_end(unit_lattice(sphere), sphere, waves, wanted, rows, physics)
+
+
+@lru_cache(maxsize=32)
+def _largest(sphere: Sphere, waves: Sequence[Mode], end: QuietEnd, physics: Physics, step: float) -> float:
+    return max(reflection(unit_lattice(sphere), sphere, wave, end, physics, step) for wave in waves)
