@@ -123,7 +123,7 @@ def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
         line += f"{height:8.4f}{of_height:7.4f}"
         if each.reflected:
             height = each.reflected.height / each.incident.height
-            line += f"{back:8.2f}{angle(each.incidence, 1.0, height):7.2f}{height:8.4f}"
+            line += f"{back:8.2f}{angle(each.incidence, 1.0, height, reflected=True):7.2f}{height:8.4f}"
         lines.append(line)
     return "\n".join(lines)
 

@@ -1,21 +1,25 @@
 """Plane fronts on both sides of a straight interface: their directions, speeds and heights, from crests of spheres.
 
 A plane front passes the sphere at r at the time t = t0 + s·r. Least squares on the times of the crests give the
-slowness s, and with it the direction of the front and its speed 1/|s|.
+slowness s, and with it the direction of the front and its speed 1/|s|. The height of a front is the largest velocity
+along its own way. A front that comes back is found by the velocity along the normal of the interface, which tells it
+from the incoming one; that component alone is lower by the cosine of the angle between the two.
 """
 
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.chain_motion import first_peak
+from analysis.theory.chain_motion import first_peak, peak
 
 Floats = NDArray[np.float64]
 FEWEST = 12  # spheres of a fit
 NEAR, FAR = 3.0, 8.0  # diameters from the interface: behind its ragged edge, and before the front has changed
 BESIDE = 8.0  # diameters along it, to each side of its middle
 PLANE = 0.5  # t0: what has crests farther off a plane is no plane front, whose crest lasts some 3 t0
+AROUND = 1.5  # t0 from a crest of one component to that of another
 FOREGOING = 0.05  # share of the fastest striker: a lower crest is scattered by single spheres of the edge
 
 
@@ -65,13 +69,7 @@ def plane_front(times: Floats, signal: Floats, places: Floats) -> PlaneFront:
 
     Raises ValueError if fewer than 12 spheres have a pulse, or they lie on one line.
     """
-    found = []
-    for each, place in zip(signal.T, places, strict=True):
-        try:
-            height, time = first_peak(times, each, FOREGOING)
-        except ValueError:
-            continue
-        found.append((time, height, *place))
+    found = [(time, height, *places[k]) for k, (height, time) in _crests(times, signal).items()]
     if len(found) < FEWEST:
         raise ValueError(f"the front has passed {len(found)} of {len(places)} spheres; must be at least {FEWEST}")
     time, height, x, y = np.array(found).T
@@ -87,6 +85,30 @@ def plane_front(times: Floats, signal: Floats, places: Floats) -> PlaneFront:
         float(height.std() / height.mean()),
         float((time - plane @ solution).std()),
     )
+
+
+def _crests(times: Floats, signal: Floats) -> dict[int, tuple[float, float]]:
+    """Return height and time of the first crest of each sphere that has one, by its number."""
+    found = {}
+    for number, each in enumerate(signal.T):
+        with suppress(ValueError):
+            found[number] = first_peak(times, each, FOREGOING)
+    return found
+
+
+def _returning(times: Floats, velocity: Floats, places: Floats, normal: Floats) -> PlaneFront:
+    """Return the front that comes back against the normal, with the height along its own way."""
+    inward = -velocity @ normal
+    found = plane_front(times, inward, places)
+    way = np.array([np.cos(np.radians(found.direction)), np.sin(np.radians(found.direction))])
+    heights = []
+    for number, (_, time) in _crests(times, inward).items():
+        own = velocity[:, number] @ way
+        top = int(np.argmax(np.where(np.abs(times - time) < AROUND, own, -np.inf)))
+        near = slice(max(top - 4, 0), top + 5)
+        with suppress(ValueError):  # too near to an end of the record
+            heights.append(peak(times[near], own[near])[0])
+    return found._replace(height=float(np.mean(heights)), spread=float(np.std(heights) / np.mean(heights)))
 
 
 def fronts_at_interface(
@@ -111,7 +133,7 @@ def fronts_at_interface(
     before = (aside < BESIDE) & (beyond > -FAR) & (beyond < -NEAR)
     behind = (aside < BESIDE) & (beyond > NEAR) & (beyond < FAR)
     speed = np.linalg.norm(velocity, axis=-1)
-    reflected = plane_front(times, -velocity[:, before] @ normal, places[before]) if heavier else None
+    reflected = _returning(times, velocity[:, before], places[before], normal) if heavier else None
     return FrontsAtInterface(
         incidence,
         plane_front(times, speed[:, before], places[before]),

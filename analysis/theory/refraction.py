@@ -5,15 +5,17 @@ next row at 30° from y, and two of its own row that it does not press. Rows are
 
     A_rows = 2 cos(30°)^{5/2} A,   V = (√3/2) · 0.9074701 (A_rows/m)^{2/5} v^{1/5}   in diameters
 
-and the exact wave of `analysis.theory.solitary`. Fronts of other directions have speeds of their own, which differ by
-some percent: the sheet is not isotropic for them.
+and the exact wave of `analysis.theory.solitary`. Fronts of other directions φ have V = C(φ) v^{1/5} with a C of their
+own, up to 3.5 % more along a row of contacts (`analysis.theory.plane_front`).
 
 **The law of angles.** Beyond a straight interface spheres have the mass M in place of 1. Fronts keep their trace along
-it, so that with the speeds V of an isotropic sheet
+it, so that between their ways and the normal of the interface
 
-    sin θ_t / sin θ_i = V_t/V_i = M^{-2/5} (v_t/v_i)^{1/5},   sin θ_r / sin θ_i = (v_r/v_i)^{1/5}
+    sin θ_t / sin θ_i = V_t/V_i = M^{-2/5} (v_t/v_i)^{1/5} C(φ_t)/C(φ_i)
+    sin θ_r / sin θ_i = V_r/V_i = (v_r/v_i)^{1/5} C(φ_r)/C(φ_i)
 
-between the ways of the fronts and the normal of the interface.
+where v is the largest velocity along the front's own way, and φ_i = 90°, φ_t = 90° + θ_i − θ_t, φ_r = 270° + θ_i + θ_r
+from a row of contacts: the front comes across the rows, and the interface is turned by θ_i against them.
 
 **Quasi-particles.** The energy of a wave is that of a particle of some spheres' mass with the velocity v. At normal
 incidence the particles 1 and M collide elastically: v_t = 2/(1 + M), v_r = (M − 1)/(M + 1) of v_i, and energy passes by
@@ -30,13 +32,13 @@ the law of angles below a critical one. Its own extension to angles was not, so 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
+from analysis.theory.plane_front import scaled_speed
 from analysis.theory.solitary import solitary_wave
 
 ROWS = 2 * 0.75**1.25  # A of a chain of rows
 LIGHTEST, HEAVIEST = 0.1, 10.0  # M
-_TIP = float(np.arctan(np.sqrt(10.0)))  # θ where sin^{10} θ cos θ is largest
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,13 @@ def front_speed(height: float, mass: float = 1.0) -> float:
     return float(np.sqrt(0.75) * (ROWS / mass) ** 0.4 * height**0.2 * wave.speed / wave.largest_velocity**0.2)
 
 
-def angle(incidence: float, mass: float, height: float) -> float:
+def faster(incidence: float, found: float, *, reflected: bool = False) -> float:
+    """Return C(φ)/C(φ_i) of a front at an angle from the normal over the incoming one's, both in degrees."""
+    direction = 270.0 + incidence + found if reflected else 90.0 + incidence - found
+    return scaled_speed(direction) / scaled_speed(90.0)
+
+
+def angle(incidence: float, mass: float, height: float, *, reflected: bool = False) -> float:
     """Return the angle by the law of angles, degrees, of a front in spheres of mass M; nan beyond the critical angle.
 
     Parameters
@@ -79,9 +87,16 @@ def angle(incidence: float, mass: float, height: float) -> float:
     incidence : θ_i, degrees.
     mass : M; 1 for a reflected front.
     height : v_t/v_i, or v_r/v_i.
+    reflected : True for a front that comes back.
     """
-    sine = np.sin(np.radians(incidence)) * mass**-0.4 * height**0.2
-    return float(np.degrees(np.arcsin(sine))) if sine <= 1 else np.nan
+    if incidence == 0:
+        return 0.0
+    alike = np.sin(np.radians(incidence)) * mass**-0.4 * height**0.2
+
+    def beyond(found: float) -> float:
+        return float(np.sin(np.radians(found)) - alike * faster(incidence, found, reflected=reflected))
+
+    return float(brentq(beyond, 0.0, 90.0)) if beyond(90.0) > 0 else np.nan
 
 
 def quasi_particle(mass: float, incidence: float = 0.0) -> Refracted:
@@ -98,21 +113,30 @@ def quasi_particle(mass: float, incidence: float = 0.0) -> Refracted:
         raise ValueError(f"mass must be from {LIGHTEST} to {HEAVIEST:g}, not {mass:g}")
     if not 0 <= incidence < 90:
         raise ValueError(f"incidence must be at least 0 and below 90 degrees, not {incidence:g}")
-    first = _front(mass, incidence, 4 / (1 + mass) ** 2)
+    first = _front(mass, incidence, 4 / (1 + mass) ** 2, reflected=False)
     if mass <= 1:
         return Refracted(first[0], np.nan, first[1], 0.0)
-    second = _front(1.0, incidence, ((mass - 1) / (mass + 1)) ** 2)
+    second = _front(1.0, incidence, ((mass - 1) / (mass + 1)) ** 2, reflected=True)
     return Refracted(first[0], second[0], first[1], second[1])
 
 
-def _front(mass: float, incidence: float, share: float) -> tuple[float, float]:
-    """Return θ, degrees, and v/v_i of the front with sin θ/sin θ_i = M^{-2/5} v^{1/5}, v² cos θ = share cos θ_i."""
+def _front(mass: float, incidence: float, share: float, *, reflected: bool) -> tuple[float, float]:
+    """Return θ, degrees, and v/v_i of the front that obeys the law of angles and has v² cos θ = share cos θ_i."""
     start = np.radians(incidence)
     if incidence == 0:
         return 0.0, float(np.sqrt(share))
-    # With v from the first equation, the second is sin^{10} θ cos θ = this
-    target = share * np.cos(start) * np.sin(start) ** 10 * mass**-4.0
-    if target > np.sin(_TIP) ** 10 * np.cos(_TIP):
+
+    def height(theta: float) -> float:
+        """Return v/v_i by the law of angles."""
+        alike = np.sin(start) * mass**-0.4 * faster(incidence, float(np.degrees(theta)), reflected=reflected)
+        return float((np.sin(theta) / alike) ** 5)
+
+    def excess(theta: float) -> float:
+        return height(theta) ** 2 * float(np.cos(theta)) - share * float(np.cos(start))
+
+    # It grows from θ = 0 and falls to 90°
+    highest = float(minimize_scalar(lambda theta: -excess(theta), bounds=(0.0, np.pi / 2), method="bounded").x)
+    if excess(highest) < 0:
         raise ValueError(f"an incidence of {incidence:g} degrees is beyond the critical angle of the mass {mass:g}")
-    found = float(brentq(lambda theta: np.sin(theta) ** 10 * np.cos(theta) - target, 0.0, _TIP, xtol=1e-14))
-    return float(np.degrees(found)), float((np.sin(found) / np.sin(start)) ** 5 * mass**2)
+    found = float(brentq(excess, 0.0, highest, xtol=1e-14))
+    return float(np.degrees(found)), height(found)
