@@ -203,7 +203,7 @@ class StepRule:
 def step_rules(scene: Scene) -> list[StepRule]:
     """Return all rules for the time step of a scene, which `prepare` and the choice of a step both follow."""
     limit = largest_step(scene)
-    name = "2/Omega_max, less with drag," if scene.effects.damping is True or scene.absorb.rows else "2/Omega_max"
+    name = "2/Omega_max, less with drag," if scene.effects.damping is True else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
     sources = longest_steps(scene.source, scene.sphere, mode_of(scene).frequency)
     return [
