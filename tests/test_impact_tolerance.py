@@ -21,6 +21,7 @@ from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
 from granular_lmp.runs.launch import Options
+from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
@@ -228,13 +229,12 @@ def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Pa
     again = resume_impact(tmp_path / "run")
     assert np.array_equal(again.velocity, whole.velocity)
     _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})
-    with pytest.raises(RunFolderError, match="run.json: launcher = None: must be one of module, lmp"):
+    with pytest.raises(RunFolderError, match=r"run\.json: launcher = None: must be one of module, lmp"):
         resume_impact(tmp_path / "run")
 
 
 def _edit(folder: Path, changes: dict[str, Any]) -> None:
-    info = json.loads((folder / "run.json").read_text())
-    (folder / "run.json").write_text(json.dumps(info | changes))
+    write_status(folder, read_status(folder) | changes)
 
 
 def test_a_state_that_presses_spheres_deep_shortens_the_first_step(tmp_path: Path) -> None:
