@@ -113,7 +113,7 @@ FIELDS: dict[str, Check] = {
         (_table_of(_TEXT), "kernel"),
         (_table_of(_or_null(_TEXT)), "versions"),
         (_table_of(_NUMBER), "looks at_rest"),
-        (_table_of(_MAYBE), "elsewhere error_estimate"),
+        (_table_of(_MAYBE), "elsewhere error_estimate errors_of_monitors noise"),
         (_table_of(_EFFECT), "effects"),
         (_table_of(_GUARD), "guards"),
         (_table_of(_MONITOR), "monitors"),
