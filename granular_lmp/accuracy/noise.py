@@ -1,6 +1,7 @@
 """Which signals of a run count for its tolerance: not those that vanish by symmetry, nor those lost in rounding."""
 
 from collections.abc import Mapping, Sequence
+from math import inf
 
 import numpy as np
 
@@ -44,11 +45,13 @@ def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
         rate, force = (max(sizes[f"{monitor}.{each}"] for each in kind) for kind in (RATES[:2], FORCES))
         return noise * (fastest * force + rate) * float(np.sqrt(scene.shape.columns))
 
-    return {name: level(name) / size if size else 0.0 for name, size in sizes.items()}
+    return {name: level(name) / size if size else inf for name, size in sizes.items()}
 
 
 def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
     """Return the noise of the signals that it keeps above ``time.tolerance``, from those of the first run.
+
+    Signals that vanish by symmetry are among them.
 
     Parameters
     ----------
@@ -65,12 +68,12 @@ def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
         If no signal is left that counts.
     """
     assert scene.time.tolerance is not None
-    names, noise = counted(scene, signals), noise_of(finest, signals)
-    found = {name: noise[name] for name in names if _SEEN * noise[name] > scene.time.tolerance}
-    if len(found) == len(names):
-        least = f"; must be at least {_SEEN * min(found.values()):.2g}, or" if found else ": nothing moves;"
+    found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > scene.time.tolerance}
+    if found.keys() >= (names := {*counted(scene, signals)}):
+        least = min((_SEEN * found[name] for name in names), default=inf)
+        bound = f"; must be at least {least:.2g}, or" if least < inf else ": nothing moves;"
         raise ToleranceError(
-            f"time.tolerance = {scene.time.tolerance!r}: rounding keeps all that is recorded above it{least} take a "
+            f"time.tolerance = {scene.time.tolerance!r}: rounding keeps all that is recorded above it{bound} take a "
             "larger wave.amplitude or fewer packing.rows, or record where and when the wave is there"
         )
     return found

@@ -208,7 +208,8 @@ def refine(
         return {name: errors[name] for name in counted(scene, signals[-1]) if name not in noise}
 
     records, found, refinements = halved(scene, folder, plan, one, estimated, progress, info)
-    judgement = judgements[-1]
+    judgement, there = judgements[-1], counted(scene, recorded.signals[-1])
+    noise = {name: noise[name] for name in there if name in noise}
     found |= {name: judgement.errors[name] for name in noise}
     record = combined_record(records, judgement)
     runs = [run.info for run in records]
