@@ -88,21 +88,37 @@ class Case:
         """
         scene = self.scene
         normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
-        axes = {"driven": "y" if self.mode.name == "L" else "x", "none": "xy"}.get(scene.wave.form, "")
+        amplitude, along = scene.wave.amplitude, "y" if self.mode.name == "L" else "x"
+        parts = []
+        if scene.wave.form != "none" or not scene.source:
+            parts.append(self._with_rows(normal, shear, along if scene.wave.form == "driven" else ""))
+        if scene.source:
+            shaken = self._with_rows(normal, shear, "xy")
+            if any(each.motion == ROTATION for each in scene.source):
+                shaken[1] = np.maximum(np.abs(shaken[1]), 1.0)
+            parts.append([each * self.shaken for each in shaken])
+        if len(parts) == 1 and not scene.struck:
+            return parts[0][0] * amplitude, parts[0][1] * amplitude
+        # A bound, whatever the phases
+        bounds = (sum(np.abs(each[k]) for each in parts) * amplitude + scene.strike for k in (0, 1))
+        return next(bounds), next(bounds)
+
+    def _with_rows(self, normal: np.ndarray, shear: np.ndarray, axes: str) -> list[np.ndarray]:
+        """Return stretches, at least those of the contacts of a row that is moved by 1 along each of some axes."""
         for axis in axes:
-            driven = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
-            normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), driven, strict=True))
-        if any(each.motion == ROTATION for each in scene.source):
-            shear = np.maximum(np.abs(shear), 1.0)
-        amplitude = scene.wave.amplitude * self.strength
-        if scene.struck:  # a bound, whatever the phase
-            return np.abs(normal) * amplitude + scene.strike, np.abs(shear) * amplitude + scene.strike
-        return normal * amplitude, shear * amplitude
+            moved = row_stretches(self.contacts, float(axis == "x"), float(axis == "y"))
+            normal, shear = (np.maximum(np.abs(a), np.abs(b)) for a, b in zip((normal, shear), moved, strict=True))
+        return [normal, shear]
+
+    @property
+    def shaken(self) -> float:
+        """Largest amplitude of the sources, in units of that of the wave; 0 without any."""
+        return max((each.largest for each in self.scene.source), default=0.0)
 
     @property
     def strength(self) -> float:
-        """Largest amplitude of the sources, 1 without any, in units of that of the wave."""
-        return max((each.largest for each in self.scene.source), default=1.0)
+        """Largest amplitude of wave and sources together, in units of that of the wave."""
+        return self.shaken + (self.scene.wave.form != "none" or not self.scene.source)
 
     @property
     def no_slip_friction(self) -> float:

@@ -205,7 +205,8 @@ def written(scene: Scene) -> tuple[str, ...]:
 
 def _drives(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of what drives spheres from outside."""
-    return (sources.DRIVEN_ROW,) if scene.wave.form == "driven" else ("<sources>",) if scene.source else ()
+    row = (sources.DRIVEN_ROW,) if scene.wave.form == "driven" else ()
+    return (*row, *(("<sources>",) if scene.source else ()))
 
 
 def _monitors(scene: Scene) -> tuple[str, ...]:

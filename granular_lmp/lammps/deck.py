@@ -187,6 +187,9 @@ def _data(problem: Problem, units: Units) -> DataFile:
     low = packing.get_celldisp().ravel() * to_deck
     size = packing.cell.lengths() * to_deck
     fields = initial_fields(scene, packing, problem.mode)
+    for source in problem.sources:
+        if source.source.motion:
+            fields.displacement[source.spheres] = fields.velocity[source.spheres] = 0.0
     moving = problem.physics.coordinates
     densities = packing.arrays.get("density", np.full(len(packing), scene.sphere.density))
     return DataFile(

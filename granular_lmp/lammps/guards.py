@@ -82,7 +82,9 @@ def fastest(scene: Scene) -> float:
         top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene))
         return max(2 * usual, top * swiftness(scene))
     own = [each.known.top * each.pulsation(scene.sphere, usual) for each in scene.source]
-    return max(2 * (max(own, default=0.0) or usual), TOP * swiftness(scene))
+    if scene.wave.form != "none" or not any(own):
+        own.append(usual)
+    return max(2 * max(own), TOP * swiftness(scene))
 
 
 def look_interval(scene: Scene) -> int:

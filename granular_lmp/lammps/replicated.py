@@ -31,7 +31,8 @@ LARGE = 100_000
 def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
-    made = waved and scene.perfect and not scene.start.state
+    moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
+    made = waved and scene.perfect and not scene.start.state and not moved
     return made and scene.lattice.endless_rows and scene.shape.spheres >= LARGE
 
 

@@ -44,18 +44,20 @@ def drive_of(scene: Scene) -> tuple[float, float]:
         If no driven row and no source is there, a source is no tone, or they have different frequencies.
     """
     usual = mode_of(scene).frequency
-    if scene.wave.form == "driven":
-        return usual, scene.envelope.ramp
-    if not scene.source:
-        raise ReadoutError(f'wave.form = "{scene.wave.form}": nothing drives the crystal at one frequency')
+    driven = scene.wave.form == "driven"
+    if scene.struck or not (driven or scene.source and scene.wave.form == "none"):
+        beside = " alone" if scene.source or driven else ""
+        raise ReadoutError(f'wave.form = "{scene.wave.form}": nothing{beside} drives the crystal at one frequency')
     for number, each in enumerate(scene.source, 1):
         if each.kind != "tone":
             raise ReadoutError(f'source {number}: signal = "{each.kind}": must be "tone", which becomes steady')
     found = [each.pulsation(scene.sphere, usual) for each in scene.source]
+    first = usual if driven else found[0]
     for number, frequency in enumerate(found, 1):
-        if not isclose(frequency, found[0], rel_tol=1e-12):
-            raise ReadoutError(f"source {number}: frequency = {frequency:.6g}: differs from {found[0]:.6g} of source 1")
-    return found[0], max(each.delay + each.ramp for each in scene.source)
+        if not isclose(frequency, first, rel_tol=1e-12):
+            other = "the driven row" if driven else "source 1"
+            raise ReadoutError(f"source {number}: frequency = {frequency:.6g}: differs from {first:.6g} of {other}")
+    return first, max([each.delay + each.ramp for each in scene.source] + [scene.envelope.ramp] * driven)
 
 
 def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
@@ -68,9 +70,8 @@ def steady_part(scene: Scene, monitor: Monitor) -> tuple[float, float, float]:
     """
     frequency, risen = drive_of(scene)
     first, last = monitor.span
-    rows = (
-        [(0, 0)] if scene.wave.form == "driven" else [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
-    )
+    rows = [(each.rows_of()[0], each.rows_of()[-1]) for each in scene.source]
+    rows += [(0, 0)] if scene.wave.form == "driven" else []
     far = max(abs(row - place) for ends in rows for row in ends for place in (first, last))
     arrived = risen + far / FASTEST_ROWS_PER_TAU
     recorded = scene.time.samples * scene.time.sample

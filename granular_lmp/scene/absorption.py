@@ -46,8 +46,9 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     SceneError
         If no wave along y has the frequency of a source.
     """
-    if scene.source:
+    if scene.wave.form == "none":
         return _waves_of_sources(scene, step)
+    shaken = _waves_of_sources(scene, step) if scene.source else []
     mode, sphere, physics = mode_of(scene), scene.sphere, physics_of(scene)
     lattice, usual = unit_lattice(sphere), frequency_in_run(mode.frequency, step)
     if scene.wave.form == "driven":
@@ -63,7 +64,7 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     found = [bloch_mode(lattice, sphere, WaveVector.of(xi), mode.name, physics) for xi in sorted(wavenumbers)]
     doubled = _numbers_at(frequency_in_lattice(2 * usual, step), sphere, physics, "L")
     # Above the band no L wave runs at 2Ω
-    return [*found, *(bloch_mode(lattice, sphere, WaveVector.of(xi), "L", physics) for xi in doubled[:1])]
+    return [*found, *(bloch_mode(lattice, sphere, WaveVector.of(xi), "L", physics) for xi in doubled[:1]), *shaken]
 
 
 def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
@@ -105,10 +106,9 @@ def quiet_side(scene: Scene) -> str:
 
     An end that is the source of waves does not absorb.
     """
-    if scene.wave.form == "driven":
-        return "y"
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
+    low = low or scene.wave.form == "driven"
     if low and high:
         raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move both ends")
     return "y" if low else "-y" if high else "abs(y)"

@@ -53,6 +53,14 @@ class AtPlaces:
         return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()
 
 
+def check_counted(at: Sequence[AtPlaces], rows: int | str, columns: int | str, table: str) -> None:
+    """Raise a SceneError if the rows, or for single spheres the columns, that a table counts are left to "auto"."""
+    if at and isinstance(rows, str):
+        raise SceneError(f"packing.rows = {rows!r}: must be a number with {table}, which counts rows")
+    if isinstance(columns, str) and any(each.spheres for each in at):
+        raise SceneError(f"packing.columns = {columns!r}: must be a number where {table} has single spheres")
+
+
 def in_words(rows: Rows, spheres: Spheres) -> str:
     """Return the places as a scene file has them: "rows = [3, 5]"."""
     return f"rows = {list(rows)}" if rows else f"spheres = {shown([list(each) for each in spheres])}"

@@ -325,7 +325,8 @@ class Scene(Document):
     @property
     def starts_along_y(self) -> bool:
         """True if the wave starts as a running plane wave along y."""
-        running = self.wave.form == "running" and not self.envelope.finite and not self.struck
+        running = self.wave.form == "running" and not self.envelope.finite
+        running = running and not self.struck and not self.source
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property

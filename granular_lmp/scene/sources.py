@@ -1,4 +1,4 @@
-"""Sources: spheres that are moved, pushed or turned from outside, in a crystal that is at rest at τ = 0.
+"""Sources: spheres that are moved, pushed or turned from outside, in a crystal at rest or beside a wave.
 
 A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10 − 15s + 6s²), s clipped to [0, 1]:
 
@@ -11,7 +11,8 @@ or is a multiple of samples, in a file or in the scene (`granular_lmp.scene.samp
 
 The amplitude a is in D0 of a motion, counted from rest, in k1 D0 of a force, and in k1 D0 R of a torque. Spheres that
 are moved neither turn nor move across the motion, and those whose rotation is prescribed, Rθ in D0, only turn. Motions
-cannot be added on one sphere, and a force on a sphere that is moved or held does nothing: both are refused.
+cannot be added on one sphere, and a force on a sphere that is moved or held does nothing: both are refused. A wave has
+nothing to say of spheres that are moved: it is cut off there, as it is at held rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,8 +28,8 @@ from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
-from granular_lmp.scene.places import AtPlaces, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, choice, number, shown
+from granular_lmp.scene.places import AtPlaces, check_counted, place_troubles, spheres_at
+from granular_lmp.scene.schema import choice, number, shown
 from granular_lmp.scene.sections import Absorb, Envelope, Packing, Time, Wave
 from granular_lmp.scene.shape import arrival_time
 from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
@@ -169,30 +170,20 @@ def check_sources(
     time: Time,
     struck: bool,
 ) -> None:
-    """Check that sources stand beside a wave of the form "none", and each by itself."""
-    if wave.form != "none":
-        if sources:
-            raise SceneError(
-                f'wave.form = "{wave.form}": must be "none" with [[source]], which shakes a crystal that is at rest'
-            )
-        return
-    needed = {
-        "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
-        "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
-        "envelope.length": (envelope.length, envelope.length == 0, "0"),
-        "envelope.width": (envelope.width, envelope.width == 0, "0"),
-        "packing.rows": (packing.rows, packing.rows != AUTO, "a number"),
-        "packing.columns": (
-            packing.columns,
-            packing.columns != AUTO or all(each.rows for each in sources),
-            "a number where a source has single spheres",
-        ),
-    }
-    for key, (value, right, allowed) in needed.items():
-        if not right:
-            raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
+    """Check that a crystal without a wave is shaken or struck, and each source by itself."""
+    if wave.form == "none":
+        needed = {
+            "source": (len(sources), bool(sources) or struck, "at least one table [[source]], or a strike,"),
+            "wave.phase": (wave.phase, wave.phase == 0, "0, sources have phases of their own,"),
+            "envelope.length": (envelope.length, envelope.length == 0, "0"),
+            "envelope.width": (envelope.width, envelope.width == 0, "0"),
+        }
+        for key, (value, right, allowed) in needed.items():
+            if not right:
+                raise SceneError(f'{key} = {shown(value)}: must be {allowed} with wave.form = "none"')
+    check_counted(sources, packing.rows, packing.columns, "[[source]]")
     for number_, each in enumerate(sources, 1):
-        for trouble in _troubles(each, shape, sphere, wave.amplitude):
+        for trouble in _troubles(each, shape, sphere, wave.amplitude, wave.form):
             raise SceneError(f"source {number_}: {trouble}")
         if each.sampled and samples.end(each.sampled) + each.delay < time.duration * (1 - samples.UNEVEN):
             raise SceneError(
@@ -203,7 +194,7 @@ def check_sources(
         raise SceneError(f"source: {count} samples: must be at most {samples.MOST} in all signals together")
 
 
-def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) -> Iterator[str]:
+def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, form: str) -> Iterator[str]:
     """Yield what is wrong with a source by itself."""
     yield from place_troubles(source.rows, source.spheres, shape)
     given = [name for name in ("motion", "force") if getattr(source, name)]
@@ -215,6 +206,8 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float) ->
         if key not in source.known.keys and getattr(source, key) != getattr(Source, key):
             allowed = " or ".join(name for name, signal in SIGNALS.items() if key in signal.keys)
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
+    if source.motion and form == "driven" and source.is_in_row(0):
+        yield f"{source.places}: must not hold spheres of the first row, which is driven"
     if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
         yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
     largest = sphere.radius / sphere.static_overlap / 10 / amplitude

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import CHAIN, Shape
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import AtPlaces, place_of, place_troubles, spheres_at
-from granular_lmp.scene.schema import AUTO, number
+from granular_lmp.scene.places import AtPlaces, check_counted, place_of, place_troubles, spheres_at
+from granular_lmp.scene.schema import number
 from granular_lmp.scene.sections import Absorb, Packing
 from granular_lmp.scene.start import Start
 
@@ -85,11 +85,8 @@ def check_strikes(
     places = (trouble for at in start.at() for trouble in place_troubles((), at.spheres, shape))
     for trouble in (*striker_troubles(strikers, shape), *(f"start.state: {each}" for each in places)):
         raise SceneError(trouble)
-    for name, counted in (("rows", True), ("columns", any(each.spheres for each in pushed))):
-        if counted and getattr(packing, name) == AUTO:
-            raise SceneError(
-                f'packing.{name} = "auto": must be a number with [[striker]] or [start], which count {name}'
-            )
+    check_counted(strikers, packing.rows, packing.columns, "[[striker]]")
+    check_counted(start.at(), packing.rows, packing.columns, "[start]")
     if absorb.rows != 0:
         raise SceneError(
             f"absorb.rows = {absorb.rows!r}: must be 0 beside [[striker]] or [start]: no number of rows absorbs the "

@@ -1,4 +1,4 @@
-"""Strikers and states in crystals that something holds together: beside waves, in imperfect crystals, with monitors."""
+"""Parts that stand in one scene: strikers, states and sources beside waves, in imperfect crystals, with monitors."""
 
 import re
 from collections.abc import Callable
@@ -91,6 +91,67 @@ def test_a_weak_strike_is_added_to_the_wave_in_linear_theory(tmp_path: Path) -> 
         assert np.abs(both.signals[name] - added).max() < 0.01 * np.abs(added).max()
 
 
+PUSH = [{"rows": [3, 3], "force": "x", "amplitude": 0.3, "frequency": 0.6, "ramp": 3.0}]
+MOVE = [{"rows": [3, 3], "motion": "y", "amplitude": 0.3, "frequency": 0.6, "ramp": 3.0}]
+HELD = {"rows": 41, "columns": 3, "ends": "fixed"}
+
+
+@pytest.mark.parametrize(
+    ("wave", "packing"),
+    [({}, None), ({"form": "standing"}, None), ({"form": "driven"}, {**HELD, "rows": 9})],
+    ids=["running", "standing", "driven"],
+)
+def test_a_weak_source_is_added_to_any_wave_in_linear_theory(
+    wave: dict[str, Any], packing: dict[str, Any] | None, tmp_path: Path
+) -> None:
+    weak, size = {"amplitude": 1e-3} | wave, {"packing": packing} if packing else {}
+    both = run(scene(weak, source=PUSH, **size), tmp_path / "both")
+    alone = (
+        run(scene(weak, **size), tmp_path / "wave"),
+        run(scene(weak | AT_REST, source=PUSH, **size), tmp_path / "push"),
+    )
+    for name in ("p", "q", "phi"):
+        added = sum(each.signals[name] for each in alone)
+        assert np.abs(both.signals[name] - added).max() < 0.01 * max(np.abs(each.signals["q"]).max() for each in alone)
+
+
+def test_a_row_that_is_moved_cuts_a_wave_off_as_a_held_one(tmp_path: Path) -> None:
+    # Two rows that are moved by next to nothing between two held ones are two held rows
+    still = [{**MOVE[0], "rows": rows, "amplitude": 1e-9} for rows in ([4, 4], [36, 36])]
+    cut = build(scene(source=still, packing=HELD))
+    assert not cut.data.wave[4 * 3 : 5 * 3].any()
+    moved = run(cut, tmp_path / "moved")
+    held = run(scene(packing={**HELD, "rows": 33}), tmp_path / "held")
+    np.testing.assert_allclose(moved.q, held.q, atol=1e-6)
+
+
+def test_a_packet_and_a_source_have_their_quiet_ends(tmp_path: Path) -> None:
+    tall = {"rows": 201, "columns": 3, "ends": "fixed"}
+    both = scene(
+        {"mode": "L", "wavenumber": 1.2},
+        packing=tall,
+        envelope={"length": 8.0},
+        absorb={"rows": "auto", "reflection": 0.1},
+        source=[{**PUSH[0], "rows": [60, 60], "force": "y"}],
+    )
+    alone = both.with_values({"source": []})
+    # The layer is that of the waves of both
+    assert prepare(both).scene.absorb.rows >= prepare(alone).scene.absorb.rows
+    assert run(both, tmp_path / "both").info["status"] == "finished"
+
+
+def test_sources_and_waves_are_estimated_together() -> None:
+    alone, beside = (prepare(scene(form, source=PUSH)) for form in (AT_REST, {}))
+    slip = (
+        {each.name: each for each in beside.effects}["sliding"],
+        {each.name: each for each in alone.effects}["sliding"],
+    )
+    # Friction without sliding grows with both: 0.3 of the amplitude without the wave, 1.3 with it
+    assert "6.5*v_amplitude" in build(scene(source=PUSH)).input_text
+    assert "1.5*v_amplitude" in build(scene(AT_REST, source=PUSH)).input_text
+    assert all(0 < each.number < 1 for each in slip)
+
+
 def test_strikes_do_not_scale_with_the_amplitude_of_the_wave() -> None:
     deck = build(MIXTURES["a state on a wave"].with_values({"striker": [{**STRUCK[0], "spheres": [[2, 2]]}]}))
     assert "velocity     striker set" in deck.input_text
@@ -133,7 +194,15 @@ def test_friction_and_openings_are_judged_by_what_a_strike_may_do() -> None:
         ({"striker": STRUCK * 2}, r"striker 2: sphere \[5, 4\]: is in another striker too"),
         ({"striker": [{**STRUCK[0], "velocity": 1e3}]}, "would stretch contacts by up to .* a tenth of the radius"),
         ({"striker": STRUCK, "start": {"state": MOVED}}, r"sphere \[5, 4\]: ux_m = .* must be 0 for a sphere of a"),
-        ({"striker": STRUCK, "packing": {"rows": "auto", "columns": 8}}, r'packing\.rows = "auto": must be a number'),
+        (
+            {"striker": STRUCK, "packing": {"rows": "auto", "columns": 8}},
+            "packing\\.rows = 'auto': must be a number with",
+        ),
+        (
+            {"wave": {"mode": "TR", "wavenumber": 1.0, "amplitude": 0.02, "form": "driven"}, "packing": HELD}
+            | {"source": [{**MOVE[0], "rows": [0, 1]}]},
+            r"source 1: rows = \[0, 1\]: must not hold spheres of the first row, which is driven",
+        ),
         (
             {
                 "striker": [{**STRUCK[0], "spheres": [[30, 1]]}],
