@@ -17,8 +17,8 @@ AT_REST = {"wave.form": "none"}
 
 
 def source(**how: Any) -> dict[str, Any]:
-    """Return the settings of a source beside which there is no other wave; all are between quiet ends, too."""
-    return AT_REST | {"source": [{"amplitude": 0.1} | how]}
+    """Return the settings of a source; all are between quiet ends, too."""
+    return {"source": [{"amplitude": 0.1} | how]}
 
 
 WAVE = Scene.load("tr_periodic").with_values(
@@ -50,10 +50,12 @@ WAVES: dict[str, Settings] = {
     "packet": {"envelope.length": 5.0},
     "beam": {"envelope.width": 3.0, "packing.columns": 24},
     "fixed": FIXED,
-    "quiet": FIXED | {"absorb.rows": 10, "absorb.reflection": 0.45} | source(rows=[18, 18], force="y", signal="tone"),
+    "quiet": FIXED
+    | {"absorb.rows": 10, "absorb.reflection": 0.45}
+    | AT_REST
+    | source(rows=[18, 18], force="y", signal="tone"),
     "motion": {"monitor": [{"name": "motion", "rows": [16, 17]}]},
     "flux": {"monitor": [{"name": "flux", "rows": [18, 19], "what": "flux"}]},
-    "one column": {"packing.columns": 1},
     "viscosity": {"effects.viscosity": 1e-7},
     "restitution": PRESSED | {"effects.restitution": 0.95},
     "sliding": {"effects.sliding": True, "effects.friction": 0.5},
