@@ -1,9 +1,10 @@
 """Scenes and LAMMPS runs that several tests share."""
 
 import os
+import shutil
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in the background of a 
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from granular_lmp import Record, Scene, run  # noqa: E402
-from granular_lmp.errors import RunInterrupted  # noqa: E402
+from granular_lmp.errors import LammpsMissingError, RunInterrupted  # noqa: E402
+from granular_lmp.lammps.installation import has_package  # noqa: E402
+from granular_lmp.lammps.kernel import library  # noqa: E402
 from granular_lmp.runs import routes  # noqa: E402
 
 pytest_plugins = ["tests.durations"]
@@ -43,6 +46,30 @@ def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]
         return done[key]
 
     return make
+
+
+def kernel_lacks() -> str:
+    """Return what this machine lacks to build the kernel."""
+    try:
+        library.headers()
+    except LammpsMissingError as missing:
+        return str(missing)
+    if sys.platform != "linux":
+        return "the kernel is tested on Linux only"
+    if not has_package("PLUGIN"):
+        return "LAMMPS without the package PLUGIN"
+    return "" if shutil.which("c++") else "no C++ compiler"
+
+
+@pytest.fixture(scope="module")
+def kernel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The kernel, built into a cache of its own; a test that asks for it is left out where it cannot be built."""
+    if lack := kernel_lacks():
+        pytest.skip(lack)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.delenv("CXX", raising=False)
+        yield library.build()
 
 
 @pytest.fixture

@@ -1,10 +1,9 @@
 """The kernel beside LAMMPS's own pair style: the same numbers, or an error that names what it does not know."""
 
 import os
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,11 @@ from granular_lmp import Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.lammps.installation import has_package, lammps_module
+from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, MONITOR_CONTACTS
 from granular_lmp.runs.record import Record, read_status
+from tests.conftest import kernel_lacks
 from tests.test_docs import ROOT
 
 # In D0 = 0.2 Δ0. A position of 1e5 nm has digits to 1.5e-11 nm, 3e-10 D0, and the sums of two loops differ by some of
@@ -25,29 +25,13 @@ from tests.test_docs import ROOT
 ROUNDING = 1e-8
 
 
-def lacks() -> str:
-    """Return what this machine lacks to build the kernel."""
-    try:
-        library.headers()
-    except LammpsMissingError as missing:
-        return str(missing)
-    if sys.platform != "linux":
-        return "the kernel is tested on Linux only"
-    if not has_package("PLUGIN"):
-        return "LAMMPS without the package PLUGIN"
-    return "" if shutil.which("c++") else "no C++ compiler"
-
-
-pytestmark = pytest.mark.skipif(bool(lacks()), reason=lacks())
+pytestmark = pytest.mark.skipif(bool(kernel_lacks()), reason=kernel_lacks())
 
 
 @pytest.fixture(scope="module", autouse=True)
-def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Build the kernel into a cache of its own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        patch.delenv("CXX", raising=False)
-        yield library.build()
+def built(kernel: Path) -> Path:
+    """The kernel, built for the tests of this file."""
+    return kernel
 
 
 def short(name: str, **values: object) -> Scene:

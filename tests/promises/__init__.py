@@ -1,0 +1,1 @@
+"""Each promise of the package on each path: the table of docs/promises.md, asserted."""

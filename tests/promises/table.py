@@ -1,0 +1,78 @@
+"""The table of docs/promises.md: which test holds a promise on a path, or why none can.
+
+``python -m tests.promises.table docs/promises.md`` writes it between the marks of the page.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from tests.promises.paths import PATHS
+
+SUITE = "tests/promises/test_promises.py"
+# Promise → the test of the suite that holds it
+PROMISES = {
+    "numbers under the right name": "test_numbers_are_what_the_dump_and_the_deck_say",
+    "error estimate": "test_an_answer_errs_by_less_than_its_estimate",
+    "tolerance": "test_an_answer_errs_by_less_than_its_tolerance",
+    "error budget": "test_the_error_of_a_step_is_at_most_what_the_budget_says",
+    "same bytes after resume": "test_a_stopped_run_is_continued_to_the_same_bytes",
+    "what was changed is refused": "test_a_file_that_was_changed_is_refused",
+    "guards": "test_a_guard_fails_the_run",
+    "clear errors": "test_bad_input_is_one_line",
+}
+COLUMNS = (*PATHS, "collision")
+_COLLISIONS, _SWEEPS = "tests/validation/test_collisions.py::test_", "tests/test_sweep.py::test_"
+# Tests of other files
+ELSEWHERE = {
+    ("same bytes after resume", "sweep"): f"{_SWEEPS}a_run_that_was_cut_off_is_continued_to_the_same_bytes",
+    ("guards", "sweep"): "tests/test_impact_sweeps.py::test_a_guard_that_triggers_fails_its_run_alone",
+    (
+        "numbers under the right name",
+        "collision",
+    ): f"{_COLLISIONS}head_on_impacts_have_the_published_overlap_force_and_time",
+    ("error estimate", "collision"): f"{_COLLISIONS}the_error_of_the_step_is_of_second_order_and_told",
+    ("clear errors", "collision"): "tests/hard/test_bad_input.py::test_a_bad_collision_is_one_line_that_names_a_key",
+}
+# Reasons why a cell is empty
+NOT = {
+    ("same bytes after resume", "kernel"): "the kernel writes no checkpoints, and `resume` refuses such a run by name",
+    ("same bytes after resume", "collision"): "a collision takes less than a second, and writes no checkpoints",
+    ("error budget", "impact"): "one run of an impact says nothing of its error: `time.tolerance` does",
+    ("error budget", "collision"): "`collide` prints the error of each number, from a run with twice the step",
+    ("tolerance", "collision"): "a collision has a number of steps, and its errors beside each number",
+    ("what was changed is refused", "collision"): "a collision has no `run.json`; its folder is read by people",
+    ("guards", "collision"): "the deck of a collision leaves no effect out",
+}
+
+
+def covered(promise: str) -> list[str]:
+    """Return the paths on which the test of the suite holds a promise."""
+    return [path for path in PATHS if (promise, path) not in {**ELSEWHERE, **NOT}]
+
+
+def written() -> str:
+    """Return the table and its notes in Markdown."""
+    notes: dict[str, int] = {}
+
+    def cell(promise: str, path: str) -> str:
+        said = ELSEWHERE.get((promise, path)) or NOT.get((promise, path))
+        if said is None:
+            return "yes"
+        number = notes.setdefault(f"`{said}`" if "::" in said else said, len(notes) + 1)
+        return f"yes ({number})" if "::" in said else f"no ({number})"
+
+    head = f"| promise | {' | '.join(COLUMNS)} |\n|---|{'---|' * len(COLUMNS)}"
+    rows = [f"| {promise} | {' | '.join(cell(promise, path) for path in COLUMNS)} |" for promise in PROMISES]
+    return "\n".join([head, *rows, "", *(f"{number}. {said}" for said, number in notes.items())]) + "\n"
+
+
+def placed(page: str) -> str:
+    """Return a page with the table between its marks."""
+    between = re.compile(r"(?<=<!-- table -->\n).*(?=<!-- end of table -->)", re.DOTALL)
+    return between.sub(lambda _: f"\n{written()}\n", page)
+
+
+if __name__ == "__main__":
+    page = Path(sys.argv[1])
+    page.write_text(placed(page.read_text(encoding="utf-8")), encoding="utf-8")
