@@ -101,6 +101,21 @@ def test_the_power_of_a_force_is_the_change_of_energy() -> None:
     assert np.abs(1.01 * work - energy).max() > 5e-3 * energy.max()  # one percent more power is seen
 
 
+@pytest.mark.parametrize("sweep", [0.4, 1.0, 3.0])
+def test_a_chirp_goes_from_one_frequency_to_the_other(sweep: float) -> None:
+    tau, duration = np.linspace(0.0, 200.0, 20001), 4 * np.pi * 20 / (1.3 * (1 + sweep))
+    quadratures = [green.chirp(1.3, sweep, 20.0, phase, delay=2.0)(tau) for phase in (0.0, np.pi / 2)]
+    share = (tau - 2.0) / duration
+    inside = (share > 0.02) & (share < 0.98)  # where the window is above 4e-3
+    pitch = np.gradient(np.unwrap(np.arctan2(*quadratures[::-1])), tau)
+    np.testing.assert_allclose(pitch[inside], 1.3 * (1 + (sweep - 1) * share[inside]), rtol=1e-3)  # central differences
+    window = np.hypot(*quadratures)
+    np.testing.assert_allclose(window[inside], np.sin(np.pi * share[inside]) ** 2, atol=1e-12)
+    assert not window[(share < 0) | (share > 1 + 1e-12)].max() > 1e-20
+    if sweep == 1.0:
+        np.testing.assert_allclose(green.burst(1.3, 20.0, delay=2.0)(tau), quadratures[0], atol=1e-12)
+
+
 def test_a_ricker_wavelet_and_a_step_are_what_they_are_called() -> None:
     tau = np.linspace(0, 40, 4001)
     wavelet = green.ricker(1.3, delay=2.0)(tau)

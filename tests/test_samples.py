@@ -220,10 +220,10 @@ def test_a_file_that_is_no_table_is_refused_with_its_line(text: str, message: st
 
 def test_samples_go_with_no_frequency_and_no_quiet_ends() -> None:
     with pytest.raises(
-        SceneError, match='frequency = 1.0: is for signal = tone or burst or ricker only, not "samples"'
+        SceneError, match='frequency = 1.0: is for signal = tone or burst or chirp or ricker only, not "samples"'
     ):
         SMALL.with_values({"source": sources(force="x", signal=burst_samples(), frequency=1.0)})
-    with pytest.raises(SceneError, match='signal = "samples": must be "tone" or "burst" with absorb.rows'):
+    with pytest.raises(SceneError, match='signal = "samples": must be "tone" or "burst" or "chirp" with absorb.rows'):
         QUIET.with_values({"source": [{"rows": [100, 100], "motion": "x", "signal": burst_samples()}]})
     with pytest.raises(SceneError, match=r"time\.timestep = 0\.3: leaves a period of source 1 fewer than 20 steps"):
         prepare(SMALL.with_values({"source": sources(force="x", signal=burst_samples()), "time.timestep": 0.3}))

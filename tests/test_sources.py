@@ -24,6 +24,7 @@ from granular_lmp.runs.launch import resume
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
 from granular_lmp.scene.document import note
+from granular_lmp.scene.signals import SIGNALS
 from granular_lmp.studies.kick import run_kicked
 from tests.conftest import PAPER
 
@@ -173,6 +174,7 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
     signals: dict[str, tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]] = {
         "tone": ({"phase": 0.4, "ramp": 3.0, "delay": 1.0}, green.tone(0.8, 3.0, 0.4, 1.0)),
         "burst": ({"phase": -0.4, "cycles": 1.5, "delay": 2.0}, green.burst(0.8, 1.5, -0.4, 2.0)),
+        "chirp": ({"sweep": 2.5, "cycles": 3.0, "phase": 0.2, "delay": 1.0}, green.chirp(0.8, 2.5, 3.0, 0.2, 1.0)),
         "ricker": ({"delay": 0.5}, green.ricker(0.8, 0.5)),
         "step": ({"ramp": 5.0, "delay": 1.5}, green.step(5.0, 1.5)),
     }
@@ -182,12 +184,13 @@ def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
         | keys
         for k, (name, (keys, _)) in enumerate(signals.items())
     ]
-    changes = {"packing.rows": 6, "packing.columns": 8, "time.duration": 20.0, "source": sources}
+    assert {*signals, "samples"} == {*SIGNALS}  # those are tests/test_samples.py
+    changes = {"packing.rows": 6, "packing.columns": 10, "time.duration": 20.0, "source": sources}
     scene = SHEET.with_values(changes | {"output.particles": 1.0})
     snapshots = run(scene, tmp_path / "run").snapshots()
     moved, turned = snapshots.stacks("displacement", "rotation")
     for k, (_, signal) in enumerate(signals.values()):
-        sphere = 16 + 2 * k
+        sphere = 20 + 2 * k
         # Rounding of positions 4 µm from the origin, 1e-12 nm of D0 = 2.5e-4 nm
         np.testing.assert_allclose(moved[:, sphere, k % 2], (0.5 + k) * signal(snapshots.tau), atol=1e-8)
         assert not moved[:, sphere, 1 - k % 2].any()
@@ -380,7 +383,7 @@ NEITHER = {"spheres": [[1, 1]]}
             r"source\.1\.signal = 'f\.csv': cannot be read as UTF-8 text: .*No such file",
         ),
         ({"source": [NEITHER | {"force": "x", "file": "f.csv"}]}, r"source\.1\.file: unknown key"),
-        ({"source": [NEITHER | {"force": "x", "cycles": 3.0}]}, "cycles = 3.0: is for signal = burst only"),
+        ({"source": [NEITHER | {"force": "x", "cycles": 3.0}]}, "cycles = 3.0: is for signal = burst or chirp only"),
         ({"source": [PUSH | {"ramp": 3.0}]}, 'ramp = 3.0: is for signal = tone or step only, not "burst"'),
         ({"source": [PUSH | {"hertz": 1e6}]}, r"frequency = 1\.2 and hertz = 1000000\.0: must be one of the two"),
         ({"source": [PUSH | {"spheres": [[16, 0]]}]}, r"sphere \[16, 0\]: must be \[row, column\], from \[0, 0\] to"),
@@ -407,7 +410,15 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
             {"source": [{"rows": [100, 100], "motion": "x", "signal": "burst", "cycles": 2.0}]},
             "cycles = 2.0: must be at least 3 with absorb.rows",
         ),
-        ({"source.1.signal": "step"}, r'source 1: signal = "step": must be "tone" or "burst" with absorb\.rows'),
+        ({"source.1.signal": "step"}, r'source 1: signal = "step": must be "tone" or "burst" or "chirp" with'),
+        (
+            {"source.1.signal": "chirp", "source.1.ramp": 20.0, "source.1.sweep": 0.3},
+            r"source 1: sweep = 0\.3: must be above 1/3 with absorb",
+        ),
+        (
+            {"source.1.signal": "chirp", "source.1.ramp": 20.0, "source.1.cycles": 4.0},
+            r"source 1: cycles = 4\.0: must be at least 4\.5 with",
+        ),
         ({"source.1.frequency": 2.2}, r"frequency = 2\.2 rad per t0: is that of no wave along y"),
         ({"source": [{"rows": [n, n], "motion": "x"} for n in (0, 200)]}, "must be 0 where sources move both ends"),
     ],

@@ -218,6 +218,18 @@ def burst(frequency: float, cycles: float, phase: float = 0.0, delay: float = 0.
     return signal
 
 
+def chirp(frequency: float, sweep: float, cycles: float, phase: float = 0.0, delay: float = 0.0) -> Function:
+    """Return cos(∫ω dt − phase) with ω = Ω to sweep Ω at a constant rate in some cycles, under a Hann window."""
+    duration = 2 * np.pi * cycles / (0.5 * (1 + sweep) * frequency)
+    rate = (sweep - 1) * frequency / duration
+
+    def signal(tau: Floats) -> Floats:
+        t = np.clip(tau - delay, 0.0, duration)  # the window is 0 at both ends
+        return np.asarray(np.sin(np.pi * t / duration) ** 2 * np.cos(frequency * t + rate * t**2 / 2 - phase))
+
+    return signal
+
+
 def ricker(frequency: float, delay: float = 0.0) -> Function:
     """Return (1 − y²/2) e^{−y²/4}, y = Ωt − 12: the second derivative of a Gaussian, its spectrum largest at Ω."""
 

@@ -81,7 +81,7 @@ def fastest(scene: Scene) -> float:
     if scene.struck:
         top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene))
         return max(2 * usual, top * swiftness(scene))
-    own = [each.known.top * each.pulsation(scene.sphere, usual) for each in scene.source]
+    own = [each.known.top(each) * each.pulsation(scene.sphere, usual) for each in scene.source]
     if scene.wave.form != "none" or not any(own):
         own.append(usual)
     return max(2 * max(own), TOP * swiftness(scene))

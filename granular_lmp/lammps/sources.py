@@ -34,6 +34,7 @@ _SHARE, _OFF_PEAK = "ternary(v_<time><<length>,<begun>v_<time>/<length>,1.0)", "
 FORMULAS = {
     "tone": (_SHARE, f"{_RISE}*{_CARRIER}"),
     "burst": (_SHARE, f"sin(PI*v_<s>)^2*{_CARRIER}"),
+    "chirp": (_SHARE, "sin(PI*v_<s>)^2*cos(v_Omega<t>*v_<time>*(1+$(0.5*(<sweep>-1):%.17g)*v_<s>)-<phase>)"),
     "step": (_SHARE, _RISE),
     "ricker": (_OFF_PEAK, "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)"),
     SAMPLES: ("", "(v_c0_<t>[v_<i>]+v_<s>*(v_c1_<t>[v_<i>]+v_<s>*(v_c2_<t>[v_<i>]+v_<s>*v_c3_<t>[v_<i>])))"),
@@ -46,8 +47,8 @@ _NUMBERS_A_LINE = 5
 @dataclass(frozen=True)
 class _Signal:
     """A signal in LAMMPS's variable language: its kind, the end of its names, its factor, the duration of its ramp or
-    burst, its phase, and the names of the variables that hold the time since it began, now and a step ago (or ahead);
-    of samples also the number of intervals between them, and their delay in intervals.
+    burst, its phase and sweep, and the names of the variables that hold the time since it began, now and a step ago (or
+    ahead); of samples also the number of intervals between them, and their delay in intervals.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class _Signal:
     unit: str
     length: str
     phase: str
+    sweep: str
     now: str
     beside: str
     intervals: int = 0
@@ -66,7 +68,8 @@ class _Signal:
             return self._of_samples(time, name, s)
         begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
         known = {"<s>": s + self.tag, "<t>": self.tag, "<time>": time, "<begun>": begun}
-        share, text = (_filled(each, known | {"<length>": self.length, "<phase>": self.phase}) for each in self.formula)
+        constants = {"<length>": self.length, "<phase>": self.phase, "<sweep>": self.sweep}
+        share, text = (_filled(each, known | constants) for each in self.formula)
         return [_line(s + self.tag, share), _line(name + self.tag, f"{self.unit}*{text}")]
 
     @property
@@ -127,7 +130,7 @@ DRIVEN_ROW = "\n".join(
         "step",
         "group        driven id 1:<columns>",
         _line("Omega", "<frequency>", "rad per tau"),
-        *_Signal("tone", "", "v_D0", "v_ramp", "<phase>", "tau", "before").moved("v_step/v_t0"),
+        *_Signal("tone", "", "v_D0", "v_ramp", "<phase>", "", "tau", "before").moved("v_step/v_t0"),
         "variable     swing_x atom v_swing*d_ux",
         "variable     swing_y atom v_swing*d_uy",
         "variable     speed_x atom v_speed*d_ux",
@@ -149,7 +152,8 @@ def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> li
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
     beside = f"t_next{tag}" if source.motion == ROTATION else f"t_was{tag}"
-    signal = _Signal(source.kind, tag, unit, repr(placed.lasts), repr(source.phase), f"t{tag}", beside)
+    lasts, phase, sweep = (repr(each) for each in (placed.lasts, source.phase, source.sweep))
+    signal = _Signal(source.kind, tag, unit, lasts, phase, sweep, f"t{tag}", beside)
     head = [f"group        {name} id {id_ranges(placed.spheres)}"]
     if source.sampled:
         intervals = len(source.sampled) - 1

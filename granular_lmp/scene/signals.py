@@ -1,14 +1,26 @@
 """The signals of sources by name: all that scenes, quiet ends, time steps, guards and studies know of each.
 
-A new signal is one entry here and its formula in `granular_lmp.lammps.sources`. No field has a default, so that no
-place takes a signal for another one.
+A new signal is one entry here and its formula in `granular_lmp.lammps.sources`; a key that no other signal has is also
+a key of `granular_lmp.scene.sources.Source`. No field has a default, so that no place takes a signal for another one.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
+from typing import Protocol
 
 SAMPLES = "samples"  # the signal that has no name in a scene, but a table
+
+
+class Declared(Protocol):
+    """Keys of a source that say how its signal is (`granular_lmp.scene.sources.Source`)."""
+
+    @property
+    def cycles(self) -> float: ...
+    @property
+    def ramp(self) -> float: ...
+    @property
+    def sweep(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -20,44 +32,67 @@ class Signal:
     keys : tuple of str
         Keys of a source that it has, of those that not every signal has.
     lasts : callable
-        Duration in τ of its ramp or burst, of (ramp, cycles, Ω).
-    top : float
+        Duration in τ of its ramp or burst, of a source and Ω.
+    top : callable
         Highest frequency that steps and looks must resolve, over Ω; 0 if it has none.
     band : callable
-        Frequencies over Ω of the waves that it makes, of the number of cycles: Ω and the edges of its spectrum. Empty
-        if the spectrum reaches down to waves that no number of quiet rows absorbs.
+        Frequencies over Ω of the waves that it makes: Ω and the edges of its spectrum, the lowest first. Empty if the
+        spectrum reaches down to waves that no number of quiet rows absorbs.
     """
 
     keys: tuple[str, ...]
-    lasts: Callable[[float, float, float], float]
-    top: float
-    band: Callable[[float], tuple[float, ...]]
+    lasts: Callable[[Declared, float], float]
+    top: Callable[[Declared], float]
+    band: Callable[[Declared], tuple[float, ...]]
 
 
-def _ramp(ramp: float, cycles: float, frequency: float) -> float:
-    return ramp
+def _ramp(source: Declared, frequency: float) -> float:
+    return source.ramp
 
 
-def _periods(ramp: float, cycles: float, frequency: float) -> float:
-    return 2 * pi * cycles / frequency
+def _periods(source: Declared, frequency: float) -> float:
+    return 2 * pi * source.cycles / frequency
 
 
-def _line(cycles: float) -> tuple[float, ...]:
+def _swept_periods(source: Declared, frequency: float) -> float:
+    return _periods(source, (1 + source.sweep) / 2 * frequency)
+
+
+def _usual(source: Declared) -> float:
+    return 1.0
+
+
+def _none(source: Declared) -> float:
+    return 0.0
+
+
+def _higher_end(source: Declared) -> float:
+    return max(1.0, source.sweep)
+
+
+def _line(source: Declared) -> tuple[float, ...]:
     return (1.0,)
 
 
-def _main_lobe(cycles: float) -> tuple[float, ...]:
-    return 1 - 2 / cycles, 1.0, 1 + 2 / cycles
+def _main_lobe(source: Declared) -> tuple[float, ...]:
+    return 1 - 2 / source.cycles, 1.0, 1 + 2 / source.cycles
 
 
-def _down_to_zero(cycles: float) -> tuple[float, ...]:
+def _swept_lobes(source: Declared) -> tuple[float, ...]:
+    low, high = sorted((1.0, source.sweep))
+    lobe = (1 + source.sweep) / source.cycles
+    return low - lobe, low, high, high + lobe
+
+
+def _down_to_zero(source: Declared) -> tuple[float, ...]:
     return ()
 
 
 SIGNALS = {
-    "tone": Signal(("frequency", "hertz", "phase", "ramp"), _ramp, 1.0, _line),
-    "burst": Signal(("frequency", "hertz", "phase", "cycles"), _periods, 1.0, _main_lobe),
-    "ricker": Signal(("frequency", "hertz"), _ramp, 1.0, _down_to_zero),
-    "step": Signal(("ramp",), _ramp, 0.0, _down_to_zero),
-    SAMPLES: Signal((), _ramp, 1.0, _down_to_zero),
+    "tone": Signal(("frequency", "hertz", "phase", "ramp"), _ramp, _usual, _line),
+    "burst": Signal(("frequency", "hertz", "phase", "cycles"), _periods, _usual, _main_lobe),
+    "chirp": Signal(("frequency", "hertz", "phase", "cycles", "sweep"), _swept_periods, _higher_end, _swept_lobes),
+    "ricker": Signal(("frequency", "hertz"), _ramp, _usual, _down_to_zero),
+    "step": Signal(("ramp",), _ramp, _none, _down_to_zero),
+    SAMPLES: Signal((), _ramp, _usual, _down_to_zero),
 }

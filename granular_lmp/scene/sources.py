@@ -4,6 +4,7 @@ A source has the signal a f(t), t = τ − delay, with x = Ωt and r(s) = s³(10
 
     tone      r(t/ramp) cos(x − phase)
     burst     sin²(π s) cos(x − phase),  s = x/(2π cycles): a Hann window
+    chirp     sin²(π s) cos(x (1 + (sweep − 1) s/2) − phase),  s = x (1 + sweep)/(4π cycles): from Ω to sweep Ω
     ricker    (1 − y²/2) e^{−y²/4},  y = x − 12: at its largest at t = 12/Ω, where its spectrum has its maximum at Ω
     step      r(t/ramp)
 
@@ -16,7 +17,7 @@ nothing to say of spheres that are moved: it is cut off there, as it is at held 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, pi
 
 import ase
@@ -36,8 +37,8 @@ from granular_lmp.scene.signals import SAMPLES, SIGNALS, Signal
 
 AXES = ("x", "y")
 TORQUE, ROTATION = "torque", "rotation"
-FEWEST_CYCLES = 3.0  # of a burst before quiet ends: the main lobe of its spectrum, Ω(1 ± 2/cycles), begins at Ω/3
-_LOWEST = 1 / 3  # over Ω, of the spectrum of any signal before quiet ends
+# Over Ω, of the spectrum of any signal before quiet ends; the main lobe of a burst, Ω(1 ± 2/cycles), has 3 cycles then
+_LOWEST = 1 / 3
 LARGEST_ANGLE = 2e-3  # rad: a torque in LAMMPS is then off by 1 - cos, 2e-6 (`granular_lmp.lammps.sources`)
 FEWEST_STEPS = 20.0  # A period of a source has at least these: Verlet then errs by (2π/20)²/24, 0.4 %, of a frequency
 
@@ -55,13 +56,15 @@ class Source(AtPlaces):
         Axis along which the displacement is prescribed, in D0, or φ = Rθ, in D0; or
     force : "x", "y" or "torque", optional
         Axis of a force in k1 D0 on each sphere, or a torque about z in k1 D0 R.
-    signal : "tone", "burst", "ricker", "step", or sequence of (τ, value)
+    signal : "tone", "burst", "chirp", "ricker", "step", or sequence of (τ, value)
     amplitude : float
         Above 0. Good values: about 1, as D0 is small already. It multiplies the values of samples.
     frequency, hertz : float, optional
         Ω in rad/t0, or in Hz; that of the wave if both are left out. Samples have their own (`samples.pulsation`).
     phase, delay, cycles, ramp : float
         In rad, τ, periods and τ. Good values: 5 cycles, and a ramp of several periods, as a short one excites others.
+    sweep : float
+        Last frequency of a chirp over its first. Good values: 0.5 and 2, with 10 cycles or more.
     """
 
     motion: str | None = choice("displacement from rest, in D0; R times an angle", (*AXES, ROTATION), default=None)
@@ -73,12 +76,13 @@ class Source(AtPlaces):
         },
     )
     amplitude: float = number("", "in D0, k1 D0 or k1 D0 R", 0, 100, open_low=True, default=1.0)
-    frequency: float | None = number("rad/t0", "of tone, burst, ricker; the wave's if left out", 1e-6, 20, default=None)
+    frequency: float | None = number("rad/t0", "of periods; the wave's if left out", 1e-6, 20, default=None)
     hertz: float | None = number("Hz", "in place of frequency", 1e-6, 1e15, default=None)
-    phase: float = number("rad", "of tone and burst", -2 * pi, 2 * pi, default=0.0)
+    phase: float = number("rad", "of tone, burst and chirp", -2 * pi, 2 * pi, default=0.0)
     delay: float = number("tau", "before the signal begins", 0, 1e7, default=0.0)
-    cycles: float = number("", "periods of a burst", 1, 1e5, default=5.0)
+    cycles: float = number("", "periods of a burst or chirp", 1, 1e5, default=5.0)
     ramp: float = number("tau", "in which a tone or a step rises", 1, 1e5, default=20.0)
+    sweep: float = number("", "last frequency of a chirp over its first", 0.01, 100, default=2.0)
 
     @property
     def sampled(self) -> samples.Samples:
@@ -98,7 +102,7 @@ class Source(AtPlaces):
     @property
     def band(self) -> tuple[float, ...]:
         """Frequencies over Ω of the waves that it makes; empty if they reach down to 0."""
-        return self.known.band(self.cycles)
+        return self.known.band(self)
 
     @property
     def largest(self) -> float:
@@ -146,13 +150,13 @@ class PlacedSource:
     def words(self) -> str:
         """Kind, frequency and number of spheres in words."""
         count = len(self.spheres)
-        at = "" if not self.source.known.top else f" at {self.frequency:.6g} rad per t0"
+        at = "" if not self.source.known.top(self.source) else f" at {self.frequency:.6g} rad per t0"
         return f"{self.source.words}{at} on {count} sphere{'s' if count > 1 else ''}"
 
     @property
     def lasts(self) -> float:
         """Duration of the ramp or burst, τ."""
-        return self.source.known.lasts(self.source.ramp, self.source.cycles, self.frequency)
+        return self.source.known.lasts(self.source, self.frequency)
 
     @property
     def cost(self) -> int:
@@ -254,7 +258,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
 def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> Iterator[tuple[float, str]]:
     """Yield for each source the longest step (τ) that resolves its signal, and why; `usual` is Ω of the wave."""
     for number_, each in enumerate(sources, 1):
-        top = each.known.top * each.pulsation(sphere, usual)
+        top = each.known.top(each) * each.pulsation(sphere, usual)
         if top:
             most = 2 * pi / top / FEWEST_STEPS
             yield (
@@ -308,15 +312,23 @@ def echo_at(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, *, fo
 
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:
     """Check that no source of a scene with quiet ends makes waves that are too long for them."""
+    if absorb.rows == 0:
+        return
     for number_, each in enumerate(sources, 1):
-        if absorb.rows != 0 and "cycles" in each.known.keys and each.cycles < FEWEST_CYCLES:
+        endless = min(replace(each, cycles=inf).band, default=0.0)  # the lowest frequency without a window
+        if endless <= _LOWEST:
+            allowed = " or ".join(f'"{name}"' for name, signal in SIGNALS.items() if signal.band(each))
+            wrong, must = f'signal = "{each.kind}"', allowed
+            if each.band:
+                wrong, must = f"sweep = {each.sweep!r}", "above 1/3"
             raise SceneError(
-                f"source {number_}: cycles = {each.cycles!r}: must be at least {FEWEST_CYCLES:g} with absorb.rows, as "
-                "the spectrum of a shorter burst reaches down to waves that no number of rows absorbs"
+                f"source {number_}: {wrong}: must be {must} with absorb.rows, as the long waves in its spectrum are "
+                "absorbed by no number of rows"
             )
-        if absorb.rows != 0 and min(each.band, default=0.0) < _LOWEST:
-            allowed = " or ".join(f'"{name}"' for name, signal in SIGNALS.items() if signal.band(Source.cycles))
+        lowest = min(each.band)
+        if lowest < _LOWEST:
+            fewest = (endless - lowest) * each.cycles / (endless - _LOWEST)
             raise SceneError(
-                f'source {number_}: signal = "{each.kind}": must be {allowed} with absorb.rows, as the long waves in '
-                "its spectrum are absorbed by no number of rows"
+                f"source {number_}: cycles = {each.cycles!r}: must be at least {fewest:.4g} with absorb.rows, as "
+                f"the spectrum of a shorter {each.kind} reaches down to waves that no number of rows absorbs"
             )
