@@ -9,6 +9,7 @@
 # make processors (the tests that depend on last digits, as on other processors; make test does it too),
 # make stability (hard cases, a few minutes: docs/stability.md),
 # make guards (how often a guard is wrong, of 232 random scenes, ten minutes: docs/effects.md),
+# make ladders (how often a tolerance is missed, of 168 random scenes, and its cost, ten minutes: docs/accuracy.md),
 # make impact (the solitary wave, and error over cost of an impact, a minute: docs/strongly-nonlinear.md),
 # make published (published cases of impacts, three minutes: docs/published-impacts.md),
 # make pull-off (snap-in and pull-off in collisions, by JKR and in LAMMPS, half a minute: docs/collisions.md),
@@ -39,7 +40,7 @@ CORES := $(shell getconf _NPROCESSORS_ONLN)
 # Matrices are small here: threads of OpenBLAS take a quarter of the processor time and give nothing
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards impact published pull-off onset adhesion witness cost bench \
+.PHONY: paper figures spectrum dispersion waves quiet scattering disorder gallery test processors stability guards ladders impact published pull-off onset adhesion witness cost bench \
     scale decks docs versioned-docs notebook rooms clean $(RUNS) runs/paper/compare.txt runs/paper/figure2.png runs/paper/figure3.png
 
 # What does not wait for one another runs side by side
@@ -220,6 +221,9 @@ stability: .venv/ready
 
 guards: .venv/ready
 	$(BIN)/python -m tests.hard.guard_study --write docs/effects.md
+
+ladders: .venv/ready
+	$(BIN)/python -m tests.hard.ladder_study --write docs/accuracy.md
 
 FRONTS = --set packing.rows=61 --set packing.columns=101 --set "striker.1.spheres=[[0, 50]]" --set time.duration=80.0 --set time.sample=0.4
 

@@ -19,13 +19,14 @@ from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.accuracy import budget as known
 from granular_lmp.accuracy.ladder import phase_error, with_step
+from granular_lmp.problem import prepare
 from granular_lmp.scene.linear import mode_of
 from tests.conftest import PAPER
 from tests.test_compare import from_theory
 
 NAMES = ("p", "q", "phi")
 OF_RUN = ("time step", "walls", "rounding")
-SOURCES = (*OF_RUN, "all of it, measured", "geometry", "perturbation order")
+SOURCES = ("time step, order 2", *OF_RUN[1:], "all of it, measured", "geometry", "perturbation order")
 SCENES = {
     "nonresonant": PAPER,
     "resonant": PAPER.with_values({"wave.wavenumber": 1.475}),
@@ -152,7 +153,7 @@ def test_every_source_is_there_and_the_largest_is_marked() -> None:
         for name in names_of(scene):
             largest = max(getattr(source, name) or 0.0 for source in budget.values())
             assert [getattr(s, name) for s in budget.values() if name in s.dominates] == [largest]
-    line = budget_of(as_run(SCENES["L"]))["time step"]
+    line = budget_of(as_run(SCENES["L"]))["time step, order 2"]
     assert (line.q, line.phi) == (None, None)
 
 
@@ -177,6 +178,38 @@ def test_what_is_said_to_halve_the_error_of_the_step_halves_it() -> None:
     after = with_step(scene, float(first["to_halve"].split()[-1]))
     assert known.error_budget(after, as_run(PAPER).signals)[0]["q"] / first["q"] == pytest.approx(0.5, rel=0.1)
     assert first["q"] == phase_error(mode_of(scene).frequency, 0.01, 120.0)
+
+
+@pytest.mark.parametrize("viscosity", [2e-8, 1e-7])
+def test_the_error_of_the_step_of_a_damped_wave_is_lammps_s(viscosity: float, tmp_path: Any) -> None:
+    # 1.4e-3 of tr_damped, where second order alone has 1.5e-4; a step of 0.5 τ makes it short
+    scene = Scene.load("tr_damped").with_values({"effects.viscosity": viscosity, "wave.amplitude": 0.01})
+    record = run(scene.with_values({"time.duration": 60.0, "time.timestep": 0.1}), tmp_path / "run")
+    line = record.info["error_budget"][0]
+    exact = trajectory("exact-lattice", wave_of(record), record.tau)
+    for name, values in zip(NAMES[1:], exact[1:], strict=True):
+        # The start is that of a wave that does not decay, which leaves a little of the wave that runs back
+        assert line[name] == pytest.approx(relative_error(getattr(record, name), values), rel=0.2)
+    assert line["order"] == 1
+    undamped = phase_error(mode_of(record.scene).frequency, 0.1, 60.0)
+    assert line["q"] > 3 * undamped
+    step = float(line["to_halve"].split()[-1])
+    halved = known.error_budget(with_step(record.scene.with_values({"time.sample": step}), step), record.signals)[0]
+    assert halved["q"] == pytest.approx(line["q"] / 2, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "order"),
+    [
+        ({"effects.shear_law": "incremental"}, 1),
+        ({"effects.contact_opening": True}, 0),
+        ({}, 2),
+    ],
+    ids=str,
+)
+def test_the_order_is_that_of_the_effects(changes: dict[str, Any], order: int) -> None:
+    scene = prepare(with_step(PAPER, 0.05).with_values(changes)).scene
+    assert known.error_budget(scene, as_run(PAPER).signals)[0]["order"] == order
 
 
 def test_a_line_is_left_out_where_nothing_is_known() -> None:

@@ -83,7 +83,7 @@ def test_runs_that_fail_or_do_not_converge_have_no_cost(tmp_path: Path, monkeypa
     )
     with pytest.raises(ToleranceError, match=r"time.timestep = 0\.1\d*: .*largest_overlap = "):
         cost_of_impact(deep, tmp_path / "deep")
-    monkeypatch.setattr(impact_cost, "order", lambda runs: None)
+    monkeypatch.setattr(impact_cost, "shown_order", lambda runs: None)
     with pytest.raises(ToleranceError, match="do not converge with the step, so that no error is known"):
         cost_of_impact(CHAIN, tmp_path / "study")
 

@@ -51,7 +51,10 @@ def test_check_says_what_a_run_then_is(
     assert main(["check", str(tmp_path / "mine.toml"), "--json"]) == 0
     said, record = json.loads(capsys.readouterr().out), run_impact(scene, tmp_path / "run")
     assert (said["spheres"], said["records"]) == (10, len(record.tau))
-    assert said["steps"] == record.info["steps"]
+    # A ladder that ends after two of the three runs that are planned has 1 + 2 of their 1 + 2 + 4 steps
+    assert said["steps"] in (
+        {record.info["steps"] * 7 // 3, record.info["steps"]} if tolerance else {record.info["steps"]}
+    )
     assert said["runs"] == (3 if tolerance else 1)
     assert said["seconds"] > 0
     assert said["basis"].startswith("a short run of this scene just now, ")

@@ -110,6 +110,6 @@ def test_the_estimate_is_at_least_half_the_error(outcomes: list[Outcome]) -> Non
     assert min(judged)[0] >= 0.5
 
 
-def test_three_in_four_take_no_more_runs_than_planned(outcomes: list[Outcome]) -> None:
-    assert np.mean([o.runs <= RUNGS for o in outcomes]) >= 0.75
+def test_three_in_four_take_a_run_more_than_planned_at_most(outcomes: list[Outcome]) -> None:
+    assert np.mean([o.runs <= RUNGS + 1 for o in outcomes]) >= 0.75
     assert min(o.runs for o in outcomes) < RUNGS  # and some fewer

@@ -14,6 +14,7 @@ The last two are no errors of the run but of a theory that is compared with it.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from analysis.measure.norms import relative_error
 from analysis.theory.choice import Trajectory, holding, linear_mode, trajectory
@@ -68,7 +69,7 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
         the contacts do.
     """
     known = [
-        Source(line["name"], "run", line["p"], line["q"], line["phi"], line["to_halve"])
+        Source(_named(line), "run", line["p"], line["q"], line["phi"], line["to_halve"])
         for line in record.info.get("error_budget", [])
     ]
     found = {("run", "all of it, measured"): (dict(measured), "what is largest above")}
@@ -96,6 +97,13 @@ def error_budget(record: Record, wave: Wave, measured: Errors, exact: Trajectory
         )
         for line in table
     ]
+
+
+def _named(line: Mapping[str, Any]) -> str:
+    """Return the name of a line of ``run.json``, with the order of the error of a time step."""
+    if "order" not in line:
+        return str(line["name"])
+    return f"{line['name']}, order {line['order']}" if line["order"] else f"{line['name']}, no order"
 
 
 def points_of_contact(wave: Wave) -> Wave:

@@ -1,4 +1,4 @@
-"""Runs of one scene with the steps h, h/2, h/4, … until their estimated error meets ``time.tolerance``.
+"""Runs of one scene with shorter and shorter steps until their estimated error meets ``time.tolerance``.
 
 The scene may be of a wave or of an impact: what estimates the error of its runs is given. The folder holds a run folder
 for each step, ``N_per_sample``.
@@ -7,10 +7,12 @@ for each step, ``N_per_sample``.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import inf, isfinite
 from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol, Self, TypeVar
 
+from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SCENE, STATUS, replace_text, writable
 from granular_lmp.runs.agreement import scene_digest
@@ -21,7 +23,8 @@ from granular_lmp.runs.launch import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.sections import Sampled
 
-MOST_RUNGS = 8  # runs that are tried before the tolerance is refused
+MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
+FINEST = 128  # steps of the finest run at most, over those of the first
 
 
 class Scene(Protocol):
@@ -123,10 +126,10 @@ def halved(
     folder: Path,
     plan: Plan,
     one: One[AnyScene, AnyRecord],
-    estimate: Callable[[Sequence[AnyRecord]], dict[str, float]],
+    estimate: Callable[[Sequence[AnyRecord]], Judgement],
     progress: Progress | None,
     info: dict[str, Any],
-) -> tuple[list[AnyRecord], dict[str, float], list[str]]:
+) -> tuple[list[AnyRecord], Judgement, list[str]]:
     """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says if that fails.
 
     Parameters
@@ -138,7 +141,7 @@ def halved(
     one : callable
         Function of scene, folder and progress callback that makes one run of a scene with a time step.
     estimate : callable
-        Errors by name of the answer of some runs, inf where they are not known.
+        Judgement of some runs, of which all errors count.
     progress : callable, optional
         Callback ``progress(step, steps)``.
     info : dict
@@ -147,11 +150,11 @@ def halved(
     Returns
     -------
     records : list
-        The runs, from the longest step.
-    found : dict of str to float
-        The estimate.
+        The runs, in the order in which they were made.
+    judgement : Judgement
+        What was estimated of them.
     refinements : list of str
-        A sentence for each step that was halved beyond the plan.
+        A sentence for each run beyond the plan.
 
     Raises
     ------
@@ -164,28 +167,31 @@ def halved(
     assert tolerance is not None
     records: list[AnyRecord] = []
     refinements: list[str] = []
-    found: dict[str, float] = {}
     refuse_links(folder)
     with writable(folder):
         write_status(folder, info | {"status": "running", "message": "started"})
     try:
-        for rung in range(MOST_RUNGS):
-            count = plan.per_sample << rung
+        counts, count = list[int](), plan.per_sample
+        while True:
             stepped = scene.with_values({"time.timestep": scene.time.sample / count})
-            # The earlier runs made count − per_sample steps per sample
-            before, all_ = count - plan.per_sample, (plan.per_sample << max(rung + 1, plan.runs)) - plan.per_sample
-            part = _offset(progress, before * samples, all_ * samples)
+            before = sum(counts)
+            part = _offset(progress, before * samples, max(before + count, plan.steps_per_sample) * samples)
             records.append(one(stepped, folder / f"{count}{PER_SAMPLE}", part))
-            found = estimate(records)
-            if rung and all(error <= tolerance for error in found.values()):  # false for a nan
+            counts.append(count)
+            judgement = estimate(records)
+            # The comparison is false for a nan
+            if len(counts) > 1 and all(error <= tolerance for error in judgement.errors.values()):
                 break
-            if rung and rung + 1 >= plan.runs:
-                refinements.append(f"steps down to {stepped.time.step!r} tau: {_worst(found)}; halved")
-        else:
-            raise ToleranceError(
-                f"time.tolerance = {tolerance!r}: not met with steps down to {stepped.time.step!r} tau, "
-                f"{_worst(found)}; the runs are kept in {folder}"
-            )
+            worst = max(judgement.errors.values(), default=inf)
+            count = following(counts, judgement, worst, tolerance) if isfinite(worst) else 2 * max(counts)
+            if len(counts) == MOST_RUNGS or count > FINEST * plan.per_sample:
+                raise ToleranceError(
+                    f"time.tolerance = {tolerance!r}: not met with steps down to {scene.time.sample / max(counts)!r} "
+                    f"tau, {_worst(judgement.errors)}; the runs are kept in {folder}"
+                )
+            if len(counts) >= plan.runs:
+                shortest = scene.time.sample / max(counts)
+                refinements.append(f"steps down to {shortest!r} tau: {_worst(judgement.errors)}; one run more")
     except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
         if isinstance(error, RunInterrupted | KeyboardInterrupt):
             resumed_by = f"granular-lmp resume {quote(str(folder))}"
@@ -194,7 +200,7 @@ def halved(
         status = "interrupted" if isinstance(error, RunInterrupted) else "failed"
         write_status(folder, info | {"status": status, "message": message})
         raise error from None
-    return records, found, refinements
+    return records, judgement, refinements
 
 
 def _worst(found: dict[str, float]) -> str:

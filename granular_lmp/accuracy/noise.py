@@ -5,8 +5,8 @@ from math import inf
 
 import numpy as np
 
+from granular_lmp.accuracy.extrapolation import Signals
 from granular_lmp.accuracy.recorded import FORCES, MOTION, RATES
-from granular_lmp.accuracy.richardson import Signals
 from granular_lmp.accuracy.rounding import grain, judged, moving, noise_floor
 from granular_lmp.errors import ToleranceError
 from granular_lmp.problem import largest_step

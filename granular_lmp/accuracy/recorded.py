@@ -16,7 +16,8 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.accuracy.richardson import Signals, combined
+from granular_lmp.accuracy.extrapolation import combined
+from granular_lmp.accuracy.richardson import Signals
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
 from granular_lmp.runs.monitors import ContactForces, MonitorRecord

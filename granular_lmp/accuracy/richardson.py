@@ -1,37 +1,32 @@
 """Richardson extrapolation of runs that differ only in the time step, and the estimate of its error.
 
 Velocity Verlet's error is C h² + D h⁴ + … in the step h. Of two runs with the steps h and h/2 the combination
-R = (4·fine − coarse)/3 is free of the first term (Richardson extrapolation), and of two such R = (16·fine − coarse)/15
-is free of the second. Some effects make the error one of first order (`granular_lmp.effects.selection.order`); then the
-answer is 2·fine − coarse of the last two runs, because the next order is unknown.
-
-The error of the answer is estimated by its distance to the answer without the last run, times `SAFETY`. The estimate
-bounds errors of any order in h. It includes a first-order error that lies below the error of second order until the
-extrapolation removes that: LAMMPS leaves one of the order of h Δ0/R, because it rotates the slip of a contact with the
-contact's direction at the end of the step. It also covers waves that the coarse steps do not resolve, whose error has
-no order.
+R = (4·fine − coarse)/3 is free of the first term (Richardson extrapolation). Some effects make the error one of first
+order, or no series at all (`granular_lmp.effects.selection.order`). `granular_lmp.accuracy.extrapolation` has the sums
+of more runs, with any steps, and the estimate of their error; here is what it takes from a scene.
 
 The rounding of positions limits the accuracy at any time step: `granular_lmp.accuracy.rounding`.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import inf, isclose
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from math import isclose
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy import extrapolation
+from granular_lmp.accuracy.extrapolation import Judgement, combined
 from granular_lmp.accuracy.halving import extrapolated
-from granular_lmp.accuracy.rounding import judged
+from granular_lmp.accuracy.ladder import deciding_frequency
 from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.scene import Scene
 
-Floats = NDArray[np.float64]
-Signals = dict[str, Floats]
+Signals = dict[str, NDArray[np.float64]]
 
-# The distance was at least 0.35 of the true error in 885 cases: 180 waves at tolerances from 1e-1 to 1e-5 with errors
-# above 3e-6 (docs/accuracy.md)
-SAFETY = 1.5
+# The largest were 0.35 in 70 scenes of every kind (tests/hard); what adds up is that of an L wave of 0.4 Δ0 in 60 τ
+SLIP, ADDS_UP = 0.8, 1 / 3
 
 
 def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
@@ -75,96 +70,47 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     return replace(fine, **signals, info=fine.info | {"error_estimate": estimates}, folder=None)
 
 
-def answer(runs: Sequence[Record]) -> Record:
-    """Return the best extrapolation of runs of one scene, each with half the step of the one before.
-
-    A single run is returned as it is.
-    """
-    if len(runs) == 1:
-        return runs[0]
-    return combined_record(runs, judge([run.signals for run in runs], order(runs[-1].scene)))
-
-
-def combined_record(runs: Sequence[Record], judgement: "Judgement") -> Record:
+def combined_record(runs: Sequence[Record], judgement: Judgement) -> Record:
     """Return the answer that a judgement makes of runs."""
     weights = judgement.weights
     signals = {name: combined([run.signals[name] for run in runs], weights) for name in runs[-1].signals}
     return replace(runs[-1], p=signals["p"], q=signals["q"], phi=signals["phi"], folder=None)
 
 
-def estimate(runs: Sequence[Record]) -> dict[str, float]:
-    """Return the relative L2 errors of p, q, φ that the `answer` is estimated to have.
-
-    Parameters
-    ----------
-    runs : sequence of Record
-        Runs of one scene, each with half the step of the one before.
-
-    Returns
-    -------
-    dict
-        Errors by signal, without signals that vanish by symmetry; inf if there is only one run.
-    """
-    names = judged(runs[-1].scene, answer(runs).signals)
-    errors = judge([run.signals for run in runs], order(runs[-1].scene)).errors
-    return {name: errors[name] for name in names}
-
-
-# --- the answer and the estimate, of any signals ---------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """What the runs of a ladder say together.
-
-    Attributes
-    ----------
-    weights : tuple of float
-        Weight of each run, from the longest step, in the answer: a sum of runs, whose weights sum to 1.
-    errors : dict of str to float
-        Estimated relative L2 error of each signal of the answer; inf if it is not known, nan if the signal is.
-    """
-
-    weights: tuple[float, ...]
-    errors: dict[str, float]
-
-
-def judge(runs: Sequence[Signals], order: int) -> Judgement:
-    """Return the answer of runs and the estimate of its error: the one place where both are decided.
+def judge(runs: Sequence[Signals], scenes: Sequence[Scene], counted: Collection[str] | None = None) -> Judgement:
+    """Return the answer of runs and the estimate of its error (`granular_lmp.accuracy.extrapolation.judge`).
 
     Parameters
     ----------
     runs : sequence of dict
-        Signals by name, arrays whose first axis is time, of each run, from the longest step; each has half the step of
-        the one before.
-    order : int
-        Order of the error in the step: 2, or 1 with some effects (`effects.selection.order`).
+        Signals by name, arrays whose first axis is time, of each run, in the order in which they were made.
+    scenes : sequence of Scene
+        Scene of each run, with its step.
+    counted : collection of str, optional
+        Names of the signals by which the answer is chosen; all of them if left out.
     """
-    weights = weights_of(len(runs), order)
-    if len(runs) == 1:
-        return Judgement(weights, dict.fromkeys(runs[0], inf))
-    before = (*weights_of(len(runs) - 1, order), 0.0)
-    errors = {}
-    for name in runs[-1]:
-        values = [run[name] for run in runs]
-        newer = combined(values, weights)
-        size = float(np.linalg.norm(newer))
-        apart = float(np.linalg.norm(combined(values, before) - newer))
-        errors[name] = SAFETY * apart / size if size else 0.0
-    return Judgement(weights, errors)
+    counts = [scene.time.steps_per_sample for scene in scenes]
+    hidden = slip_bounds(scenes[-1], runs[-1])
+    return extrapolation.judge(runs, counts, order(scenes[-1]), counted=counted, hidden=hidden)
 
 
-def weights_of(runs: int, order: int) -> tuple[float, ...]:
-    """Return the weight of each run in the answer: of the last three runs, or two if the order is 1, count."""
-    if runs == 1:
-        return (1.0,)
-    if order == 1 or runs == 2:
-        used: tuple[float, ...] = (-1 / (2**order - 1), 2**order / (2**order - 1))
-    else:  # (16 (4c − b)/3 − (4b − a)/3)/15
-        used = (1 / 45, -20 / 45, 64 / 45)
-    return (0.0,) * (runs - len(used)) + used
+def slip_bounds(scene: Scene, signals: Signals) -> dict[str, float]:
+    """Return bounds of the first-order error that LAMMPS's slip leaves in signals, L2 norms for a step of one sample.
 
-
-def combined(values: Sequence[Floats] | Floats, weights: Sequence[float]) -> Floats:
-    """Return the sum of arrays of runs with their weights."""
-    return np.asarray(sum(weight * each for weight, each in zip(weights, values, strict=True) if weight))
+    LAMMPS turns the slip of a contact with the contact's direction at the end of the step. That adds
+    ½h (t·v)(n·v)/2R to the rate of the slip, of order ½h a U² Ω² Δ0/2R in D0/t0 for displacements U in D0, and moves
+    spheres by `SLIP` times as much, without the half. It also puts the wave out of phase, in the next order of a and in
+    proportion to the time. Fluxes have no bound here.
+    """
+    frequency = deciding_frequency(scene)
+    swing = max(1.0, float(np.max(sum(signals[name] ** 2 for name in ("p", "q", "phi") if name in signals))))
+    amplitude, duration = scene.wave.amplitude, scene.time.duration
+    moved = SLIP * amplitude * frequency**2 * scene.sphere.overlap_ratio * swing * scene.time.sample
+    moved *= 1 + ADDS_UP * amplitude * frequency * duration
+    factors = dict.fromkeys(("p", "q", "phi", "u", "v"), 1.0) | dict.fromkeys(("u_t", "v_t", "phi_t"), frequency)
+    factors |= dict.fromkeys(("normal", "shear"), 2.0)  # in k1 D0, of two spheres that move
+    return {
+        name: moved * factors[column] * float(np.sqrt(values.size))
+        for name, values in signals.items()
+        if (column := name.rpartition(".")[2]) in factors
+    }

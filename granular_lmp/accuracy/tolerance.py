@@ -15,13 +15,13 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.accuracy.budget import error_budget
+from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.halving import One, Plan, begun, continued, halved
 from granular_lmp.accuracy.ladder import RUNGS, finest_step, first_step, with_step
 from granular_lmp.accuracy.noise import counted, lost
 from granular_lmp.accuracy.recorded import Recorded, write_answer
-from granular_lmp.accuracy.richardson import Judgement, combined_record, judge
+from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.effects.selection import order
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
@@ -198,19 +198,19 @@ def refine(
     plan = Plan(round(scene.time.sample / first_step(scene)), RUNGS)
     recorded, noise, judgements = Recorded(), dict[str, float](), list[Judgement]()
 
-    def estimated(records: Sequence[Record]) -> dict[str, float]:
+    def estimated(records: Sequence[Record]) -> Judgement:
         recorded.add(records[-1])
         signals = recorded.signals
         if len(records) == 1:
             noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
-        judgements.append(judge(signals, order(records[-1].scene)))
-        errors = judgements[-1].errors
-        return {name: errors[name] for name in counted(scene, signals[-1]) if name not in noise}
+        names = [name for name in counted(scene, signals[-1]) if name not in noise]
+        judgements.append(judge(signals, [record.scene for record in records], names))
+        return replace(judgements[-1], errors={name: judgements[-1].errors[name] for name in names})
 
-    records, found, refinements = halved(scene, folder, plan, one, estimated, progress, info)
-    judgement, there = judgements[-1], counted(scene, recorded.signals[-1])
+    records, judgement, refinements = halved(scene, folder, plan, one, estimated, progress, info)
+    there = counted(scene, recorded.signals[-1])
     noise = {name: noise[name] for name in there if name in noise}
-    found |= {name: judgement.errors[name] for name in noise}
+    found = judgement.errors | {name: judgements[-1].errors[name] for name in noise}
     record = combined_record(records, judgement)
     runs = [run.info for run in records]
     outcome = {

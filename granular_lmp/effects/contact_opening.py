@@ -60,11 +60,9 @@ def loss(case: Case) -> str:
     return "the guard reports it; the deck is the same, as LAMMPS parts contacts by itself"
 
 
-def first_order(scene: Scene) -> bool:
-    """Return True: a contact parts inside a step."""
-    return True
+def order(scene: Scene) -> int:
+    """Return 0: a contact parts at any phase of a step."""
+    return 0
 
 
-CONTACT_OPENING = Effect(
-    "contact_opening", called_for, cost="1.00", loss=loss, first_order=first_order, guard=GUARD, always=True
-)
+CONTACT_OPENING = Effect("contact_opening", called_for, cost="1.00", loss=loss, order=order, guard=GUARD, always=True)

@@ -51,11 +51,9 @@ def refuse(case: Case) -> str:
     return ""
 
 
-def first_order(scene: Scene) -> bool:
-    """Return True: LAMMPS's dashpots use the velocity of half a step before."""
-    return True
+def order(scene: Scene) -> int:
+    """Return 1: LAMMPS's dashpots use the velocity of half a step before."""
+    return 1
 
 
-DAMPING = Effect(
-    "damping", called_for, cost="1.00", loss=loss, law=law, refuse=refuse, first_order=first_order, in_all=False
-)
+DAMPING = Effect("damping", called_for, cost="1.00", loss=loss, law=law, refuse=refuse, order=order, in_all=False)

@@ -238,8 +238,8 @@ def _no_law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {}
 
 
-def _second_order(scene: Scene) -> bool:
-    return False
+def _second_order(scene: Scene) -> int:
+    return 2
 
 
 @dataclass(frozen=True)
@@ -265,8 +265,8 @@ class Effect:
         Part of the contact law, (Scene, on) → arguments of `granular_lmp.lammps.contact.model`.
     refuse : callable
         Reason why the choice is not possible, Case → sentence, or "" if it is possible.
-    first_order : callable
-        Scene → True if LAMMPS's error is of first order in the time step while the effect is on.
+    order : callable
+        Scene → order of LAMMPS's error in the time step while the effect is on: 2, 1, or 0 if the error is no series.
     guard : Guard, optional
         Guard that proves that the effect did not occur.
     always : bool
@@ -288,7 +288,7 @@ class Effect:
     lines_off: Mapping[str, str] = field(default_factory=dict)
     law: Callable[[Scene, bool], Mapping[str, Any]] = _no_law
     refuse: Callable[[Case], str] = _nothing_refused
-    first_order: Callable[[Scene], bool] = _second_order
+    order: Callable[[Scene], int] = _second_order
     guard: Guard | None = None
     always: bool = False
     in_all: bool = True

@@ -54,9 +54,9 @@ def refuse(case: Case) -> str:
     return ""
 
 
-def first_order(scene: Scene) -> bool:
-    """Return True: LAMMPS's dashpots use the velocity of half a step before."""
-    return scene.effects.rolling_viscosity > 0
+def order(scene: Scene) -> int:
+    """Return 1 with a dashpot, as LAMMPS's use the velocity of half a step before, else 2."""
+    return 1 if scene.effects.rolling_viscosity else 2
 
 
 ROLLING = Effect(
@@ -67,6 +67,6 @@ ROLLING = Effect(
     needs="rotation",
     law=law,
     refuse=refuse,
-    first_order=first_order,
+    order=order,
     in_all=False,
 )

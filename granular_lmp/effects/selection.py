@@ -90,8 +90,8 @@ def lines(on: Mapping[str, bool]) -> dict[str, str]:
 
 
 def order(scene: Scene) -> int:
-    """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, 1 if an effect lowers it."""
-    return 1 if any(effect.first_order(scene) for effect in EFFECTS if effect.wanted(scene) is True) else 2
+    """Return the order of LAMMPS's error in the time step: 2 for velocity Verlet, or what the effects leave of it."""
+    return min((effect.order(scene) for effect in EFFECTS if effect.wanted(scene) is True), default=2)
 
 
 def with_all(scene: Scene) -> Scene:

@@ -38,9 +38,9 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"shear": scene.effects.shear_law if on else "none"}
 
 
-def first_order(scene: Scene) -> bool:
-    """Return whether the law is incremental: LAMMPS then sums the shear force with the stiffness of the step before."""
-    return scene.effects.shear_law == "incremental"
+def order(scene: Scene) -> int:
+    """Return 1 of the incremental law, as LAMMPS sums its force with the stiffness at one end of the step, else 2."""
+    return 1 if scene.effects.shear_law == "incremental" else 2
 
 
-SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, law=law, first_order=first_order)
+SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, law=law, order=order)

@@ -89,9 +89,9 @@ def refuse(case: Case) -> str:
     return ""
 
 
-def first_order(scene: Scene) -> bool:
-    """Return True: a contact begins to slide inside a step."""
-    return True
+def order(scene: Scene) -> int:
+    """Return 0: a contact begins to slide at any phase of a step."""
+    return 0
 
 
 SLIDING = Effect(
@@ -103,7 +103,7 @@ SLIDING = Effect(
     lines=LINES,
     lines_off=LINES_OFF,
     refuse=refuse,
-    first_order=first_order,
+    order=order,
     guard=GUARD,
     always=True,
     in_all=False,

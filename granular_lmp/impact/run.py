@@ -13,7 +13,6 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.accuracy.halving import One, begun, continued, halved
 from granular_lmp.accuracy.recorded import write_dump
-from granular_lmp.accuracy.richardson import weights_of
 from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
@@ -27,7 +26,7 @@ from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.steps import LONGEST_STEP
-from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan
+from granular_lmp.impact.tolerance import answer, estimate, order, plan
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (
     CHECKPOINTS,
@@ -181,17 +180,18 @@ def _refined(
     info: dict[str, Any],
 ) -> ImpactRecord:
     """Run with smaller and smaller steps to the tolerance; write the dump of the answer and ``run.json`` of all."""
-    records, found, refinements = halved(problem.scene, folder, plan(problem), one, estimate, progress, info)
-    p, runs = order(records), [each.info for each in records]
+    records, judgement, refinements = halved(problem.scene, folder, plan(problem), one, estimate, progress, info)
+    runs = [each.info for each in records]
     folders = [each.folder / SNAPSHOTS for each in records if each.folder is not None]
-    assert p is not None  # `estimate` has met the tolerance
     outcome = (
         records[-1].info
         | info
         | {
-            "error_estimate": found,
-            "order": p,
-            "extrapolated_from": [each.scene.time.step for each in records[-RUNS:]],
+            "error_estimate": judgement.errors,
+            "order": order(problem.scene),
+            "extrapolated_from": [
+                each.scene.time.step for each, weight in zip(records, judgement.weights, strict=True) if weight
+            ],
             "refinements": refinements,
             "steps": sum(each["steps"] for each in runs),
             "wall_seconds": {
@@ -202,7 +202,7 @@ def _refined(
         }
     )
     with writable(folder):
-        write_dump(folder / SNAPSHOTS, folders[-2:], weights_of(2, p))
+        write_dump(folder / SNAPSHOTS, folders, judgement.weights)
         outcome["files"] = files_of(folder)
         write_status(folder, outcome)
     return replace(answer(records), problem=problem, info=outcome, folder=folder)

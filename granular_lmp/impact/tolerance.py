@@ -1,43 +1,37 @@
-"""An impact to a tolerance: which steps are tried, the extrapolation of their runs, and the estimate of its error.
+"""An impact to a tolerance: which step is tried first, and the estimate of the error of its runs.
 
 The error of every velocity and of R times every spin, over the unit v of the impact (`ImpactScene.scale`: the velocity
 of the fastest striker), and that of every displacement over the largest, is at most ``time.tolerance``, as estimated.
-Three runs a, b, c, each with half the step of the
-one before, show the order p of their error by the L2 norms of their differences,
-
-    |a − b|/|b − c| = 2^p,
-
-2 for spheres that slide on nothing, and 1 with damping or with friction and the law "incremental", whose forces LAMMPS
-takes at half steps. The answer is (2^p c − b)/(2^p − 1), and its estimated error the largest difference from the same
-answer of a and b, times `SAFETY`. Contacts that close and open inside a step leave an error of order 5/2 at no fixed
-phase of the step, which no extrapolation removes; the difference holds it, but may be small by chance. So the error is
-at least a `GAIN`-th of that of the last run, |b − c|/(2^p − 1). Runs that do not converge are not extrapolated: their
-error is not known, and counts as infinite.
+The error of a run is of order 2 in the step for spheres that slide on nothing, and of order 1 with damping or with
+friction and the law "incremental", whose forces LAMMPS takes at half steps. Answer and estimate are those of waves
+(`granular_lmp.accuracy.extrapolation`), with the largest error in place of the L2 norm. Contacts that close and open
+inside a step leave an error of order 5/2 at no fixed phase of the step, which no extrapolation removes; `SAFETY` is
+larger for that.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
-from math import ceil, inf, isclose, sqrt
+from math import ceil
 
 import numpy as np
+from numpy.typing import NDArray
 
+from granular_lmp.accuracy import extrapolation
+from granular_lmp.accuracy.extrapolation import Judgement, Signals, combined
 from granular_lmp.accuracy.halving import Plan
-from granular_lmp.accuracy.richardson import Judgement, Signals, combined, weights_of
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.impact.scene import ImpactScene
 
-# The difference was at least 0.5 of the true error in 48 answers of a compressed chain whose contacts barely open,
-# and 0.97 in 82 of other chains and of sheets (docs/impacts.md)
-SAFETY = 3.0
-GAIN = 10.0
-RUNS = 3  # the fewest that show an order
+Floats = NDArray[np.float64]
+
+SAFETY = 4.0  # with 3, two in 130 ladders of 35 scenes ended with up to 1.3 of the tolerance (tests/hard)
+RUNS = 3  # runs that are planned
 MOST_STEPS = 10**9
-# Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest. The answer of three runs is
-# then estimated to err by 2e-5 to 2e-4 after 12 collision times
-_STEPS_AT = (48.0, 1e-4)
-_FEWEST = 16.0
+# Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest
+_STEPS_AT = (24.0, 1e-4)
+_FEWEST = 11.0
 _SHARE = 0.7  # of the longest step that a rule allows: spheres may come to press each other deeper on their way
 _POWER = 2.5  # power of the step in the error of the answer
 
@@ -75,73 +69,57 @@ def planned_steps(problem: ImpactProblem) -> int:
     return time.steps if time.tolerance is None else plan(problem).steps_per_sample * time.samples
 
 
-def judge(runs: Sequence[Signals]) -> tuple[Judgement, int | None]:
-    """Return the answer of runs, the estimate of its error, and the order of the error in the step.
+def order(scene: ImpactScene) -> int:
+    """Return the order of the error in the step: 1 where LAMMPS has forces of half a step before, else 2."""
+    effects = scene.effects
+    halfway = effects.restitution < 1 or (effects.friction > 0 and effects.shear_law == "incremental")
+    return 1 if halfway else 2
+
+
+def judge(runs: Sequence[Signals], counts: Sequence[int], order: int) -> Judgement:
+    """Return the answer of runs and the estimate of its error.
 
     Parameters
     ----------
     runs : sequence of dict
-        Signals of each run by name, from the longest step; each has half the step of the one before.
+        Signals of each run by name, in the order in which they were made.
+    counts : sequence of int
+        Steps per sample of each run.
+    order : int
+        Order of the error in the step.
 
     Returns
     -------
-    judgement : Judgement
+    Judgement
         Errors are the largest ones: of velocities and spins in the unit v of the impact, of displacements over the
-        largest of them; inf where the order is not known.
-    order : int or None
-        2 or 1, by the last three runs; None if they do not converge.
+        largest of them.
     """
-    p = _order(runs[-RUNS:])
-    if p is None:
-        return Judgement(weights_of(len(runs), 1), dict.fromkeys(runs[-1], inf)), None
-    weights = (0.0,) * (len(runs) - 2) + weights_of(2, p)
-    before = (*weights[1:], 0.0)
-
-    def largest(name: str) -> float:
-        values = [run[name] for run in runs]
-        newer = combined(values, weights)
-        apart, of_run = newer - combined(values, before), newer - values[-1]
-        error = float(max(SAFETY * np.max(np.abs(apart)), np.max(np.abs(of_run)) / GAIN))
-        return error / float(np.max(np.abs(newer))) if name == "displacement" and error else error
-
-    return Judgement(weights, {name: largest(name) for name in runs[-1]}), p
+    units = {name: _largest(values) or 1.0 for name, values in runs[-1].items() if name == "displacement"}
+    scaled = [{name: values / units.get(name, 1.0) for name, values in run.items()} for run in runs]
+    hidden = dict.fromkeys(runs[-1], 0.0)  # what the slip hides is below 1e-6 of the velocities
+    return extrapolation.judge(scaled, counts, order, hidden=hidden, norm=_largest, relative=False, safety=SAFETY)
 
 
-def _order(runs: Sequence[Signals]) -> int | None:
-    if len(runs) < RUNS:
-        return None
-    moving = [name for name in runs[-1] if name != "displacement"]
-    first, second = (sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in moving)) for a, b in pairwise(runs))
-    if second == 0 or first >= 2**1.5 * second:
-        return 2
-    return 1 if first >= 2**0.5 * second else None
+def signals(record: ImpactRecord) -> Signals:
+    """Return what a run has recorded, by name."""
+    names = ("velocity", *(["spin"] if record.problem.on["rotation"] else []), "displacement")
+    return {name: getattr(record, name) for name in names}
 
 
-def order(runs: Sequence[ImpactRecord]) -> int | None:
-    """Return the order of the error in the step, by the last three runs: 2, 1, or None if they do not converge.
-
-    Raises ValueError if a run has not half the step of the one before.
-    """
-    return judge(_signals(runs))[1]
-
-
-def estimate(runs: Sequence[ImpactRecord]) -> dict[str, float]:
-    """Return the largest errors of what the runs recorded, of the answer; see `judge`."""
-    return judge(_signals(runs))[0].errors
+def estimate(runs: Sequence[ImpactRecord]) -> Judgement:
+    """Return the answer of runs and the largest errors of what they recorded; see `judge`."""
+    scenes = [run.scene for run in runs]
+    return judge([*map(signals, runs)], [scene.time.steps_per_sample for scene in scenes], order(scenes[-1]))
 
 
 def answer(runs: Sequence[ImpactRecord]) -> ImpactRecord:
     """Return the extrapolation of runs."""
-    weights = judge(_signals(runs))[0].weights
+    weights = estimate(runs).weights
     displacement, velocity, spin = (
         combined([getattr(run, name) for run in runs], weights) for name in ("displacement", "velocity", "spin")
     )
     return replace(runs[-1], displacement=displacement, velocity=velocity, spin=spin)
 
 
-def _signals(runs: Sequence[ImpactRecord]) -> list[Signals]:
-    steps = [each.scene.time.step for each in runs]
-    if not all(isclose(longer, 2 * shorter, rel_tol=1e-9) for longer, shorter in pairwise(steps)):
-        raise ValueError(f"the steps {steps} must each be half of the one before")
-    names = ("velocity", *(["spin"] if runs[-1].problem.on["rotation"] else []), "displacement")
-    return [{name: getattr(run, name) for name in names} for run in runs]
+def _largest(values: Floats) -> float:
+    return float(np.max(np.abs(values), initial=0.0))

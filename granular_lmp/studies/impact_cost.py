@@ -5,9 +5,11 @@ before. Errors are the largest of all velocities, over the velocity of the faste
 last three runs (`granular_lmp.impact.tolerance`), whose own error is estimated.
 """
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from math import ceil
+from itertools import pairwise
+from math import ceil, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from granular_lmp.errors import ToleranceError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.tolerance import answer, estimate, order
+from granular_lmp.impact.tolerance import answer, estimate, signals
 from granular_lmp.lammps.outputs import csv_text, replace_text, writable
 from granular_lmp.studies.sweep import Progress, sweep
 
@@ -103,7 +105,7 @@ def cost_of_impact(
     for row in done.having("failed"):
         raise ToleranceError(f"time.timestep = {row['time.timestep']!r}: {row['message']}")
     records = [record for record in map(done.record, done.rows) if isinstance(record, ImpactRecord)]
-    p = order(records)
+    p = shown_order(records)
     if p is None:
         raise ToleranceError(f"{done.folder}: the runs do not converge with the step, so that no error is known")
     best = answer(records).velocity
@@ -121,10 +123,22 @@ def cost_of_impact(
                 "error_extrapolated": None if pair is None else _largest(pair - best),
             }
         )
-    cost = ImpactCost(found, p, estimate(records)["velocity"])
+    cost = ImpactCost(found, p, estimate(records).errors["velocity"])
     with writable(done.folder):
         replace_text(done.folder / TABLE, cost.to_csv())
     return cost
+
+
+def shown_order(runs: Sequence[ImpactRecord]) -> int | None:
+    """Return the order of the error in the step that the last three runs show: 2, 1, or None if they do not converge.
+
+    Each has half the step of the one before; their differences have L2 norms of the ratio 2^order.
+    """
+    made = [{name: values for name, values in signals(run).items() if name != "displacement"} for run in runs[-3:]]
+    first, second = (sqrt(sum(float(np.sum((b[name] - a[name]) ** 2)) for name in a)) for a, b in pairwise(made))
+    if second == 0 or first >= 2**1.5 * second:
+        return 2
+    return 1 if first >= 2**0.5 * second else None
 
 
 def _largest(difference: NDArray[np.float64]) -> float:
