@@ -74,7 +74,7 @@ def lammps(network, model, moving, every, steps):
             compute moved all displace/atom
             fix plane all enforce2d
             thermo_style custom step
-            timestep {1e6 * step!r}
+            timestep {1e10 * step!r}
             fix move all nve/noforce
         """)
 
@@ -84,7 +84,7 @@ def lammps(network, model, moving, every, steps):
             lmp.numpy.extract_atom("omega")[:count, 2] = turning[order]
             lmp.numpy.extract_atom("mu")[:count, :2] = np.stack([np.cos(rotation), np.sin(rotation)], axis=1)[order]
 
-        put(way / (1e6 * step), rotation / (1e6 * step))
+        put(way / (1e10 * step), rotation / (1e10 * step))
         lmp.commands_string(f"run 1 post no\nunfix move\nreset_timestep 0\ntimestep {step!r}")
         put(velocity, spin)
         lmp.command("fix move all nve/sphere update dipole")
@@ -143,6 +143,59 @@ def test_contacts_slide_as_in_lammps(law):
     assert errors[1] < errors[0] / 5
     stuck = integrate(sticking, start(sticking, *disturbed(sticking)), TIMES)
     assert distance(sticking, stuck, fields) > 0.1 * size
+
+
+# --- dashpots ---------------------------------------------------------------------------------------------------------
+
+VISCOSITY = 0.3 * 4 / 3 * np.pi * RADIUS**3 * DENSITY / TIME  # 0.3 m/t0, in ag/ns: waves decay in some t0
+STICKING = 25 * AMPLITUDE  # five times that of springs alone, as the forces of dashpots are larger
+DASHPOTS = {
+    "viscosity": {"viscosity": VISCOSITY},
+    "incremental": {"viscosity": VISCOSITY, "law": "incremental"},
+    "restitution": {"restitution": 0.6, "materials": (replace(SILICA, work_of_adhesion=0.0),)},
+}
+
+
+def damped(case, friction):
+    """Return the imperfect crystal with dashpots, and LAMMPS's model of its contacts; the cell presses Hertz's."""
+    network = replace(imperfect("secant"), **DASHPOTS[case], friction=friction)
+    normal, damping = f"dmt 73e3 {VISCOSITY!r} 0.17 31.5", "velocity"
+    if case == "restitution":
+        normal, damping = f"hertz/material 73e3 {network.restitution!r} 0.17", "coeff_restitution"
+    tangential = f"tangential {STYLES[network.law]} NULL 1.0 {friction!r}"
+    return network, f"pair_coeff * * {normal} {tangential} damping {damping}"
+
+
+@pytest.mark.parametrize("case", DASHPOTS)
+def test_a_damped_crystal_moves_as_in_lammps(case):
+    network, model = damped(case, STICKING)
+    moving, size = disturbed(network), AMPLITUDE * OVERLAP
+    fields = without_step(network, model, moving, TIME, 200)
+    sticking = replace(network, friction=np.inf)
+    # 3e-8, measured: errors of third order in LAMMPS's step
+    assert distance(network, integrate(sticking, start(sticking, *moving), TIMES), fields) < 1e-6 * size
+    name = "restitution" if case == "restitution" else "viscosity"
+    other = replace(sticking, **{name: 1.01 * getattr(network, name)})
+    assert distance(network, integrate(other, start(other, *moving), TIMES), fields) > 1e-3 * size
+
+
+@pytest.mark.parametrize("case", DASHPOTS)
+def test_damped_contacts_slide_as_in_lammps(case):
+    network, model = damped(case, 0.1)
+    moving, size = disturbed(network), AMPLITUDE * OVERLAP
+    fields = without_step(network, model, moving, TIME, 200)
+    run = integrate(network, start(network, *moving), TIMES, rtol=1e-9, longest_step=TIME / 160)
+    # 2e-6, measured: of second order in the longest step, which leaves sixteen times as much at TIME / 40
+    assert distance(network, run, fields) < 2e-5 * size
+    sticking = replace(network, friction=np.inf)
+    assert distance(network, integrate(sticking, start(sticking, *moving), TIMES), fields) > 0.1 * size
+
+
+def test_dashpots_without_sense_are_refused():
+    crystal = imperfect("secant")
+    for wrong in ({"viscosity": -1.0}, {"restitution": 0.0}, {"restitution": 0.5}):  # the last with adhesion
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            replace(crystal, **wrong)
 
 
 def test_a_chain_of_unequal_spheres_of_two_materials_tumbles_as_in_lammps():

@@ -147,7 +147,6 @@ def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> No
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({"effects.viscosity": 1e-9}, "effects.damping"),
     ({"wave.form": "driven", "packing.ends": "fixed", "packing.rows": 9}, "wave.form = 'driven'"),
 ]
 

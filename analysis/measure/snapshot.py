@@ -84,6 +84,8 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         friction=float(scene.effects.friction) if sliding else np.inf,
         shear=contact.shear,
         rotation=contact.rotation,
+        viscosity=scene.effects.viscosity / (kilogram / second) if contact.viscosity else 0.0,
+        restitution=contact.restitution,
     )
     with path.with_name(CENTRE).open(encoding="utf-8") as stream:
         _head(stream)
@@ -118,6 +120,8 @@ def read_network(
     friction: float = np.inf,
     shear: bool = True,
     rotation: bool = True,
+    viscosity: float = 0.0,
+    restitution: float | None = None,
 ) -> tuple[Network, State]:
     """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
 
@@ -126,7 +130,7 @@ def read_network(
     path : the dump.
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
-    law, friction, shear, rotation : as of `analysis.theory.network.Network`.
+    law, friction, shear, rotation, viscosity, restitution : as of `analysis.theory.network.Network`.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
     and where not exactly one of the column mass and `density` is given.
@@ -168,6 +172,8 @@ def read_network(
         friction=friction,
         shear=shear,
         rotation=rotation,
+        viscosity=viscosity,
+        restitution=restitution,
     )
     return network, start(network, np.stack([ux, uy], axis=1), np.stack([vx, vy], axis=1), angle, spin)
 

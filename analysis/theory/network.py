@@ -14,6 +14,11 @@ of a short time step. The slip is a number, so it turns with its contact. With l
 the state, dS/dt = B δ^{1/2} ds/dt (`mindlin/force`). Friction limits |S| to μ(A δ^{3/2} + F); a contact that slides
 keeps the slip of its limit.
 
+Dashpots add η dδ/dt to P and η ds/dt to S while a contact is closed: `viscosity` is an η for all (`damping velocity`),
+and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(π² + ln² e), 1/m' = 1/m_i + 1/m_j (`damping
+coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together have the limit. Where
+nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
+
 Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
 LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
 stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
@@ -80,6 +85,8 @@ class Network:
     friction : μ; inf for contacts that never slide.
     shear_mixing : rule for G* of two kinds.
     shear, rotation : whether contacts resist shear, and whether spheres turn.
+    viscosity : η of a dashpot along the normal and the tangent of every closed contact.
+    restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
     """
 
     position: Floats
@@ -94,6 +101,8 @@ class Network:
     shear_mixing: ShearMixing = "mindlin"
     shear: bool = True
     rotation: bool = True
+    viscosity: float = 0.0
+    restitution: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("position", "radius", "density"):
@@ -115,6 +124,12 @@ class Network:
                 raise ValueError(f"{name} = {getattr(self, name)!r} is none of {allowed}")
         if not self.friction >= 0:
             raise ValueError(f"friction = {self.friction} must not be negative; inf is without sliding")
+        if not 0 <= self.viscosity < np.inf:
+            raise ValueError(f"viscosity = {self.viscosity} must be finite and not negative")
+        if self.restitution is not None and (not 0 < self.restitution <= 1 or self.viscosity or self.adheres):
+            raise ValueError(
+                f"restitution = {self.restitution} must be in (0, 1], beside no viscosity and no work_of_adhesion"
+            )
         if len(self.cell) != 2 or not min(self.cell) > 2 * self.reach:
             raise ValueError(f"cell = {self.cell} must be two periods of more than {2 * self.reach}, or inf")
 
@@ -140,6 +155,11 @@ class Network:
         return np.stack([free / self.mass, free / self.mass, self.rotation * free / self.inertia])
 
     @property
+    def adheres(self) -> bool:
+        """Return whether any of the materials adheres."""
+        return any(each.work_of_adhesion > 0 for each in self.materials)
+
+    @property
     def margin(self) -> float:
         """Return the gap up to which a pair is a candidate for a contact."""
         return MARGIN * float(np.min(self.radius))
@@ -154,6 +174,15 @@ class Network:
         i, j = self.kinds[first], self.kinds[second]
         A, B, F, _ = mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)
         return A, self.shear * B, F
+
+    def dashpots(self, pairs: "Pairs", root: Floats) -> Floats:
+        """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
+        if self.restitution is None:
+            return np.where(root > 0, self.viscosity, 0.0)
+        loss = -np.log(self.restitution)
+        mass = 1 / (1 / self.mass[pairs.first] + 1 / self.mass[pairs.second])
+        ratio = loss / np.hypot(np.pi, loss)
+        return np.asarray(np.sqrt(5 * pairs.A * mass * root) * ratio, dtype=np.float64)
 
 
 def mixed(
@@ -229,6 +258,7 @@ class Contacts:
     normal : (2, M).
     stiffness : (M,) k = B δ^{1/2}.
     repulsion, shear : (M,) P and S.
+    spring : (M,) S less its dashpot.
     apart : (6, M) motion of the second sphere less that of the first.
     slip_rate : (M,) ds/dt.
     """
@@ -238,6 +268,7 @@ class Contacts:
     stiffness: Floats
     repulsion: Floats
     shear: Floats
+    spring: Floats
     apart: Floats
     slip_rate: Floats
 
@@ -282,12 +313,20 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> 
     stiffness = pairs.B * root
     elastic = pairs.A * overlap * root
     closed = overlap > 0
-    shear = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
+    spring = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
+    slip_rate = (normal[0] * apart[4] - normal[1] * apart[3] - turning) * closed
+    repulsion = elastic - pairs.F * closed
+    shear, limit = spring, elastic + pairs.F
+    if network.viscosity or network.restitution is not None:
+        dashpot = network.dashpots(pairs, root)
+        repulsion = repulsion - dashpot * (normal[0] * apart[3] + normal[1] * apart[4])
+        shear = spring + network.shear * dashpot * slip_rate
+        limit = limit if network.adheres else np.abs(repulsion)
     if np.isfinite(network.friction):
-        limit = network.friction * (elastic + pairs.F)
-        shear = np.clip(shear, -limit, limit)
-    slip_rate = normal[0] * apart[4] - normal[1] * apart[3] - turning
-    return Contacts(overlap, normal, stiffness, elastic - pairs.F * closed, shear, apart, slip_rate * closed)
+        wanted, limit = shear, network.friction * limit
+        shear = np.clip(wanted, -limit, limit)
+        spring = np.where(shear == wanted, spring, shear - (wanted - spring))
+    return Contacts(overlap, normal, stiffness, repulsion, shear, spring, apart, slip_rate)
 
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
@@ -333,20 +372,22 @@ def start(
     way = np.concatenate([motion[:3], motion[:3]])  # the way in one unit of time, as a velocity
     arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)))
     sheared = arrived.stiffness * arrived.slip_rate if network.law == "incremental" else arrived.slip_rate
-    return settled(network, State(motion, pairs, sheared))
+    still = np.concatenate([motion[:3], np.zeros((3, count))])  # so slow a way that no dashpot resists it
+    moved = settled(network, State(still, pairs, sheared))
+    return settled(network, replace(moved, motion=motion))
 
 
 def slip(now: Contacts) -> Floats:
-    """Return S/k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.shear, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
+    """Return the force of the spring of S over k, 0 where open: the slip, within the limit of friction."""
+    return np.divide(now.spring, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
 
 
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
     now = contacts(network, state.motion, state.pairs, state.shear)
     if network.law == "incremental":
-        return replace(state, shear=now.shear)
-    sliding = now.shear != now.stiffness * state.shear
+        return replace(state, shear=now.spring)
+    sliding = now.spring != now.stiffness * state.shear
     return replace(state, shear=np.where(now.overlap > 0, np.where(sliding, slip(now), state.shear), 0.0))
 
 

@@ -9,7 +9,8 @@ which is R for the slip and R − δ/2 for the torque:
 
     dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − S (δ/2)(ω_i + ω_j)
 
-E − W is constant where nothing slides and no held sphere moves. Sliding lets it fall, by the heat.
+E − W is constant where nothing slides, nothing is damped and no held sphere moves. Sliding and dashpots let it fall, by
+the heat. S is the force of the spring, but for the lever arm, on which the whole shear force acts.
 
 Breaks where a contact of the incremental law opens: ½S²/k has no bound there.
 """
@@ -45,7 +46,7 @@ def energy(network: Network, state: State) -> Energy:
     free = network.mobility[0] > 0
     speeds = network.mass * (state.motion[3] ** 2 + state.motion[4] ** 2) + network.inertia * state.motion[5] ** 2
     normal = 0.4 * pairs.A * now.overlap**2 * np.sqrt(now.overlap) - pairs.F * now.overlap
-    return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.shear * slip(now)).sum()) / 2)
+    return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.spring * slip(now)).sum()) / 2)
 
 
 def momentum(network: Network, state: State) -> Floats:
@@ -63,7 +64,7 @@ def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> 
     closing = -(now.normal[0] * now.apart[3] + now.normal[1] * now.apart[4])
     # ½ (dk/dδ)(S/k)² = S²/(4kδ), as k ∝ δ^{1/2}
     work = 4 * now.stiffness * now.overlap
-    law = closing * np.divide(now.shear**2, work, out=np.zeros_like(work), where=work > 0)
+    law = closing * np.divide(now.spring**2, work, out=np.zeros_like(work), where=work > 0)
     turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
     lever = now.shear * now.overlap / 2 * turning
     return float(np.sum((-law if network.law == "incremental" else law) - lever))

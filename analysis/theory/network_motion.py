@@ -65,7 +65,7 @@ class Trajectory:
 
     @property
     def heat(self) -> Floats:
-        """Return the energy (T,) lost to sliding, E(0) + W − E; without friction it is the error of the integration."""
+        """Return the energy (T,) lost to sliding and dashpots, E(0) + W − E; without them it is the error."""
         return self.initial_energy + self.work - self.energy
 
 
