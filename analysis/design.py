@@ -38,7 +38,6 @@ from analysis.theory.contact import Contact
 from analysis.theory.directions import branch_index
 from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
 from analysis.theory.selection import forbidden
-from analysis.theory.springs import springs
 from granular_lmp.crystal.sphere import Sphere
 
 Floats = NDArray[np.float64]
@@ -239,8 +238,7 @@ def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Ite
     along = (frame(angles[0])[0], frame(angles[1])[0])
     lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
     first, second = (
-        real_modes(length[:, None] * direction, springs(contact))[0]
-        for length, direction in zip(lengths, along, strict=True)
+        real_modes(length[:, None] * direction, contact)[0] for length, direction in zip(lengths, along, strict=True)
     )
     # Equal frequencies make a difference that is static, and no wave
     signs: tuple[Literal[1, -1], ...] = (1, -1) if ratio != 1.0 else (1,)

@@ -16,11 +16,11 @@ from analysis.design import SILICA, Resonance, compressed, contact_of, design, m
 from analysis.figures import mixing as mixing_map
 from analysis.figures.mixing import partners, width
 from analysis.theory import lattice
+from analysis.theory.bloch import BONDS
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
 from analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
 from analysis.theory.neighbours import shifted
-from analysis.theory.springs import BONDS
 from tests.test_mixing import relative
 
 HERTZ = 1.6e8  # 0.6 % above the resonance of the paper in its own crystal

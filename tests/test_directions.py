@@ -12,7 +12,7 @@ from scipy.integrate import DOP853
 from analysis import second_harmonic
 from analysis.figures import map as zone_map
 from analysis.second_harmonic import SOLID_SPHERE
-from analysis.theory import bloch, directions, lattice, mixing, springs
+from analysis.theory import bloch, bonds, crystal, directions, lattice, mixing
 from analysis.theory.contact import Contact
 from analysis.theory.directions import (
     BONDS,
@@ -206,9 +206,16 @@ def imported_from(module, other: str) -> set[str]:
 def test_neither_derivation_imports_the_other():
     # The closed form gives only what a mode is called and consists of.
     assert imported_from(directions, "second_harmonic") == {"Mode", "ModeName"}
-    for module in (springs, bloch, mixing):
+    for module in (bonds, crystal, bloch, mixing):
         assert not imported_from(module, "second_harmonic")
-    for other in ("theory.directions", "theory.springs", "theory.bloch", "theory.mixing"):
+    for other in (
+        "theory.directions",
+        "theory.bonds",
+        "theory.crystal",
+        "theory.second_order",
+        "theory.bloch",
+        "theory.mixing",
+    ):
         assert not imported_from(second_harmonic, other)
         assert not imported_from(lattice, other)
 
@@ -669,7 +676,7 @@ def test_the_paper_s_printed_prefactor_is_seen_as_wrong(xi):
 
 
 def test_the_0_over_0_at_gamma_is_refused():
-    with pytest.raises(np.linalg.LinAlgError):
+    with pytest.raises(ValueError, match="a rigid motion makes no waves"):
         second_harmonic_amplitude((0.0, 0.0), 0, Contact(SILICA))
 
 
@@ -690,10 +697,6 @@ def test_arrays_of_wave_vectors_give_what_single_ones_give():
         (lambda: branch_index("T", (1.0, 0.0), Contact(SILICA)), "name is 'T'; allowed: L, TR, RT"),
         (lambda: modes((1.0, 0.0), Contact(SILICA, overlap_ratio=0.2)), r"overlap_ratio = 0\.2 is outside \[0, 0\.1\]"),
         (lambda: modes((1.0, 0.0), Contact(SILICA, prestress=-1.0)), r"prestress = -1\.0 is outside \[0, 1\]"),
-        (
-            lambda: mean_rotation((1.0, 0.0), 0, Contact(SILICA, law="potential")),
-            "law = 'potential' is not in these springs, whose second order knows secant, incremental",
-        ),
         (lambda: wavevector_of(0.0, 90.0), r"wavenumber is 0\.0; allowed: above 0"),
         (lambda: wavevector_of(1.0, np.nan), "direction is nan"),
         (lambda: mean_rotation((1.0, 0.0), 3, Contact(SILICA)), "branch is 3; allowed: 0, 1, 2"),

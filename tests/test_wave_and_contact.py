@@ -1,16 +1,17 @@
 """One contact and one wave: checked once, and what does not belong together is refused, never taken for another."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
+from analysis.second_harmonic import ModeName, second_harmonic
 from analysis.theory import directions, lattice
 from analysis.theory.contact import LAWS, Contact, Law
+from analysis.theory.crystal import hexagonal
 from analysis.theory.hierarchy import hierarchy_orders
-from analysis.theory.springs import springs
 from analysis.theory.timestep import limit, stepped
 from analysis.theory.wave import Wave, residual
 
@@ -92,19 +93,16 @@ def test_what_is_no_contact_is_refused_with_its_name_and_value(wrong: dict[str, 
 
 
 def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
-    contact, k = Contact(NU, law="potential"), np.array([0.0, 1.0])
+    contact, tau = Contact(NU, law="potential"), np.linspace(0, 30, 16)
     with pytest.raises(ValueError, match="law = 'potential' has no ratios for all modes"):
         _ = contact.ratios
-    refused = (
-        lambda: directions.second_harmonic_amplitude(k, 0, contact),
-        lambda: directions.mean_rotation(k, 0, contact),
-        lambda: directions.doubled_wave(k, 0, 0.1, [1.0], contact),
-        lambda: directions.second_order(k, 0, 0.1, [1.0], contact),
-        lambda: directions.trajectory(Wave.of_mode("TR", 0.9, 0.1, contact), [1.0]),
-    )
-    for call in refused:
-        with pytest.raises(ValueError, match="law = 'potential' is not in these springs"):
-            call()
+    for name in get_args(ModeName):
+        wave = Wave.of_mode(name, 0.9, 0.1, contact)
+        closed = second_harmonic(wave.mode, wave.ratios, 0.1, tau)
+        p, *_ = directions.trajectory(wave, tau)
+        np.testing.assert_allclose(p - wave.mode.p * np.cos(wave.mode.frequency * tau), closed, rtol=0, atol=1e-13)
+        secant = second_harmonic(wave.mode, wave.contact.secant_ratios, 0.1, tau)
+        assert np.abs(secant - closed).max() > 1e-2 * np.abs(closed).max()
     for wrong in ({"shear": False}, {"rotation": False}, {"prestress": 1.0}):
         other = Wave.of_mode("TR", 0.9, 0.1, replace(contact, **wrong))
         with pytest.raises(
@@ -168,8 +166,8 @@ def test_the_limits_of_waves_side_by_side_are_those_of_each_alone() -> None:
 
 
 @pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
-def test_ratios_and_springs_are_of_one_contact(contact: Contact) -> None:
-    ratios, spring = contact.secant_ratios, springs(contact)
-    assert (ratios.kappa, ratios.shear_stiffness) == (spring.kappa, spring.shear) == (contact.kappa, spring.shear)
-    assert ratios.inertia == spring.inertia
-    assert ratios.rotation == spring.turns == contact.turns
+def test_ratios_and_crystal_are_of_one_contact(contact: Contact) -> None:
+    ratios, crystal = contact.secant_ratios, hexagonal(contact)
+    assert (ratios.kappa, ratios.shear_stiffness) == (contact.kappa, crystal.bonds.law.shear[0])
+    assert ratios.inertia == contact.masses[2] == pytest.approx(crystal.mass[0, 5] / crystal.mass[0, 0], rel=1e-15)
+    assert ratios.rotation == crystal.turns == contact.turns

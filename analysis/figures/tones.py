@@ -29,7 +29,6 @@ from analysis.theory.catalogue import missing, said
 from analysis.theory.choice import contact_of, traits_of
 from analysis.theory.contact import Contact
 from analysis.theory.mixing import Pair, Tone, forced_amplitude
-from analysis.theory.springs import springs
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -91,7 +90,7 @@ def wavenumber(frequency: float, contact: Contact, *, longitudinal: bool) -> flo
     """
 
     def above(xi: float) -> float:
-        frequencies, shapes = real_modes(wavevector_of(xi, 90.0), springs(contact))
+        frequencies, shapes = real_modes(wavevector_of(xi, 90.0), contact)
         along = np.abs(shapes[:, 1]) > 0.5
         return float(frequencies[along == longitudinal][0]) - frequency
 
@@ -138,7 +137,7 @@ def compare(record: Record) -> Tones:
     pair_of = [Tone(wavevector_of(xi[0], 90.0), 0), Tone(wavevector_of(xi[1], -90.0), 0)]
     sent = []
     for frequency, each, ahead, tone in zip((first, second), xi, (1, -1), pair_of, strict=True):
-        shape = real_modes(tone.wavevector, springs(contact))[1][0]
+        shape = real_modes(tone.wavevector, contact)[1][0]
         sent.append(-waves(q[frequency], place, [ahead * each, -ahead * each])[0][0] / shape[0])
     lines = []
     signs: tuple[tuple[str, Literal[1, -1]], ...] = ("sum", 1), ("difference", -1)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from analysis.theory.bloch import RECIPROCAL
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import traits_of
 from analysis.theory.directions import Floats
 from analysis.theory.quasilinear import Sheet, evolve
-from analysis.theory.springs import RECIPROCAL
 from granular_lmp.runs.record import Record
 
 

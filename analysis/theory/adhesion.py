@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.second_harmonic import HERTZ_MINDLIN, Expansion, Ratios
+from analysis.theory.bonds import Law, by_radius, dmt
 
 Floats = NDArray[np.float64]
 Adhesion = Literal["dmt", "jkr"]
@@ -48,6 +49,10 @@ class Dmt:
     def load(self) -> float:
         """Return 1.5 F0/(k1Δ0)."""
         return self.share
+
+    def law(self, shear: float) -> Law:
+        """Return the law of a contact at rest with the stiffness κ against slip."""
+        return dmt(1.0, 2 / 3, shear, 2 / 3 * (1 - self.share))
 
     def radius(self, overlap: Floats) -> Floats:
         """Return r of overlaps d ≥ 0, of any shape, real or complex."""
@@ -99,6 +104,15 @@ class Jkr:
     def least_overlap(self) -> float:
         """Return the overlap at which it parts, −(b/2)^{4/3}/(3D)."""
         return -((self.adhesive / 2) ** (4 / 3)) / (3 - 2 * self.adhesive)
+
+    def law(self, shear: float) -> Law:
+        """Return the law of a contact at rest with the stiffness κ against slip."""
+        b, size = self.adhesive, 1.5 * self._scale
+        push = [(1 - b) / size, (3 - 1.5 * b) / size, (6 - 0.75 * b) / size, (6 + 0.375 * b) / size]
+        depth = [each / (1 - 2 * b / 3) for each in (2 - b / 3, 2 + b / 6, -b / 4)]
+        pulled = b * b / 4 / size
+        values = (shear, shear, 1 - self.least_overlap, push[0] + 2 * pulled)
+        return by_radius(np.array(push), np.array(depth), *map(np.asarray, values))
 
     def radius(self, overlap: Floats) -> Floats:
         """Return r of overlaps d ≥ `least_overlap`, of any shape, real or complex.

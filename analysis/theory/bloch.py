@@ -1,43 +1,40 @@
-"""The linear lattice at a wave vector: its modes as a real eigenproblem, D W = Ω² M W in the gauge W = (u, v, f).
+"""The paper's crystal at a wave vector: its bonds, directions and modes, in the gauge W = (u, v, f), φ = i f.
 
-D is the sum over the springs of the three bonds of a cell, M = diag(1, 1, Ĩ/(1−η)); see `analysis.theory.springs` for
-both, the gauge φ = i f and the units. Where spheres do not turn f is no coordinate, and there are two modes, not three.
+The modes are those of `analysis.theory.crystal.hexagonal`. Inversion together with reversal of time maps a wave
+exp i(k·r − Ωτ) on itself, so that a mode has real (u, v) and an imaginary φ = i f: W is real. Units: displacements and
+φ in Δ0, time in t0, wave vectors in 1/lattice constant, x along a close-packed row. Where spheres do not turn there are
+two modes, not three.
 
 When it breaks: where two branches touch, the eigenvectors of the pair are arbitrary.
 """
 
+from typing import Any, TypeVar, cast
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.springs import Springs, elongations, stiffness
+from analysis.theory.contact import Contact
+from analysis.theory.crystal import PLANE, hexagonal
 
 Floats = NDArray[np.float64]
+Field = TypeVar("Field", bound=NDArray[Any])
+
+# One bond of each ± pair, with its tangent; in lattice constants
+BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
+TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
+RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])  # basis of the reciprocal lattice
+GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
 
-def real_modes(wavevector: ArrayLike, contact: Springs) -> tuple[Floats, Floats]:
-    """Return frequencies (..., J) and shapes (..., J, 3), normalised and signed as in `directions.modes`."""
-    rows, moving = elongations(wavevector), contact.coordinates
-    root = np.sqrt(contact.mass[:moving])
-    matrix = stiffness(rows, contact)[..., :moving, :moving]
-    _, vectors = np.linalg.eigh(matrix / (root[:, None] * root))
-    shapes = np.zeros((*vectors.shape[:-1], 3))
-    shapes[..., :moving] = np.swapaxes(vectors, -1, -2) / root
-    shapes /= np.linalg.norm(shapes, axis=-1, keepdims=True)
-    # The energy of a mode keeps the digits of a low frequency, which eigh rounds to those of the highest, and
-    # is never negative (compression, χ, of no more than the springs bear).
-    columns = np.swapaxes(shapes, -1, -2)
-    normal, sideways, sheared = (
-        np.sum((e @ columns) ** 2, axis=-2) for e in (rows.normal, rows.sideways, rows.sheared)
-    )
-    energy = (normal + contact.shear * sheared - contact.chi * sideways) / (2.0 * (contact.kappa + 3.0))
-    squares = energy / (shapes**2 @ contact.mass)
-    along = unit(wavevector)
-    frame = np.stack([along, np.stack([-along[..., 1], along[..., 0]], axis=-1)], axis=-1)
-    translation = shapes[..., :2] @ frame
-    leading = np.take_along_axis(translation, np.argmax(np.abs(translation), axis=-1)[..., None], axis=-1)
-    # Below the rounding of the eigenvectors a translation has no sign of its own.
-    leading = np.where(np.abs(leading) > 1e-12, leading, -shapes[..., 2:])
-    return np.sqrt(squares), shapes * np.where(leading < 0.0, -1.0, 1.0)
+def in_plane(field: Field) -> Field:
+    """Return (u, v, φ) (..., 3) of a field (..., 1, 6) of a crystal of one sphere a cell."""
+    return cast(Field, field[..., 0, list(PLANE)])
+
+
+def real_modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Floats]:
+    """Return frequencies (..., J) and shapes W (..., J, 3), normalised and signed as in `directions.modes`."""
+    modes = hexagonal(contact).modes(wavevector)
+    return modes.frequencies, np.real(in_plane(modes.shapes) / GAUGE)
 
 
 def select(frequencies: Floats, shapes: Floats, branch: ArrayLike) -> tuple[Floats, Floats]:

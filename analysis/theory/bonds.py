@@ -30,7 +30,9 @@ A length of infinity is the paper's contact, whose normal is fixed and whose arm
 Source: the laws of the paper (springN, springS) and of LAMMPS's pair style granular; the expansion is not in the paper.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -45,20 +47,31 @@ ShearLaw = Literal["secant", "incremental", "potential"]
 
 
 class Law(NamedTuple):
-    """Forces of contacts at rest, each (C,): f, f′, f″ of the push, and k, k′ of the stiffness against slip."""
+    """Forces of contacts at rest, each (C,).
+
+    f, f′, f″, f‴ of the push and k, k′, k″ of the stiffness against slip; the stretch that opens a contact, and the
+    largest shear force by the coefficient of friction.
+    """
 
     push: Floats
     stiffness: Floats
     curvature: Floats
+    third: Floats
     shear: Floats
     shear_growth: Floats
+    shear_curvature: Floats
+    reach: Floats
+    friction: Floats
 
 
 def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike = 0.0) -> Law:
     """Return f = A δ^{3/2} − F and k = B δ^{1/2} at overlaps δ > 0: Hertz's law, with the pull F of adhesion."""
-    delta, A, B, F = (np.asarray(each, dtype=float) for each in (overlap, hertz, mindlin, pull))
+    delta, A, B, F = (np.asarray(each, dtype=float) for each in np.broadcast_arrays(overlap, hertz, mindlin, pull))
     root = np.sqrt(delta)
-    return Law(A * delta * root - F, 1.5 * A * root, 0.75 * A / root, B * root, 0.5 * B / root)
+    cubed = root**3
+    push = A * cubed - F
+    normal = push, 1.5 * A * root, 0.75 * A / root, -0.375 * A / cubed
+    return Law(*normal, B * root, 0.5 * B / root, -0.25 * B / cubed, delta, push + 2 * F)
 
 
 def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike, radius: ArrayLike) -> Law:
@@ -70,15 +83,35 @@ def jkr(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLik
     """
     deltas, A, B, F, R = np.broadcast_arrays(*np.atleast_1d(overlap, hertz, mindlin, pull, radius))
     E, w = 0.75 * A / np.sqrt(R), F / (2 * np.pi * R)
-    a = np.array(
-        [float(johnson.Contact(*each).contact_radius(delta)) for *each, delta in zip(R, E, w, deltas, strict=True)]
-    )
+    contacts = [johnson.Contact(*each) for each in zip(R, E, w, strict=True)]
+    a = np.array([float(each.contact_radius(delta)) for each, delta in zip(contacts, deltas, strict=True)])
+    reach = deltas + [each.pull_off_distance("load") for each in contacts]
     attraction, sinking = np.sqrt(8 * np.pi * w * E), np.sqrt(2 * np.pi * w / E)
-    f = 4 * E * a**3 / (3 * R) - attraction * a**1.5
-    f1, f2 = 4 * E * a**2 / R - 1.5 * attraction * np.sqrt(a), 8 * E * a / R - 0.75 * attraction / np.sqrt(a)
-    d1, d2 = 2 * a / R - 0.5 * sinking / np.sqrt(a), 2 / R + 0.25 * sinking / a**1.5
-    k = B / np.sqrt(R)
-    return Law(f, f1 / d1, (f2 * d1 - f1 * d2) / d1**3, k * a, k / d1)
+    pushes = [4 * E / (3 * R) * slope for slope in (a**3, 3 * a**2, 6 * a, 6.0)]
+    pulls = [attraction * slope for slope in (a**1.5, 1.5 * a**0.5, 0.75 / a**0.5, -0.375 / a**1.5)]
+    depths = [2 * a / R - 0.5 * sinking / a**0.5, 2 / R + 0.25 * sinking / a**1.5, -0.375 * sinking / a**2.5]
+    slopes = [push - pull for push, pull in zip(pushes, pulls, strict=True)]
+    largest = slopes[0] + 2 * np.array([each.pull_off_force for each in contacts])
+    return by_radius(slopes, depths, B / np.sqrt(R) * a, B / np.sqrt(R), reach, largest)
+
+
+def by_radius(
+    push: Sequence[Floats] | Floats,
+    depth: Sequence[Floats] | Floats,
+    shear: Floats,
+    growth: Floats,
+    reach: Floats,
+    friction: Floats,
+) -> Law:
+    """Return the law of f(a), δ(a) and k(a) of the radius of a contact.
+
+    push : f and its first three derivatives by a; depth : the first three of δ; growth : dk/da, a constant
+    """
+    f, f1, f2, f3 = push
+    d1, d2, d3 = depth
+    bent = f2 * d1 - f1 * d2
+    third = (f3 * d1 - f1 * d3) / d1**4 - 3 * d2 * bent / d1**5
+    return Law(f, f1 / d1, bent / d1**3, third, shear, growth / d1, -growth * d2 / d1**3, reach, friction)
 
 
 class Strain(NamedTuple):
@@ -135,12 +168,25 @@ class Bonds:
         half = self._half(wavevector)
         here = field[..., self.first, :] * half.conj()
         there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]
-        w, turned = (there - here)[..., :3], (there + here)[..., 3:]
+        return self._strain((there - here)[..., :3], (there + here)[..., 3:])
+
+    def _strain(self, w: Complexes, turned: Complexes) -> Strain:
         stretch = np.sum(self.normal * w, axis=-1)
         sideways = w - stretch[..., None] * self.normal
         return Strain(
             stretch, sideways, sideways - np.cross(turned, self.normal), np.sum(self.normal * turned, axis=-1)
         )
+
+    @cached_property
+    def couplings(self) -> Floats:
+        """Return the force at one end of each contact by the motion of one end, (C, 2, 6, 2, 6)."""
+        units = np.broadcast_to(np.eye(6)[:, None], (6, len(self.first), 6))
+        there = np.where(self.second[:, None] < 0, 0.0, units)
+        w, turned = (
+            np.stack([first, second])
+            for first, second in ((-units[..., :3], there[..., :3]), (units[..., 3:], there[..., 3:]))
+        )
+        return np.moveaxis(self.linear(self._strain(w, turned)), (0, 1), (3, 4)).real
 
     def gather(self, ends: Complexes, wavevector: ArrayLike, spheres: int) -> Complexes:
         """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""
@@ -203,6 +249,18 @@ class Bonds:
         couples = self.arms[..., None] * twisting[..., None, :]
         couples = couples + self.widening[..., None] * (k * np.cross(n, sheared))[..., None, :]
         return Quadratic(self._ends(force, couples), *(self._sheared(each) for each in (left, winding)))
+
+    def cubic(self, one: Strain, two: Strain, three: Strain) -> Complexes:
+        """Return the third-order forces of the law, not those of the geometry, at both ends (..., C, 2, 6).
+
+        The normal force −f‴x³/6 and the shear force ½k″x²s, symmetric in three waves; of a real field Re z the part
+        that runs with e^{3iα} is ¼ of (z, z, z), and that with e^{iα} ¾ of (z, z, z*). The incremental law, whose x² is
+        in an integral, is not held.
+        """
+        x, y, z = (each.stretch[..., None] for each in (one, two, three))
+        sheared = self.law.shear_curvature[:, None] * (x * y * three.slip + x * z * two.slip + y * z * one.slip) / 6
+        force = self.law.third[:, None] * x * y * z * self.normal / 6 + sheared
+        return self._ends(force, self.arms[..., None] * np.cross(self.normal, sheared)[..., None, :])
 
     def _sheared(self, tangent: Complexes) -> Complexes:
         return self._ends(tangent, self.arms[..., None] * np.cross(self.normal, tangent)[..., None, :])

@@ -48,10 +48,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import wofz
 
-from analysis.theory.bloch import real_modes, wavevector_of
+from analysis.theory.bloch import RECIPROCAL, real_modes, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.directions import branch_index
-from analysis.theory.springs import RECIPROCAL, springs
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -103,7 +102,7 @@ def scattered(
     Raises ValueError for a width that the frequency or the grid does not allow.
     """
     frequency, mode, green = _answer(name, wavenumber, contact, direction, width, grid)
-    push = springs(contact).mass * mode
+    push = contact.masses * mode
     energy = frequency**4 * (push @ green @ push)
     by_branch = energy.imag / (2 * frequency)
     return Scattered(frequency, float(by_branch.sum()), by_branch, float(-energy.real.sum() / (2 * frequency)))
@@ -131,7 +130,7 @@ def impurity_width(
     if not 0 < mass_ratio < np.inf:
         raise ValueError(f"mass_ratio = {mass_ratio!r} must be positive and finite")
     frequency, mode, green = _answer(name, wavenumber, contact, direction, width, grid)
-    defect = (mass_ratio - 1) * frequency**2 * np.diag(springs(contact).mass)
+    defect = (mass_ratio - 1) * frequency**2 * np.diag(contact.masses)
     matrix = defect @ np.linalg.inv(np.eye(3) - green.sum(axis=0) @ defect)
     lost = float((mode @ matrix @ mode).imag)
     return float(CELL * lost / (frequency * group_speed(name, wavenumber, contact, direction=direction)))
@@ -153,8 +152,8 @@ def _answer(
 def _mode(name: str, k: Floats, contact: Contact) -> tuple[float, Floats]:
     """Return frequency and shape (3,) with e†Me = 1, in the real gauge."""
     branch = int(branch_index(name, k, contact))
-    frequencies, shapes = real_modes(k, springs(contact))
-    return float(frequencies[branch]), shapes[branch] / np.sqrt(shapes[branch] ** 2 @ springs(contact).mass)
+    frequencies, shapes = real_modes(k, contact)
+    return float(frequencies[branch]), shapes[branch] / np.sqrt(shapes[branch] ** 2 @ contact.masses)
 
 
 def _resolvent(frequency: float, contact: Contact, width: float, grid: int) -> Complexes:
@@ -179,8 +178,8 @@ def _zone(contact: Contact, grid: int) -> tuple[Floats, Floats, Floats]:
     The grid avoids k = 0 and mirrors by half a step.
     """
     steps = (np.indices((grid, grid // 2)).reshape(2, -1).T + 0.5) / grid
-    frequencies, shapes = real_modes(steps @ RECIPROCAL, springs(contact))
-    return frequencies, shapes, shapes**2 @ springs(contact).mass
+    frequencies, shapes = real_modes(steps @ RECIPROCAL, contact)
+    return frequencies, shapes, shapes**2 @ contact.masses
 
 
 def long_wave(name: str, wavenumber: float, contact: Contact) -> float:
@@ -205,5 +204,5 @@ def group_speed(name: str, wavenumber: float, contact: Contact, *, direction: fl
 def sound_speed(name: str, contact: Contact) -> float:
     """Return Ω/|k| of a long L or TR wave, in lattice constants per t0; it is the same in all directions."""
     k = wavevector_of(1e-3, 90.0)  # dispersion takes 1e-7 of it
-    frequencies, _ = real_modes(k, springs(contact))
+    frequencies, _ = real_modes(k, contact)
     return float(frequencies[int(branch_index(name, k, contact))] / np.hypot(*k))

@@ -1,8 +1,8 @@
 """One contact of the crystal: what every theory here is told of the spheres, and what each derives from it.
 
 The paper's contact is Hertz–Mindlin's, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` says how a lattice departs from it, and
-is the only description of one: the closed forms take its `Contact.ratios`, `analysis.theory.springs` its springs to
-second order, `analysis.theory.lattice` all of it.
+is the only description of one: the closed forms take its `Contact.ratios`, `analysis.theory.crystal.hexagonal` makes
+the crystal of it, `analysis.theory.lattice` takes all of it.
 """
 
 from dataclasses import dataclass, replace
@@ -100,6 +100,16 @@ class Contact:
     def turns(self) -> bool:
         """True if the spheres turn."""
         return self.shear and self.rotation
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """M of a sphere, (1, 1, Ĩ/(1−η)), for (u, v, φ) with the torques of arms R."""
+        return np.array([1.0, 1.0, self.inertia / (1.0 - self.overlap_ratio)])
+
+    @property
+    def softening(self) -> float:
+        """χ = F0/(k1(2R−Δ0)), the stiffness that compression takes from a sideways shift, in k1."""
+        return self.overlap_ratio / (1.0 - self.overlap_ratio) * self.adhesion.load / 1.5
 
     @cached_property
     def mobility(self) -> NDArray[np.float64]:

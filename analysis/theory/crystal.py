@@ -110,11 +110,23 @@ class Crystal:
 
     def stiffness(self, wavevector: ArrayLike) -> Complexes:
         """Return D(k) (..., F, F) of the F = B·freedoms that move; k (..., 3)."""
-        k = padded(wavevector)[..., None, :]
-        units = np.eye(6 * len(self)).reshape(len(self), 6, len(self), 6)[:, list(self.freedoms)]
-        units = units.reshape(-1, len(self), 6)
-        forces = self.bonds.gather(self.bonds.linear(self.bonds.strain(units, k)), k, len(self))
-        return -np.swapaxes(self.moving(forces), -1, -2)
+        bonds, count = self.bonds, len(self)
+        # e^{ik·d} − 1, so that what translations share cancels before it is rounded
+        turns = np.expm1(1j * (padded(wavevector) @ bonds.apart.T))[..., None, None]
+        still = np.zeros((count, 6, count, 6))
+        matrix = np.zeros((*turns.shape[:-3], count, 6, count, 6), dtype=complex)
+        for contact, (i, j) in enumerate(zip(bonds.first, bonds.second, strict=True)):
+            forces = bonds.couplings[contact]
+            still[i, :, i] -= forces[0, :, 0]
+            if j >= 0:
+                still[j, :, j] -= forces[1, :, 1]
+                still[i, :, j] -= forces[0, :, 1]
+                still[j, :, i] -= forces[1, :, 0]
+                matrix[..., i, :, j, :] -= forces[0, :, 1] * turns[..., contact, :, :]
+                matrix[..., j, :, i, :] -= forces[1, :, 0] * turns[..., contact, :, :].conj()
+        chosen = list(self.freedoms)
+        matrix = (matrix + still)[..., chosen, :, :][..., chosen]
+        return cast(Complexes, matrix.reshape(*turns.shape[:-3], count * len(chosen), count * len(chosen)))
 
     def moving(self, vector: Array) -> Array:
         """Return the components (..., F) that move of (..., B, 6)."""
@@ -217,7 +229,8 @@ class Crystal:
             raise ValueError("no two spheres touch, and none touches a wall: radii add up to less than every distance")
         law = dmt(overlap, A, B, F) if adhesion == "dmt" else jkr(overlap, A, B, F, effective)
         if not shear:
-            law = law._replace(shear=0 * law.shear, shear_growth=0 * law.shear_growth)
+            none = 0 * law.shear
+            law = law._replace(shear=none, shear_growth=none, shear_curvature=none)
         plane = np.shape(position)[1] == 2
         moves = (PLANE if plane else SPACE) if shear and rotation else (PLANE if plane else SPACE)[: 2 if plane else 3]
         both = np.stack([R[first], R[second]], axis=1)
@@ -270,13 +283,8 @@ def hexagonal(contact: Contact) -> Crystal:
     """
     angles = np.radians([0.0, 60.0, 120.0])
     normal = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    ratio, expansion, k = contact.overlap_ratio, contact.adhesion.expansion, contact.shear_stiffness
-    law = Law(
-        *(
-            np.full(3, float(each))
-            for each in (contact.adhesion.load / 1.5, 1, 2 * expansion.normal, k, k * expansion.shear)
-        )
-    )
+    ratio = contact.overlap_ratio
+    law = Law(*(np.full(3, float(each)) for each in contact.adhesion.law(contact.shear_stiffness)))
     bonds = Bonds(
         *(np.zeros(3, dtype=np.intp), np.zeros(3, dtype=np.intp), normal, normal),
         curving=np.full(3, ratio / (1 - ratio)),

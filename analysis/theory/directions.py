@@ -1,18 +1,16 @@
-"""Modes and second harmonic of a plane wave of any direction and any branch, from the contact springs themselves.
+"""Modes and second harmonic of a plane wave of any direction and any branch of the paper's crystal.
 
-The springs, and the gauge W = (u, v, f), φ = i f, in which everything is real, are those of `analysis.theory.springs`:
-a mode has no phase to choose, only a sign, and the Bloch matrix is a real sum over the three bonds of a cell.
-
-Units: displacements and φ in D0 (the amplitude of the fundamental), time in √(m/(2(g1+3k1))), wave vectors in 1/lattice
-constant. Then all depends on κ = g1/k1 = 2(1−ν)/(2−ν) and on Ĩ = I/(mR²) alone, in the paper's geometry; what LAMMPS's
-adds (η = Δ0/2R), compression, the incremental law, no shear and no rotation stand in the
-`analysis.theory.contact.Contact` that every function here takes. x lies along a close-packed row. **The paper's
+`analysis.theory.second_order` has the theory, for any crystal; here it speaks of the paper's, in its units and
+variables. Units: displacements and φ in D0 (the amplitude of the fundamental), time in √(m/(2(g1+3k1))), wave vectors
+in 1/lattice constant. What LAMMPS's geometry adds (η = Δ0/2R), compression, other laws, no shear and no rotation stand
+in the `analysis.theory.contact.Contact` that every function here takes. x lies along a close-packed row. **The paper's
 variables** are those of a wave along y: p = v, q = −u, φ = φ, ξ = (√3/2) k_y; in any direction p is the component along
 k, q the one along ẑ × k and ξ = (√3/2)|k|. `mode` and `trajectory` speak them.
 
-Branches are sorted by frequency: 0, 1, 2 are lower and middle (acoustic) and upper (optical, a pure rotation at Γ; at
-K it is the lower that only rotates; there is no optical one where spheres do not turn). L, TR, RT name modes only where
-a mirror holds k (Γ–M, the paper's direction, and Γ–K); elsewhere each moves in u, v and φ.
+A mode has no phase to choose, only a sign (`analysis.theory.bloch`). Branches are sorted by frequency: 0, 1, 2 are
+lower and middle (acoustic) and upper (optical, a pure rotation at Γ; at K it is the lower that only rotates; there is
+no optical one where spheres do not turn). L, TR, RT name modes only where a mirror holds k (Γ–M, the paper's direction,
+and Γ–K); elsewhere each moves in u, v and φ.
 
 When it breaks: where a contact opens; where the second harmonic is not small against the fundamental, as it is not for
 long on a resonance. Where two branches touch (middle and upper at K) a single mode is not defined.
@@ -22,10 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, ModeName
-from analysis.theory.bloch import frame, real_modes, unit, wavevector_of
+from analysis.theory.bloch import BONDS, GAUGE, frame, in_plane, real_modes, unit, wavevector_of
 from analysis.theory.contact import Contact
+from analysis.theory.crystal import hexagonal
 from analysis.theory.mixing import Pair, Tone, forced_amplitude, mixed_wave
-from analysis.theory.springs import BONDS, GAUGE, elongations, springs, stiffness
+from analysis.theory.second_order import second_order as second_order_of
+from analysis.theory.second_order import wave as wave_of
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -35,12 +35,10 @@ Complexes = NDArray[np.complex128]
 def nonlinearity(amplitude: float, contact: Contact) -> float:
     """Return ε = √3 D0 (g2+3k2)/(g1+3k1) = −√3 a(κm+3n)/(κ+3) for the amplitude a = D0/Δ0.
 
-    n = ¼ and m = ½ of the paper's contacts (`analysis.theory.springs`). The paper prints 3/2 for √3; its equations hold
-    with √3.
+    n = ¼ and m = ½ of the paper's contacts. The paper prints 3/2 for √3; its equations hold with √3.
     """
-    spring = springs(contact)
-    unit = 4.0 * (spring.shear_softening * spring.kappa + 3.0 * spring.normal_softening)
-    return -np.sqrt(3.0) * amplitude * unit / (4.0 * (spring.kappa + 3.0))
+    law, kappa = contact.adhesion.expansion, contact.kappa
+    return -np.sqrt(3.0) * amplitude * (law.shear * kappa + 3.0 * law.normal) / (kappa + 3.0)
 
 
 def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:
@@ -55,8 +53,11 @@ def bloch_matrix(wavevector: ArrayLike, contact: Contact) -> Complexes:
     -------
     (..., 3, 3)
     """
-    matrix = stiffness(elongations(wavevector), springs(contact))
-    return GAUGE[:, None] * matrix * GAUGE.conj()
+    crystal = hexagonal(contact)
+    result = np.zeros((*np.shape(wavevector)[:-1], 3, 3), dtype=complex)
+    moving = len(crystal.freedoms)
+    result[..., :moving, :moving] = crystal.stiffness(wavevector) / crystal.mass[0, 0]
+    return result
 
 
 def modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Complexes]:
@@ -76,7 +77,7 @@ def modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Complexes]:
     frequencies : (..., 3)
     polarisations : (..., 3, 3), the branch before the component: polarisations[..., j, :] is (u, v, φ) of branch j
     """
-    frequencies, shapes = real_modes(wavevector, springs(contact))
+    frequencies, shapes = real_modes(wavevector, contact)
     return frequencies, shapes * GAUGE
 
 
@@ -100,11 +101,10 @@ def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[
     ValueError
         For another name, and for RT of spheres that do not turn.
     """
-    spring = springs(contact)
-    names = ("L", "TR", "RT")[: spring.coordinates]
+    names = ("L", "TR", "RT")[: 3 if contact.turns else 2]
     if name not in names:
         raise ValueError(f"name is {name!r}; allowed: {', '.join(names)}")
-    _, shapes = real_modes(wavevector, spring)
+    _, shapes = real_modes(wavevector, contact)
     along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(wavevector))
     longitudinal = np.argmax(np.abs(along), axis=-1)
     lower, upper = np.where(longitudinal == 0, 1, 0), np.where(longitudinal == 2, 1, 2)
@@ -136,7 +136,7 @@ def mode(
     """
     k = wavevector_of(wavenumber, direction)
     branch = int(branch_index(name, k, contact))
-    frequencies, shapes = real_modes(k, springs(contact))
+    frequencies, shapes = real_modes(k, contact)
     p, q = frame(direction) @ shapes[branch, :2]
     return Mode(
         name,
@@ -175,8 +175,8 @@ def second_harmonic_amplitude(
 
     Raises
     ------
-    numpy.linalg.LinAlgError
-        On a resonance met to the last bit, as for the acoustic branches at k = 0. Nearby the amplitude is large and
+    ValueError
+        Where branches have one frequency, as the acoustic ones at k = 0. Next to a resonance the amplitude is large and
         true, but see `second_order`.
     """
     wave = Tone(wavevector, branch)
@@ -200,11 +200,7 @@ def mean_rotation(
     Parameters and shapes as in `second_harmonic_amplitude`; returns (...), in units of ε D0.
     """
     wave = Tone(wavevector, branch)
-    pair = Pair(wave, wave, -1, contact)
-    torque = sum(forces.turning.sum(axis=-1) for forces in pair.forces)
-    if not contact.turns:
-        return np.zeros(np.shape(torque))
-    return -torque / (6.0 * contact.kappa * nonlinearity(1.0, contact))
+    return np.real(in_plane(Pair(wave, wave, -1, contact).mixed.static())[..., 2]) / nonlinearity(1.0, contact)
 
 
 def doubled_wave(
@@ -218,12 +214,9 @@ def doubled_wave(
 ) -> Complexes:
     """Return the factor X(τ) of the field Re[X exp(2ik·r)] that a wave drives at 2k, in a lattice without any at τ = 0.
 
-        X = (ε/2) e^{2i·phase} Σ_j U_j [(U_j†N) Z_j(2Ω) + (U_j†N₀) Z_j(0)]/(U_j†MU_j)
-        Z_j(ω) = ∫₀^τ sin(w_j(τ−s))/w_j e^{−iωs} ds,    w_j the frequencies at 2k
-
-    Each of the modes at 2k answers with a forced and a free part; Z_j is regular on resonance, where it grows as τ. N₀
-    is what the start leaves in the contacts (`analysis.theory.springs`), 0 in the paper's geometry and law. In a
-    simulated sheet of N spheres X is (2/N) Σ u(r) exp(−2ik·r), unless 2k and −2k are one wave vector.
+    Each of the modes at 2k answers with a forced and a free part, regular on resonance, where it grows as τ, and with
+    what the start leaves in the contacts, 0 in the paper's geometry and law. In a simulated sheet of N spheres X is
+    (2/N) Σ u(r) exp(−2ik·r), unless 2k and −2k are one wave vector.
 
     Parameters
     ----------
@@ -232,7 +225,7 @@ def doubled_wave(
     amplitude : D0/Δ0
     tau : (...), dimensionless time; broadcasts against the wave vectors, as in `analysis.theory.mixing.mixed_wave`
     phase : of the fundamental, Re U exp i(k·r − Ωτ + phase)
-    contact : secant or incremental law; its dashpots are left out
+    contact : any law; its dashpots are left out
 
     Returns
     -------
@@ -269,13 +262,11 @@ def second_order(
     -------
     (..., 3), (u, v, φ) in units of D0: the paper's p = v, q = −u
     """
-    k, spring = np.asarray(wavevector, dtype=float), springs(contact)
-    place = phase + float(k @ (np.array(site, dtype=float) @ BONDS[:2]))
-    field = np.real(doubled_wave(k, branch, amplitude, tau, contact, phase=place))
-    optical = np.sqrt(6.0 * spring.kappa / ((spring.kappa + 3.0) * spring.inertia))
-    mean = 0.5 * nonlinearity(amplitude, contact) * mean_rotation(k, branch, contact)
-    field[..., 2] += mean * (1.0 - np.cos(optical * np.asarray(tau, dtype=float)))
-    return field
+    crystal = hexagonal(contact)
+    one = wave_of(crystal, wavevector, branch).times(amplitude * np.exp(1j * phase))
+    time = np.asarray(tau, dtype=float)
+    _, field = second_order_of(crystal, [one], time.ravel(), np.array(site, dtype=float) @ BONDS[:2])
+    return np.real(in_plane(field)).reshape(*time.shape, 3) / amplitude
 
 
 def trajectory(wave: Wave, tau: ArrayLike) -> tuple[Floats, Floats, Floats]:

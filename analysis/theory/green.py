@@ -1,7 +1,7 @@
 """The linear answer of a finite crystal to sources: spheres that are pushed, turned or moved from outside.
 
 N equal spheres at places r of a lattice whose spheres touch, in a periodic cell, between held spheres, or free. With
-the springs of `analysis.theory.springs` their displacements U = (u, v, φ) of all spheres, φ = Rθ, obey
+the linear forces of `analysis.theory.bonds` their displacements U = (u, v, φ) of all spheres, φ = Rθ, obey
 
     M U″ + K U = Σ_s b_s g_s(τ),    K = Σ_contacts (e_N e_Nᵀ + κ e_S e_Sᵀ − χ e_T e_Tᵀ)/(2(κ+3)),    M = (1, 1, Ĩ/(1−η))
 
@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from analysis.theory.contact import Contact
-from analysis.theory.springs import springs
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -87,12 +86,11 @@ class Crystal:
     @cached_property
     def mass(self) -> Floats:
         """M of all displacements, (3N,)."""
-        return np.tile(springs(self.contact).mass, len(self.position))
+        return np.tile(self.contact.masses, len(self.position))
 
     @cached_property
     def stiffness(self) -> Floats:
         """K, (3N, 3N)."""
-        spring = springs(self.contact)
         box = np.where(np.isfinite(self.cell), self.cell, 0.0)  # 0 is a direction without a period
         pairs = cKDTree(np.mod(self.position, np.where(box > 0, box, np.inf)), boxsize=box).query_pairs(
             1 + _SAME, output_type="ndarray"
@@ -106,12 +104,12 @@ class Crystal:
         none, one = np.zeros((len(pairs), 1)), np.ones((len(pairs), 1))
         rows = (
             (1.0, np.hstack([-normal, none, normal, none])),
-            (spring.shear, np.hstack([-tangent, -one, tangent, -one])),
-            (-spring.chi, np.hstack([-tangent, none, tangent, none])),
+            (self.contact.shear_stiffness, np.hstack([-tangent, -one, tangent, -one])),
+            (-self.contact.softening, np.hstack([-tangent, none, tangent, none])),
         )
         freedoms = np.hstack([3 * end[:, None] + np.arange(3) for end in (first, second)])
         for weight, row in rows:
-            each = weight / (2 * (spring.kappa + 3)) * row[:, :, None] * row[:, None, :]
+            each = weight / (2 * (self.contact.kappa + 3)) * row[:, :, None] * row[:, None, :]
             np.add.at(matrix, (freedoms[:, :, None], freedoms[:, None, :]), each)
         return matrix
 

@@ -8,7 +8,7 @@ With y = (u, v, φ), φ = Rθ, in D0 and a = D0/Δ0, from an initial field that 
     A_N = −¼ δN² + h(½ δT² − κ δT δS),    A_T = S₂ + h δT δN,    A_M = S₂ + hκ δN δS
     S₂ = −κ{½ δN δS + h[(δT δN)₀ + ∫₀^τ δT dδN]}
 
-the second-order forces along normal and tangent and the torque of `analysis.theory.springs`, h = η/(1−η); at h = 0 they
+the second-order forces along normal and tangent and the torque of `analysis.theory.bonds`, h = η/(1−η); at h = 0 they
 are the paper's springN and springS. The bracket is what the slip has gathered, by its history and not by where it is.
 Each wave vector that the sheet holds has three modes there, which to first order oscillate by themselves. N is taken on
 the spheres, where it is a product, and what a mode has of it, F, is answered by the mode:
@@ -33,10 +33,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE
-from analysis.theory.bloch import unit
+from analysis.theory.bloch import BONDS, TANGENTS, unit
 from analysis.theory.contact import Contact
 from analysis.theory.directions import Complexes, Floats, modes
-from analysis.theory.springs import BONDS, TANGENTS
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # Gauss's rule on [−1, 1]
 # ∫ from −1 to each point of the polynomial that is 1 there and 0 at the others: (to, of)

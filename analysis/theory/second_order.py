@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 _DEGENERATE = 1e-9  # frequencies within this share of the highest are one
-_RIGID = 1e-7  # frequencies below this share of the highest are 0
+RIGID = 1e-7  # frequencies below this share of the highest are 0
 _STILL = 1e-5  # rad: what turns by less has not turned, to 1e-10
 _NOTHING = 1e-13  # share of a start that is rounding
 _IN_PHASE = 1e-12  # share of the forces that winds up which is rounding
@@ -61,6 +61,21 @@ class Wave(NamedTuple):
         return Wave(-self.wavevector, -self.frequency, self.shape.conj())
 
 
+def branch_of(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
+    """Return the wave of a branch at wave vectors (..., 2 or 3); of branches of one frequency some mixture.
+
+    Raises ValueError for a branch that is not there.
+    """
+    k = padded(wavevector)
+    modes = crystal.modes(k)
+    count = modes.frequencies.shape[-1]
+    index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
+    if not np.isin(index, range(count)).all():
+        raise ValueError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
+    frequency = np.take_along_axis(modes.frequencies, index[..., None], axis=-1)[..., 0]
+    return Wave(k, frequency, np.take_along_axis(modes.shapes, index[..., None, None, None], axis=-3)[..., 0, :, :])
+
+
 def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: ArrayLike | None = None) -> Wave:
     """Return the wave of a branch (0, 1, … by frequency) at wave vectors (..., 2 or 3), of amplitude 1.
 
@@ -74,27 +89,20 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
         For a branch that is not there, one of several of one frequency without `along`, and an `along` that has
         nothing of them.
     """
-    k = padded(wavevector)
-    modes = crystal.modes(k)
-    count = modes.frequencies.shape[-1]
-    index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
-    if not np.isin(index, range(count)).all():
-        raise ValueError(f"branch is {branch!r}; allowed: {', '.join(map(str, range(count)))} in ascending frequency")
-    frequency = np.take_along_axis(modes.frequencies, index[..., None], axis=-1)
-    same = np.abs(modes.frequencies - frequency) < _DEGENERATE * crystal.highest
+    plain = branch_of(crystal, wavevector, branch)
+    modes = crystal.modes(plain.wavevector)
+    same = np.abs(modes.frequencies - plain.frequency[..., None]) < _DEGENERATE * crystal.highest
     if along is None:
         if np.any(same.sum(axis=-1) > 1):
             raise ValueError(f"branch {branch!r} has the frequency of another one here: give `along`, its polarisation")
-        return Wave(
-            k, frequency[..., 0], np.take_along_axis(modes.shapes, index[..., None, None, None], -3)[..., 0, :, :]
-        )
+        return plain
     wanted = np.broadcast_to(np.asarray(along, dtype=complex), (len(crystal), 6))
     shares = np.where(same, np.sum(modes.duals * wanted, axis=(-2, -1)), 0.0)
     shape = np.einsum("...j,...jbc->...bc", shares, modes.shapes)
     norm = np.sqrt(np.sum(np.abs(shape) ** 2, axis=(-2, -1)) / len(crystal))
-    if not np.all(norm > _RIGID * np.linalg.norm(wanted)):
+    if not np.all(norm > RIGID * np.linalg.norm(wanted)):
         raise ValueError(f"along = {along!r} has no share in branch {branch!r}")
-    return Wave(k, frequency[..., 0], shape / norm[..., None, None])
+    return plain._replace(shape=shape / norm[..., None, None])
 
 
 def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, velocity: Complexes) -> tuple[Wave, ...]:
@@ -111,7 +119,7 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
     least = _NOTHING * max(float(np.abs(place).max()), float(np.abs(rate).max()) / crystal.highest)
     waves = []
     for j, frequency in enumerate(modes.frequencies):
-        if frequency < _RIGID * crystal.highest:
+        if frequency < RIGID * crystal.highest:
             if abs(rate[j]) > least * crystal.highest:
                 raise ValueError(f"branch {j} at wave vector {k} does not oscillate, and the start moves it")
             parts = [(0.0, place[j])]
@@ -120,6 +128,54 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
             parts = [(frequency, (place[j] + turned) / 2), (-frequency, (place[j] - turned) / 2)]
         waves += [Wave(k, np.asarray(w), share * modes.shapes[j]) for w, share in parts if abs(share) > least]
     return tuple(waves)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What forces F e^{i(K·r − Ωt)} (..., B, 6) on the spheres of a crystal make, in the long run.
+
+    Attributes
+    ----------
+    wavevector, frequency : K (..., 3) and Ω (...), of either sign.
+    force : F.
+    """
+
+    crystal: Crystal
+    wavevector: Floats
+    frequency: Floats
+    force: Complexes
+
+    @cached_property
+    def targets(self) -> Modes:
+        """Return the modes at K."""
+        return self.crystal.modes(self.wavevector)
+
+    def share(self, force: Complexes) -> Complexes:
+        """Return what each mode at K has of a force (..., B, 6), over its mass, (..., J)."""
+        return np.sum(self.targets.duals * self.crystal.accelerations(force)[..., None, :, :], axis=(-2, -1))
+
+    def forced(self) -> Complexes:
+        """Return X (..., B, 6) of the wave Re X e^{i(K·r − Ωt)}; infinite on a resonance met to the last bit."""
+        return self.answer(self.share(self.force))
+
+    def answer(self, shares: Complexes) -> Complexes:
+        """Return X (..., B, 6) of shares (..., J) that run; rigid motions, which no contact drives, are left out."""
+        natural, forcing = self.targets.frequencies, self.frequency[..., None]
+        least = RIGID * self.crystal.highest
+        rigid = (natural < least) & (np.abs(forcing) < least)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = np.where(rigid, 0.0, 1 / ((natural - forcing) * (natural + forcing)))
+            return np.einsum("...j,...jbc->...bc", shares * gain, self.targets.shapes)
+
+    def growth_rates(self) -> Floats:
+        """Return the rate |dual_j·M⁻¹F|/2ω_j at which mode j at K grows on resonance, (..., J); nan at ω_j = 0."""
+        return self.rates(self.share(self.force))
+
+    def rates(self, shares: Complexes) -> Floats:
+        """Return the growth rates of shares (..., J)."""
+        natural = self.targets.frequencies
+        runs = natural > RIGID * self.crystal.highest
+        return np.divide(np.abs(shares), 2 * natural, out=np.full(shares.shape, np.nan), where=runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +202,13 @@ class Mixed:
         return np.asarray(self.first.frequency + self.second.frequency)
 
     @cached_property
+    def _running(self) -> Answer:
+        return Answer(self.crystal, self.wavevector, self.frequency, self.forces.running)
+
+    @property
     def targets(self) -> Modes:
         """Return the modes at K."""
-        return self.crystal.modes(self.wavevector)
+        return self._running.targets
 
     @cached_property
     def strains(self) -> tuple[Strain, Strain]:
@@ -166,21 +226,20 @@ class Mixed:
     @cached_property
     def shares(self) -> Quadratic:
         """Return what each mode at K has of the forces, over its mass: (..., J) of F, F₀ and F_w."""
-        pushed = (self.crystal.accelerations(each)[..., None, :, :] for each in self.forces)
-        return Quadratic(*(np.sum(self.targets.duals * each, axis=(-2, -1)) for each in pushed))
+        return Quadratic(*map(self._running.share, self.forces))
 
     @cached_property
     def winds(self) -> NDArray[np.bool_]:
         """True (...) where contacts gather slip in proportion to time, so that nothing is steady."""
         size = sum(np.abs(each).max(axis=(-2, -1)) for each in self.forces[:2])
         wound = np.abs(self.forces.winding).max(axis=(-2, -1))
-        still = np.abs(self.frequency) < _RIGID * self.crystal.highest
+        still = np.abs(self.frequency) < RIGID * self.crystal.highest
         return still & (wound > _IN_PHASE * self.crystal.highest * size)
 
     @property
     def creep(self) -> Complexes:
         """Return the velocity (..., B, 6) at which spheres creep as slip winds up, 0 where it does not."""
-        return self._answer(np.where(self.winds[..., None], self.shares.winding, 0.0))
+        return self._running.answer(np.where(self.winds[..., None], self.shares.winding, 0.0))
 
     @cached_property
     def steady(self) -> Complexes:
@@ -191,7 +250,7 @@ class Mixed:
         if np.any(self.winds):
             raise ValueError("slip winds up: two waves of one frequency are out of phase in a contact; use `signal`")
         running, _, winding = self.shares
-        still = np.abs(self.frequency)[..., None] < _RIGID * self.crystal.highest
+        still = np.abs(self.frequency)[..., None] < RIGID * self.crystal.highest
         return running + np.where(still, 0.0, 1j * winding / np.where(still, 1.0, self.frequency[..., None]))
 
     def forced(self) -> Complexes:
@@ -199,18 +258,11 @@ class Mixed:
 
         Infinite on a resonance that is met to the last bit. Raises ValueError where contacts wind up.
         """
-        return self._answer(self.steady)
+        return self._running.answer(self.steady)
 
     def static(self) -> Complexes:
         """Return X (..., B, 6) of the field about which spheres move that were let go: forced and left, Ω = 0."""
-        return self._answer(self.shares.running + self.shares.left)
-
-    def _answer(self, shares: Complexes) -> Complexes:
-        natural, forcing = self.targets.frequencies, self.frequency[..., None]
-        rigid = (natural < _RIGID * self.crystal.highest) & (np.abs(forcing) < _RIGID * self.crystal.highest)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gain = np.where(rigid, 0.0, 1 / ((natural - forcing) * (natural + forcing)))
-            return np.einsum("...j,...jbc->...bc", shares * gain, self.targets.shapes)
+        return self._running.answer(self.shares.running + self.shares.left)
 
     def free_waves(self) -> tuple[Complexes, Complexes]:
         """Return the amplitudes (..., J) of the modes at K that the start launches: e^{−iω_j t} and e^{+iω_j t}.
@@ -245,8 +297,7 @@ class Mixed:
 
         Raises ValueError where contacts wind up.
         """
-        size, natural = np.abs(self.steady), self.targets.frequencies
-        return np.divide(size, 2 * natural, out=np.full(size.shape, np.nan), where=natural > 0)
+        return self._running.rates(self.steady)
 
 
 def second_order(

@@ -23,8 +23,8 @@ When it breaks: where branches touch, a mode has no parity, and nothing is forbi
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.theory.bloch import BONDS
 from analysis.theory.mixing import Pair
-from analysis.theory.springs import BONDS
 
 Floats = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def forbidden(pair: Pair) -> NDArray[np.bool_]:
     one = np.asarray(pair.first.wavevector, dtype=float)
     other = pair.sign * np.asarray(pair.second.wavevector, dtype=float)
     shapes = pair.targets[1]
-    exchangeable = pair.sign == 1 or not pair.springs.has_history  # a history tells which wave is differentiated
+    exchangeable = pair.sign == 1 or not pair.contact.has_history  # a history tells which wave is differentiated
     result = np.zeros(len(shapes), dtype=bool)
     for mirror in map(reflection, MIRRORS):
         of_one, of_other = mirror[:2, :2] @ one, mirror[:2, :2] @ other

@@ -36,9 +36,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eig
 from scipy.sparse import coo_array
 
+from analysis.theory.bloch import BONDS, TANGENTS
 from analysis.theory.contact import Contact
 from analysis.theory.network import Network, search
-from analysis.theory.springs import BONDS, TANGENTS, springs
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]
@@ -274,8 +274,7 @@ def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
         raise ValueError("contact: must have shear and rotation")
     if contact.viscosity or contact.restitution is not None:
         raise ValueError("contact: must be without dashpots")
-    spring = springs(contact)
-    stiffness = np.array([1.0, spring.shear, -spring.chi]) / (2 * (spring.kappa + 3))
+    stiffness = np.array([1.0, contact.shear_stiffness, -contact.softening]) / (2 * (contact.kappa + 3))
     on_site, ahead = np.zeros((2, 3, 3))
     for bond, tangent in zip(BONDS, TANGENTS, strict=True):
         on_i, on_j = _rows_of_contact(bond, tangent)
@@ -286,7 +285,7 @@ def heavy_rows(contact: Contact, masses: Sequence[float]) -> Rows:
         else:
             ahead += across
     count = len(relative)
-    mass = tuple(each * spring.mass for each in relative)
+    mass = tuple(each * contact.masses for each in relative)
     return Rows((np.zeros(1),) * count, mass, (on_site,) * count, (ahead,) * (count - 1))
 
 

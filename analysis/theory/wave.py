@@ -9,7 +9,7 @@ from analysis.second_harmonic import Mode, ModeName, Ratios
 from analysis.second_harmonic import mode as mode_along_y
 from analysis.theory.bloch import frame, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.springs import elongations, springs, stiffness
+from analysis.theory.crystal import hexagonal
 
 # Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
 # another ν, inertia or geometry leaves as much as it differs by.
@@ -65,10 +65,9 @@ def residual(mode: Mode, contact: Contact) -> float:
 
     A rotation counts in full where the spheres do not turn.
     """
-    spring = springs(contact)
-    shape = np.array([*(np.array([mode.p, mode.q]) @ frame(mode.direction)), mode.f])
-    matrix = stiffness(elongations(wavevector_of(mode.wavenumber, mode.direction)), spring)
-    forces = matrix @ shape - mode.frequency**2 * spring.mass * shape
-    if not spring.turns:
-        forces[2] = mode.f
-    return float(np.linalg.norm(forces) / np.linalg.norm(matrix))
+    crystal = hexagonal(contact)
+    shape = np.array([*(np.array([mode.p, mode.q]) @ frame(mode.direction)), 1j * mode.f])[: len(crystal.freedoms)]
+    matrix = crystal.stiffness(wavevector_of(mode.wavenumber, mode.direction))
+    left = matrix @ shape - mode.frequency**2 * crystal.moving(crystal.mass) * shape
+    forces = float(np.linalg.norm(left) / np.linalg.norm(matrix))
+    return forces if contact.turns else float(np.hypot(forces, mode.f))
