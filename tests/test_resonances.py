@@ -121,6 +121,7 @@ def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest
     text = capsys.readouterr().out
     assert "1.476273    TR -> L" in text
     assert "2.129234    TR -> L" in text
+    assert text.split("\n")[-2].startswith("TR at xi = 0.785398, a = 0.2: contacts open at a = ")
     with (tmp_path / "new" / "a.csv").open() as stream:
         found = list(csv.DictReader(stream))
     (grows,) = (each for each in found if float(each["growth"]) > 0)

@@ -11,9 +11,10 @@ from analysis.theory import bonds, jkr, third_order
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal, Wall, find_contacts, hexagonal
 from analysis.theory.frequency_shift import frequency_shift as closed_shift
-from analysis.theory.network import Material, Network, mixed, start
+from analysis.theory.network import Material, Network, contacts, mixed, start
 from analysis.theory.network_motion import integrate
 from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
+from analysis.theory.validity import validity
 from tests.exact_space import Packing
 
 PLANE = [0, 1, 5]
@@ -468,3 +469,45 @@ def drift(crystal: Crystal, one: Wave, size: float) -> float:
     share = np.einsum("tcn,cn->t", motion, field[:, :2].T.conj())  # of e^{-iwt}; the conjugate of the field has none
     turned = np.unwrap(np.angle(share * np.exp(1j * one.frequency * times)))
     return float(-np.polyfit(times, turned, 1)[0])
+
+
+# --- where it ends ----------------------------------------------------------------------------------------------------
+
+
+def test_contacts_open_and_slide_where_the_network_says() -> None:
+    vectors, basis = ROWS
+    crystal = Crystal.of(vectors, basis, R, DENSITY * np.array([1.0, 2.0]), [SILICA])
+    one = wave(crystal, [2 * np.pi / 4 / A, 2 * np.pi / 3 / vectors[1, 1]], 2)
+    size = 1e-3 * D  # of which the next order is a thousandth
+    said = validity(crystal, one.times(size))
+    shifts = np.array(list(product(range(4), range(3)))) @ vectors
+    place = (shifts[:, None] + basis).reshape(-1, 2)
+    network = Network(
+        place, np.full(len(place), R), np.full(len(place), 1.0), (SILICA,), cell=(4 * A, 3 * vectors[1, 1])
+    )
+    field = size * np.tile(one.shape, (len(shifts), 1)) * np.exp(1j * place @ one.wavevector[:2])[:, None]
+    opened, slid = [], []
+    for phase in np.linspace(0, np.pi, 60):
+        u = (field * np.exp(1j * phase)).real
+        state = start(network, u[:, :2], 0 * u[:, :2], u[:, 5] / R, 0.0)
+        now = contacts(network, state.motion, state.pairs, state.shear)
+        closed = now.overlap > 0
+        opened.append(1 - now.overlap[closed].min() / D)
+        slid.append(np.max(np.abs(now.shear) / (now.repulsion + 2 * state.pairs.F)))
+    assert said.opening == pytest.approx(max(opened), rel=3e-3)
+    assert said.friction == pytest.approx(max(slid), rel=3e-3)
+
+
+def test_what_is_said_of_validity_grows_with_its_order() -> None:
+    crystal = Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR])
+    one = wave(crystal, [0, 0.9 / A, 0], 0)
+    weak, strong = (np.array(validity(crystal, one.times(size * D))) for size in (0.1, 0.2))
+    np.testing.assert_allclose((strong / weak)[[0, 1, 2, 4]], 2, rtol=1e-12)
+    assert np.isnan(strong[3])  # slip winds up, and there is no steady drift
+    # By theory a layer creeps by 1 to 2e-5 D0 a period at a = 0.2
+    assert 1e-5 < strong[4] < 3e-5
+    flat = hexagonal(Contact(0.17, overlap_ratio=2.5e-4))
+    first = wave(flat, [0.4, 0.8], 0)
+    one_a, two_a = (validity(flat, first.times(size)) for size in (0.1, 0.2))
+    assert two_a.drift == pytest.approx(4 * one_a.drift, rel=1e-12)
+    assert one_a.creep == 0

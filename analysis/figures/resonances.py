@@ -8,6 +8,8 @@ free it grows: the table has the wave number, the branches, the frequency, and t
 its amplitude D0 per a = D0/Δ0; where symmetry forbids growth it says why. Where a branch gets no force between two
 waves that give it some, the table says antiresonance. All stands in a CSV file beside the figure.
 
+Below the table stands how far second order holds for the wave of the scene, in a lattice of one sphere a cell.
+
 Branches of a lattice with one sphere a cell are L, TR and RT, of others 1, 2, … by frequency. Amplitudes are the root
 mean square over the spheres of a cell.
 """
@@ -26,11 +28,13 @@ from analysis.theory.bloch import frame
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
 from analysis.theory.scenes import NAMES, Setting, named_branch
+from analysis.theory.validity import validity
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
 COLOURS = ("tab:blue", "black", "tab:red", "tab:green", "tab:purple", "tab:brown")
+SILENT = 1e-9  # a coefficient of friction that is rounding
 LARGEST_DOT = 260.0  # points², of the fastest growth
 
 
@@ -74,6 +78,21 @@ def table(found: Sequence[Row], several: bool) -> str:
         line += f"  forbidden by {forbidden}" if forbidden else ""
         lines.append(f"{degrees:8.2f} {line}" if several else line)
     return "\n".join(lines)
+
+
+def outlook(setting: Setting, crystal: Crystal) -> str:
+    """Return how far second order holds for the wave of the scene; "" in a crystal of other waves."""
+    if len(crystal) > 1:
+        return ""
+    scene = setting.scene
+    said = validity(crystal, setting.mode().times(scene.displacement_amplitude))
+    a = scene.wave.amplitude
+    drift = "" if np.isnan(said.drift) else f", which third order turns by {said.drift:.2g} rad a period"
+    slides = f" and slide below a friction of {said.friction:.2g}" if said.friction > SILENT else ""
+    return (
+        f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = {a / said.opening:.3g}{slides}; "
+        f"the forced second harmonic is {said.second:.2g} of the wave{drift}"
+    )
 
 
 def as_csv(found: Sequence[Row]) -> str:
@@ -148,7 +167,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.error("a chain has one direction: 90")
     angles = np.linspace(0, 180, options.map) if options.map else [own]
     found = [row for angle in angles for row in rows(setting, crystal, float(angle))]
-    print(table(found, bool(options.map)))
+    print("\n".join(filter(None, [table(found, bool(options.map)), outlook(setting, crystal)])))
     figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
     save(figure, options.output)
     write(Path(options.output).with_suffix(".csv"), as_csv(found))

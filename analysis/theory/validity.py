@@ -1,0 +1,53 @@
+"""How far second order holds for a wave: contacts that open and slide, the next order, and slip that winds up.
+
+All numbers are of the wave with its amplitude A, to leading order in it.
+
+| number | of order | what it says |
+|---|---|---|
+| `opening` | A | the largest stretch of a contact over that which opens it: a contact opens at 1 |
+| `friction` | A | the coefficient of friction below which a contact slides |
+| `second` | A | the forced second harmonic over the wave |
+| `drift` | A² | the phase in rad by which third order has turned the wave after a period; nan for the incremental law |
+| `creep` | A | the way in a period, over A, by which spheres creep as slip winds up; 0 in planar lattices |
+
+Second order ends where any of the first three is near 1, and misses the wave itself by drift times the periods.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from analysis.theory.crystal import Crystal
+from analysis.theory.second_order import Mixed, Wave
+from analysis.theory.third_order import frequency_shift
+
+
+class Validity(NamedTuple):
+    """The numbers of this module."""
+
+    opening: float
+    friction: float
+    second: float
+    drift: float
+    creep: float
+
+
+def validity(crystal: Crystal, wave: Wave) -> Validity:
+    """Return how far second order holds for a single wave with its amplitude."""
+    strain, law = crystal.bonds.strain(wave.shape, wave.wavevector), crystal.bonds.law
+    square = np.sum(np.abs(strain.slip) ** 2, axis=-1)
+    longest = np.sqrt((square + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # of Re(s e^{iα}) over α
+    size, period = _size(wave.shape), 2 * np.pi / float(wave.frequency)
+    doubled, still = Mixed(crystal, wave, wave), Mixed(crystal, wave, wave.reversed)
+    steady = crystal.bonds.shear_law == "secant" and not np.any(still.winds)
+    return Validity(
+        opening=float(np.max(np.abs(strain.stretch) / law.reach)),
+        friction=float(np.max(law.shear * longest / law.friction)),
+        second=0.5 * _size(doubled.forced()) / size,
+        drift=float(frequency_shift(crystal, wave)) * period if steady else float("nan"),
+        creep=0.5 * _size(still.creep) * period / size,
+    )
+
+
+def _size(field: np.ndarray) -> float:
+    return float(np.sqrt(np.sum(np.abs(field) ** 2) / len(field)))
