@@ -90,8 +90,8 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
     drift = "" if np.isnan(said.drift) else f", which third order turns by {said.drift:.2g} rad a period"
     slides = f" and slide below a friction of {said.friction:.2g}" if said.friction > SILENT else ""
     return (
-        f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = {a / said.opening:.3g}{slides}; "
-        f"the forced second harmonic is {said.second:.2g} of the wave{drift}"
+        f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = {a / said.opening:.3g}"
+        f"{slides}; the forced second harmonic is {said.second:.2g} of the wave{drift}"
     )
 
 
