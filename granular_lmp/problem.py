@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
-from granular_lmp.effects.selection import select, warnings
+from granular_lmp.effects.selection import remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
@@ -117,7 +117,7 @@ class Problem:
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
         of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
-        return [*of_scene, *warnings(self.effects), *self._echoes()]
+        return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
     def _echoes(self) -> list[str]:
         """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""

@@ -1,6 +1,7 @@
 """Energy flux through rows: of a plane wave, and in the balance of a driven, damped piece of crystal."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.integrate import cumulative_simpson
 
 from analysis.second_harmonic import ModeName, mode, ratios
 from granular_lmp import Record, Scene, run
+from granular_lmp.runs.monitors import MonitorRecord
 from tests.conftest import PAPER
 
 # --- a plane wave ----------------------------------------------------------------------------------------------------
@@ -75,6 +77,8 @@ def ledger(record: Record) -> dict[str, np.ndarray]:
     overlap, shear = contacts.overlap, contacts.shear + dashpot * slip  # the force of the spring alone
     stiffness = kappa * np.sqrt(overlap)
     elastic = (4 / 15 * overlap**2.5 - 2 / 3 * overlap) / a**2 + shear**2 / (2 * stiffness)
+    if scene.effects.rolling_stiffness:  # the arm of a roll is R/2
+        elastic += (2 * contacts.rolling) ** 2 / (2 * scene.effects.rolling_stiffness / sphere.normal_stiffness)
     energy = kinetic + elastic @ share
     source = scene.source[0]
     rise = np.clip(tau / source.ramp, 0, 1)
@@ -92,6 +96,14 @@ def unbalanced(ledger: Mapping[str, np.ndarray]) -> float:
     """Return the largest difference of what was given and what is there, as a share of what was given."""
     given, *spent = (ledger[name] for name in ("work", "flux", "energy", "dissipation", "secant"))
     return float(np.abs(given - sum(spent)).max() / np.abs(given).max())
+
+
+ROLLING = {"effects.rolling_stiffness": PAPER.sphere.normal_stiffness, "effects.rolling_friction": 10.0}
+
+
+@pytest.fixture(scope="module")
+def rolling(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return run(PUSHED.with_values(ROLLING), tmp_path_factory.mktemp("flux") / "rolling")
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +126,13 @@ def test_without_one_of_the_terms_the_balance_fails(term: str, found: dict[str, 
 
 def test_two_percent_more_flux_are_seen(found: dict[str, np.ndarray]) -> None:
     assert unbalanced(found | {"flux": 1.02 * found["flux"]}) > 5e-3
+
+
+def test_contacts_that_resist_rolling_carry_energy_by_its_torque(
+    rolling: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert unbalanced(ledger(rolling)) < 1e-3  # as above
+    region = rolling.monitor("region")
+    free = replace(region.contacts, rolling=np.zeros_like(region.contacts.rolling))
+    monkeypatch.setattr(MonitorRecord, "contacts", free)
+    assert unbalanced(ledger(rolling)) > 1e-2

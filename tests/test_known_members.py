@@ -98,13 +98,13 @@ SHAKEN = Scene.load("two_tones").with_values({"time.timestep": 0.05, "absorb.row
 
 
 @pytest.fixture
-def chirp(monkeypatch: pytest.MonkeyPatch) -> Source:
+def trill(monkeypatch: pytest.MonkeyPatch) -> Source:
     """A source with a signal that somebody has declared: up to 3 Ω, and down to 0; it has no formula in a deck yet."""
     lasts = SIGNALS["tone"].lasts
-    monkeypatch.setitem(SIGNALS, "chirp", Signal(("frequency",), lasts, 3.0, lambda cycles: ()))
+    monkeypatch.setitem(SIGNALS, "trill", Signal(("frequency",), lasts, lambda source: 3.0, lambda source: ()))
     rule = Source.__dataclass_fields__["signal"].metadata["rule"]
-    monkeypatch.setitem(vars(rule), "words", (*rule.words, "chirp"))
-    return Source(rows=(20, 20), force="x", signal="chirp", frequency=0.5)
+    monkeypatch.setitem(vars(rule), "words", (*rule.words, "trill"))
+    return Source(rows=(20, 20), force="x", signal="trill", frequency=0.5)
 
 
 def with_source(source: Source, **changes: Any) -> Scene:
@@ -116,26 +116,28 @@ def test_every_signal_that_is_declared_has_a_formula_in_the_deck() -> None:
     assert FORMULAS.keys() == SIGNALS.keys()
 
 
-def test_a_new_signal_without_a_formula_is_refused_by_name(chirp: Source) -> None:
-    problem = prepare(with_source(chirp))
-    with pytest.raises(SceneError, match='signal = "chirp": has no formula in a deck; must be one of tone, burst'):
+def test_a_new_signal_without_a_formula_is_refused_by_name(trill: Source) -> None:
+    problem = prepare(with_source(trill))
+    with pytest.raises(SceneError, match='signal = "trill": has no formula in a deck; must be one of tone, burst'):
         deck_of(problem)
 
 
-def test_steps_and_looks_resolve_the_top_of_a_new_signal_and_not_its_centre(chirp: Source) -> None:
+def test_steps_and_looks_resolve_the_top_of_a_new_signal_and_not_its_centre(trill: Source) -> None:
     tone = Source(rows=(20, 20), force="x", signal="tone", frequency=0.5)
-    assert fastest(with_source(chirp)) == pytest.approx(3 * fastest(with_source(tone)))
+    assert fastest(with_source(trill)) == pytest.approx(3 * fastest(with_source(tone)))
     with pytest.raises(SceneError, match=r"fewer than 20 steps at its frequency of 1\.5 rad per t0"):
-        prepare(with_source(chirp, **{"time.timestep": 0.25}))
+        prepare(with_source(trill, **{"time.timestep": 0.25}))
     prepare(with_source(tone, **{"time.timestep": 0.25}))
 
 
-def test_a_new_signal_that_reaches_down_to_zero_has_no_quiet_ends(chirp: Source) -> None:
-    with pytest.raises(SceneError, match='signal = "chirp": must be "tone" or "burst" with absorb.rows'):
-        with_source(chirp, **{"packing.ends": "fixed", "absorb.rows": "auto"})
+def test_a_new_signal_that_reaches_down_to_zero_has_no_quiet_ends(trill: Source) -> None:
+    with pytest.raises(SceneError, match='signal = "trill": must be "tone" or "burst" or "chirp" with absorb'):
+        with_source(trill, **{"packing.ends": "fixed", "absorb.rows": "auto"})
 
 
-def test_quiet_ends_take_the_band_of_a_new_signal(chirp: Source, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(SIGNALS, "chirp", Signal(("frequency",), SIGNALS["tone"].lasts, 1.5, lambda cycles: (0.5, 1.5)))
-    found = waves_at_ends(with_source(chirp))
+def test_quiet_ends_take_the_band_of_a_new_signal(trill: Source, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(
+        SIGNALS, "trill", Signal(("frequency",), SIGNALS["tone"].lasts, lambda source: 1.5, lambda source: (0.5, 1.5))
+    )
+    found = waves_at_ends(with_source(trill))
     assert {round(wave.frequency, 6) for wave in found} == {0.25, 0.75}

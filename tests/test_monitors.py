@@ -77,10 +77,6 @@ def test_a_scene_is_read_back_from_its_text() -> None:
         ),
         ({"inclusion": [{"spheres": [[6, 4]], "vacancy": True}]}, r"monitor beside: sphere \[6, 4\]: is a vacancy"),
         (
-            {"effects.rolling_stiffness": 1.0, "effects.rolling_friction": 1e3},
-            r'monitor behind: what = "flux": must be "motion" with effects\.rolling',
-        ),
-        (
             {"monitor": [BEHIND | {"name": f"m{k}"} for k in range(12)]},
             "monitor: 12 monitors beside 1 sources take 25 groups of LAMMPS, .*; must be at most 24",
         ),
@@ -131,11 +127,15 @@ def test_motion_is_that_of_the_snapshots(record: Record) -> None:
     assert record.monitor("beside").column.tolist() == [3, 4]
 
 
-@pytest.mark.parametrize("spread", [0.0, 1e-5])
-def test_contact_forces_and_torques_are_what_moves_a_sphere(spread: float, record: Record, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("spread", "rolls"), [(0.0, False), (1e-5, False), (1e-5, True)])
+def test_contact_forces_and_torques_are_what_moves_a_sphere(
+    spread: float, rolls: bool, record: Record, tmp_path: Path
+) -> None:
     if spread:  # spheres that differ, one of them of twice the density
         heavy = {"disorder.radius": spread, "inclusion": [{"spheres": [[6, 4]], "density": 4400.0}]}
-        record = run(record.scene.with_values(heavy), tmp_path / "run")
+        stiff = record.scene.sphere.normal_stiffness
+        rolling = {"effects.rolling_stiffness": stiff, "effects.rolling_friction": 10.0, "effects.rolling": rolls}
+        record = run(record.scene.with_values(heavy | rolling), tmp_path / "run")
     beside = record.monitor("beside")
     contacts, scene = beside.contacts, record.scene
     sphere = scene.sphere
@@ -144,7 +144,7 @@ def test_contact_forces_and_torques_are_what_moves_a_sphere(spread: float, recor
     sign = np.where(contacts.j == number, 1.0, np.where(contacts.i == number, -1.0, 0.0))
     force = (sign[:, None] * contacts.force).sum(axis=1)
     lever = radius - contacts.overlap * sphere.overlap_ratio  # δ/2 in radii, as overlap_ratio is Δ0/2R
-    torque = -(abs(sign) * contacts.shear * lever).sum(axis=1)
+    torque = (sign * contacts.rolling - abs(sign) * contacts.shear * lever).sum(axis=1)
     # m/(k1 t0²): F = unit · a in k1 D0 and D0/t0²
     unit = 2 * (sphere.stiffness_ratio + 3) * radius**3 * (2.0 if spread else 1.0)
     rate = np.column_stack([beside.velocity[:, 1], 0.4 * radius**2 * beside.spin[:, 1]])
@@ -155,6 +155,7 @@ def test_contact_forces_and_torques_are_what_moves_a_sphere(spread: float, recor
     mean = (found[:-2] + 4 * found[1:-1] + found[2:]) / 6
     assert np.abs(slope - mean).max() < 1e-3 * np.abs(found).max()
     assert np.abs(1.05 * slope - mean).max() > 1e-2 * np.abs(found).max()
+    assert rolls == bool(np.abs((sign * contacts.rolling).sum(axis=1)).max() > 0.05 * np.abs(torque).max())
 
 
 def test_theories_ignore_monitors(tmp_path: Path, small: Scene) -> None:

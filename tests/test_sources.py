@@ -221,6 +221,17 @@ def test_a_run_that_was_stopped_continues_to_the_same_bytes(
     assert others == [whole, whole]
 
 
+def test_sources_that_turn_spheres_track_their_angles_and_say_so() -> None:
+    untracked = SHEET.with_values({"effects.tracking": False})
+    assert build(untracked).input_text == build(SHEET).input_text
+    said = (
+        'effects.tracking = false is read as true: source 2: force = "torque": turns the dipole that tracks the angle'
+    )
+    assert said in prepare(untracked).warnings()
+    assert said not in prepare(SHEET).warnings()
+    assert not prepare(untracked.with_values({"source": [PUSH, MOVE]})).on["tracking"]
+
+
 def test_a_source_that_opens_contacts_against_the_estimate_fails_the_run(tmp_path: Path) -> None:
     # Eight rows gather speed together: each is pushed by less than opens a contact by the estimate, all by more
     pull = {"rows": [4, 11], "force": "y", "amplitude": 9.0, "signal": "step", "ramp": 1.0}
@@ -374,8 +385,8 @@ NEITHER = {"spheres": [[1, 1]]}
         ({"source": [{"motion": "x"}]}, "source 1: neither given: must be either rows or spheres"),
         ({"source": [MOVE, MOVE | {"motion": "rotation"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
         (
-            {"source": [MOVE | {"motion": "rotation"}], "effects.tracking": False},
-            r'source 1: motion = "rotation": needs effects\.rotation and effects\.tracking',
+            {"source": [MOVE | {"motion": "rotation"}], "effects.rotation": False},
+            r'source 1: motion = "rotation": turns the dipole that tracks the angle, and needs effects\.rotation',
         ),
         ({"source": [NEITHER | {"motion": "z"}]}, r'source\.1\.motion = \'z\': must be one of "x", "y"'),
         (
@@ -393,7 +404,10 @@ NEITHER = {"spheres": [[1, 1]]}
         ({"source": [PUSH, MOVE | {"spheres": [[6, 5]]}]}, r"source 2: sphere \[6, 5\]: is in source 1 too"),
         ({"source": [MOVE, MOVE | {"motion": "y"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
         ({"source": [PUSH | {"frequency": 9.0}]}, r"time\.timestep = 0\.05: leaves a period of source 1 fewer than 20"),
-        ({"effects.tracking": False}, r'source 2: force = "torque": needs effects\.rotation and effects\.tracking'),
+        (
+            {"effects.rotation": False},
+            r'source 2: force = "torque": turns the dipole .* needs effects\.rotation, which',
+        ),
     ],
 )
 def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], message: str) -> None:

@@ -42,7 +42,7 @@ def noise_of(scene: Scene, signals: Signals) -> dict[str, float]:
         monitor, _, column = name.rpartition(".")
         if column != "flux":
             return noise * (fastest if column in RATES else 1.0)
-        rate, force = (max(sizes[f"{monitor}.{each}"] for each in kind) for kind in (RATES[:2], FORCES))
+        rate, force = (max(sizes.get(f"{monitor}.{each}", 0.0) for each in kind) for kind in (RATES[:2], FORCES))
         return noise * (fastest * force + rate) * float(np.sqrt(scene.shape.columns))
 
     return {name: level(name) / size if size else inf for name, size in sizes.items()}

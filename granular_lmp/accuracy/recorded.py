@@ -1,8 +1,9 @@
 """All that a run records, as signals, and the files of the answer to which several runs are extrapolated.
 
 Beside p, q and φ of the centre sphere there are, for each monitor NAME, the signals NAME.u, NAME.v, NAME.phi and their
-rates NAME.u_t, NAME.v_t, NAME.phi_t, (T, N) each; with contacts NAME.normal and NAME.shear, (T, C), 0 where a contact
-is open; and NAME.flux, (T, R). Those of the snapshots of all spheres are named as of a monitor "output.particles".
+rates NAME.u_t, NAME.v_t, NAME.phi_t, (T, N) each; with contacts NAME.normal, NAME.shear and, where contacts resist it,
+NAME.rolling, (T, C), 0 where a contact is open; and NAME.flux, (T, R). Those of the snapshots of all spheres are named
+as of a monitor "output.particles".
 Rates of spheres that a source moves, and the flux through their rows, are left out: LAMMPS has their velocity of half a
 step ago, whose error says nothing of the others.
 """
@@ -28,14 +29,15 @@ from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-MOTION, RATES, FORCES = ("u", "v", "phi"), ("u_t", "v_t", "phi_t"), ("normal", "shear")
+MOTION, RATES, FORCES = ("u", "v", "phi"), ("u_t", "v_t", "phi_t"), ("normal", "shear", "rolling")
 PARTICLES = "output.particles"
 _FIELDS = ("displacement", "rotation", "velocity", "spin")
 # Columns of dumps that change with the step; of contacts those behind the two spheres
 _MOVED = {
     *("x", "y", "z", "Displacement.X", "Displacement.Y", "vx", "vy", "vz", "omegaz", "v_theta"),
-    *("normal", "tangential_x", "tangential_y"),
+    *("normal", "tangential_x", "tangential_y", "rolling_x", "rolling_y"),
 }
+_OF_FIRST = slice(3, 7)  # columns of a contact that are opposite for its other sphere: the shear force and the vector
 _HEAD = 9  # lines of a snapshot before its spheres
 
 
@@ -70,7 +72,8 @@ class Recorded:
         for of_runs in zip(*self._monitors, strict=True):
             if of_runs[0].monitor.with_contacts:
                 pairs = [each.contacts for each in of_runs]
-                for name in FORCES:
+                rolls = of_runs[0].scene.effects.rolling is True
+                for name in FORCES if rolls else FORCES[:-1]:
                     for signals, values in zip(found, _aligned(pairs, name), strict=True):
                         signals[f"{of_runs[0].monitor.name}.{name}"] = values
         return found
@@ -161,7 +164,7 @@ def write_dump(path: Path, paths: Sequence[Path], weights: Sequence[float]) -> N
                 if len(whole) == len(numbers):
                     values = combined(whole, weights)
                     if keys == 2 and int(line[0]) > int(line[1]):  # LAMMPS may name the spheres the other way round
-                        values[3:] *= -1
+                        values[_OF_FIRST] *= -1
                     for at in moved:
                         line[at] = repr(float(values[at]))
                 out.write(" ".join(line) + "\n")
@@ -181,7 +184,7 @@ def _by_key(table: Floats, keys: int) -> dict[tuple[int, ...], Floats]:
         key = tuple(map(int, row[:keys]))
         if keys == 2 and key[0] > key[1]:
             row = row.copy()
-            row[3:] *= -1  # the vector and the force on the first are those of the other sphere
+            row[_OF_FIRST] *= -1  # the vector and the force on the first are those of the other sphere
             key = key[::-1]
         found[key] = row
     return found

@@ -73,7 +73,7 @@ def changes_of(options: Options) -> dict[str, Any]:
 
 def scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for; what was changed to make it fit is said."""
-    from granular_lmp.effects.selection import select, warnings, with_all
+    from granular_lmp.effects.selection import remarks, select, warnings, with_all
     from granular_lmp.scene.at_rest import crystal_of
     from granular_lmp.scene.scene import Scene
 
@@ -85,7 +85,7 @@ def scene_of(options: Options) -> "Scene":
     crystal = crystal_of(scene, progress_of_rest)
     if not scene.perfect and sys.stderr.isatty():
         remark("\r\033[K", end="")  # wipe the line
-    for note in [*scene.remarks(), *crystal.remarks()]:
+    for note in [*scene.remarks(), *remarks(scene), *crystal.remarks()]:
         remark(f"note: {note}")
     for warning in warnings(select(scene)):
         remark(f"warning: {warning}")

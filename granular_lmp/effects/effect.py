@@ -234,6 +234,10 @@ def _nothing_refused(case: Case) -> str:
     return ""
 
 
+def _not_required(scene: Scene) -> str:
+    return ""
+
+
 def _no_law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {}
 
@@ -263,6 +267,8 @@ class Effect:
         effect that it needs is on. ``<name>`` stands for a number of the scene.
     law : callable
         Part of the contact law, (Scene, on) → arguments of `granular_lmp.lammps.contact.model`.
+    required : callable
+        Reason why the effect is on even where a scene switches it off, Scene → half a sentence, or "".
     refuse : callable
         Reason why the choice is not possible, Case → sentence, or "" if it is possible.
     order : callable
@@ -287,6 +293,7 @@ class Effect:
     lines: Mapping[str, str] = field(default_factory=dict)
     lines_off: Mapping[str, str] = field(default_factory=dict)
     law: Callable[[Scene, bool], Mapping[str, Any]] = _no_law
+    required: Callable[[Scene], str] = _not_required
     refuse: Callable[[Case], str] = _nothing_refused
     order: Callable[[Scene], int] = _second_order
     guard: Guard | None = None

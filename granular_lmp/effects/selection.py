@@ -64,6 +64,8 @@ def _is_on(effect: Effect, scene: Scene, called_for: bool, possible: bool) -> bo
     wanted = effect.wanted(scene)
     if wanted is True and not possible:
         raise SceneError(f"effects.{effect.name} = true: needs effects.{effect.needs}, which is off")
+    if effect.required(scene):
+        return possible
     return possible and called_for if wanted == AUTO else bool(wanted)
 
 
@@ -97,6 +99,15 @@ def order(scene: Scene) -> int:
 def with_all(scene: Scene) -> Scene:
     """Return the scene with every effect on that neither changes its lattice nor needs a coefficient, to compare."""
     return scene.with_values({effect.key: True for effect in EFFECTS if effect.declared is None and effect.in_all})
+
+
+def remarks(scene: Scene) -> list[str]:
+    """Return a sentence for each effect that runs although the scene, as declared, switches it off."""
+    return [
+        f"{effect.key} = false is read as true: {reason}"
+        for effect in EFFECTS
+        if effect.wanted(scene) is False and (reason := effect.required(scene))
+    ]
 
 
 def warnings(chosen: Iterable[Chosen]) -> list[str]:

@@ -1,6 +1,7 @@
 """Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.scene.scene import Scene
 
 LINES = {
     "motion": "nve/sphere update dipole",
@@ -25,16 +26,22 @@ def loss(case: Case) -> str:
     return "the angle is not in the record"
 
 
-def refuse(case: Case) -> str:
-    turned = [(number, each) for number, each in enumerate(case.scene.source, 1) if each.turns]
-    if case.on["tracking"] or not turned:
+def required(scene: Scene) -> str:
+    turned = [(number, each) for number, each in enumerate(scene.source, 1) if each.turns]
+    if not turned:
         return ""
     number, source = turned[0]
-    key = "motion" if source.motion else "force"
     return (
-        f'source {number}: {key} = "{source.turns}": needs effects.rotation and effects.tracking, as it turns the '
-        "dipole that tracks the angle"
+        f'source {number}: {"motion" if source.motion else "force"} = "{source.turns}": turns the dipole that tracks '
+        "the angle"
     )
 
 
-TRACKING = Effect("tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES, refuse=refuse)
+def refuse(case: Case) -> str:
+    needed = required(case.scene)
+    return f"{needed}, and needs effects.rotation, which is off" if needed and not case.on["tracking"] else ""
+
+
+TRACKING = Effect(
+    "tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES, required=required, refuse=refuse
+)

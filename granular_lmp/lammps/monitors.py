@@ -19,6 +19,9 @@ from granular_lmp.scene.scene import Scene
 CONTACT_COLUMNS = ("first", "second", "normal", "tangential_x", "tangential_y", "x", "y")
 _VALUES = "force p1 p2 p10 p11"
 _FORMAT = "%.0f %.0f %.13g %.13g %.13g %.17g %.17g"
+# Behind them where contacts resist rolling: the force f_r whose moment is the torque of the roll, the same for both
+ROLLING_COLUMNS = ("rolling_x", "rolling_y")
+_ROLLING_VALUES, _ROLLING_FORMAT = " p5 p6", " %.13g %.13g"
 
 
 def monitor_files(scene: Scene) -> list[str]:
@@ -47,10 +50,12 @@ def lines(problem: Problem) -> str:
     """Return the blocks of all monitors of a problem; their slots are those of `granular_lmp.lammps.blocks`."""
     # By radii LAMMPS leaves out contacts that adhere beyond an overlap of 0, which only equal spheres have
     cutoff = "type" if problem.scene.sphere.pull_off_distance else "radius"
-    return "\n\n".join("\n".join(_block(number, each, cutoff)) for number, each in enumerate(problem.monitors, 1))
+    rolling = problem.on["rolling"]
+    blocks = (_block(number, each, cutoff, rolling=rolling) for number, each in enumerate(problem.monitors, 1))
+    return "\n\n".join("\n".join(each) for each in blocks)
 
 
-def _block(number: int, placed: PlacedMonitor, cutoff: str) -> list[str]:
+def _block(number: int, placed: PlacedMonitor, cutoff: str, *, rolling: bool) -> list[str]:
     name, tag = f"monitor{number}", str(number)
     file = MONITOR.format(f"{placed.monitor.name}<continued>")
     lines = [
@@ -60,15 +65,16 @@ def _block(number: int, placed: PlacedMonitor, cutoff: str) -> list[str]:
         f"dump_modify  {name} sort id {SPHERE_NAMES}",
     ]
     if placed.monitor.with_contacts:
-        columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, 6)]
-        names = " ".join(f"colname {column} {name}" for column, name in zip(columns, CONTACT_COLUMNS, strict=True))
+        titles = CONTACT_COLUMNS + ROLLING_COLUMNS * rolling
+        columns = [f"c_ends{tag}[{k}]" for k in (1, 2)] + [f"c_push{tag}[{k}]" for k in range(1, len(titles) - 1)]
+        names = " ".join(f"colname {column} {name}" for column, name in zip(columns, titles, strict=True))
         file = MONITOR_CONTACTS.format(placed.monitor.name)
         lines += [
             "# forces of its contacts; LAMMPS names pairs of spheres, and the group holds those around too",
             f"group        around{tag} id {id_ranges(placed.around)}",
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
-            f"compute      push{tag} around{tag} pair/local {_VALUES} cutoff {cutoff}",
+            f"compute      push{tag} around{tag} pair/local {_VALUES}{_ROLLING_VALUES * rolling} cutoff {cutoff}",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
-            f'dump_modify  contacts{tag} format line "{_FORMAT}" {names}<append>',
+            f'dump_modify  contacts{tag} format line "{_FORMAT}{_ROLLING_FORMAT * rolling}" {names}<append>',
         ]
     return lines

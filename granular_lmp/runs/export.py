@@ -34,7 +34,7 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     """Return `MonitorRecord.columns` in SI units by column; places stay rows and columns of the packing.
 
     Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
-    ``normal_N``, ``shear_N``, ``overlap_m``; of flux ``flux_W``.
+    ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` where contacts resist rolling; of flux ``flux_W``.
     """
     sphere, unit = monitor.scene.sphere, monitor.scene.displacement_amplitude
     time, force = sphere.time_scale, sphere.normal_stiffness * unit
@@ -44,6 +44,7 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
         **{"u_t": ("u_t_m_s", unit / time), "v_t": ("v_t_m_s", unit / time)},
         "phi_t": ("theta_t_rad_s", unit / sphere.radius / time),
         **{"normal": ("normal_N", force), "shear": ("shear_N", force), "overlap": ("overlap_m", sphere.static_overlap)},
+        "rolling": ("rolling_Nm", force * sphere.radius),
         "flux": ("flux_W", monitor.watt),
     }
     found = {}

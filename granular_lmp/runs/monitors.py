@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
-from granular_lmp.lammps.monitors import CONTACT_COLUMNS
+from granular_lmp.lammps.monitors import CONTACT_COLUMNS, ROLLING_COLUMNS
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
@@ -64,6 +64,8 @@ class ContactForces:
         Force on j along t = ẑ × n, n turned by +90°, in k1 D0.
     overlap : (T, C) array
         In Δ0; nan while they do not touch.
+    rolling : (T, C) array
+        Torque of the roll on j about z, in k1 D0 R, and its opposite on i; 0 where contacts roll freely.
     """
 
     i: Integers
@@ -72,6 +74,7 @@ class ContactForces:
     normal: Floats
     shear: Floats
     overlap: Floats
+    rolling: Floats
 
     @property
     def force(self) -> Floats:
@@ -208,10 +211,11 @@ class MonitorRecord:
         refuse_changed_record(self.folder, path)
         when = {step: number for number, step in enumerate(self._motion[0].tolist())}
         unknown = np.ones(len(when), dtype=bool)
-        times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(CONTACT_COLUMNS)))]
+        columns = CONTACT_COLUMNS + ROLLING_COLUMNS * (self.scene.effects.rolling is True)
+        times, tables = [np.empty(0, dtype=int)], [np.empty((0, len(columns)))]
         for step, names, table in read_snapshots(path):
-            if tuple(names) != CONTACT_COLUMNS:
-                raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(CONTACT_COLUMNS)}")
+            if tuple(names) != columns:
+                raise RunFolderError(f"{path}: holds {' '.join(names)}, expected {' '.join(columns)}")
             if step in when:  # a run that was killed may have written one of the two files
                 unknown[when[step]] = False
                 times.append(np.full(len(table), when[step]))
@@ -232,15 +236,18 @@ class MonitorRecord:
         vector = np.full((len(unknown), len(keys), 2), np.nan)
         vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
         force = units.number(sphere.normal_stiffness * self.scene.displacement_amplitude, mass=1, length=1, time=-2)
-        normal, shear = np.zeros((2, len(unknown), len(keys)))
-        normal[unknown] = shear[unknown] = np.nan
+        normal, shear, rolling = np.zeros((3, len(unknown), len(keys)))
+        normal[unknown] = shear[unknown] = rolling[unknown] = np.nan
         normal[time, pair] = table[:, 2] / force
         x, y = (sign[:, None] * table[:, 5:7]).T / np.hypot(table[:, 5], table[:, 6])
         shear[time, pair] = sign * (table[:, 4] * x - table[:, 3] * y) / force
         radius = atoms.arrays["radius"]
+        if table.shape[1] > len(CONTACT_COLUMNS):
+            arm = radius[i] * radius[j] / (radius[i] + radius[j])
+            rolling[time, pair] = -sign * arm * (x * table[:, 8] - y * table[:, 7]) / force
         length = np.linalg.norm(vector, axis=-1)
         overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / sphere.static_overlap
-        return ContactForces(of_i, of_j, vector, normal, shear, overlap)
+        return ContactForces(of_i, of_j, vector, normal, shear, overlap, rolling)
 
     def power(self, end: str) -> Floats:
         """Return the power P = F·v + T ω of each contact on the spheres at one end, (T, C), in k1 D0²/t0.
@@ -255,9 +262,10 @@ class MonitorRecord:
         place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
         own = self.spheres[place] == index
         force = contacts.force if end == "j" else -contacts.force
-        # LAMMPS's lever arm; the torque has the same sense on both
+        # LAMMPS's lever arm; the torque of the shear has the same sense on both, that of the roll the opposite
         arm = self.crystal.arrays["radius"][index] - np.nan_to_num(contacts.overlap) * ratio / 2
-        power = np.sum(force * self.velocity[:, place], axis=-1) - arm * contacts.shear * self.spin[:, place]
+        torque = (contacts.rolling if end == "j" else -contacts.rolling) - arm * contacts.shear
+        power = np.sum(force * self.velocity[:, place], axis=-1) + torque * self.spin[:, place]
         return np.where(own, power, 0.0)
 
     # --- energy flux ---
@@ -302,8 +310,8 @@ class MonitorRecord:
         """Return what the monitor is for as columns of one length, dimensionless, time by time.
 
         Of motion a line for each time and sphere: tau, row, column, u, v, phi, and the rates u_t, v_t, phi_t. Of
-        contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap. Of flux one
-        for each time and row: tau, row, flux.
+        contacts one for each time and contact: tau, row and column of both spheres, normal, shear, overlap, and rolling
+        where contacts resist it. Of flux one for each time and row: tau, row, flux.
         """
         if self.monitor.what == "flux":
             return self._long({"row": self.rows}, {"flux": self.flux})
@@ -311,7 +319,8 @@ class MonitorRecord:
             contacts, arrays = self.contacts, self.crystal.arrays
             ends = {"i": contacts.i, "j": contacts.j}
             which = {f"{name}_{end}": arrays[name][index] for end, index in ends.items() for name in ("row", "column")}
-            values = {name: getattr(contacts, name) for name in ("normal", "shear", "overlap")}
+            rolls = ("rolling",) if self.scene.effects.rolling is True else ()
+            values = {name: getattr(contacts, name) for name in ("normal", "shear", "overlap", *rolls)}
             return self._long(which, values)
         (u, v), (u_t, v_t) = np.moveaxis(self.displacement, 2, 0), np.moveaxis(self.velocity, 2, 0)
         moving = {"u": u, "v": v, "phi": self.rotation, "u_t": u_t, "v_t": v_t, "phi_t": self.spin}

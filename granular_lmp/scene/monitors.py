@@ -37,8 +37,8 @@ WHAT = ("motion", "contacts", "flux")
 MOST_GROUPS = 24
 # Effects beside which the record of contacts holds all forces and torques; twisting has none in the plane
 _HELD = frozenset(
-    ("adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "twisting", "walls")
-) | {"quiet_ends", "width"}
+    ("adhesion", "shear", "rotation", "tracking", "damping", "sliding", "contact_opening", "rolling", "twisting")
+) | {"walls", "quiet_ends", "width"}
 _CONTACT_LINE = 110  # bytes
 
 
@@ -151,7 +151,7 @@ def placed_monitors(
     Raises
     ------
     SceneError
-        If a place is empty, contacts resist rolling, or contacts reach beyond the next row.
+        If a place is empty, an effect has torques that no record holds, or contacts reach beyond the next row.
     """
     found = []
     for each in monitors:

@@ -30,7 +30,7 @@ REFUSALS: dict[str, str] = {
     r"effects.viscosity = .* and effects.restitution = .*: two models": PHYSICS,
     r"effects.sliding = true: .*effects.shear": PHYSICS,
     r"wave.mode = 'TR': .*frequency 0": PHYSICS,
-    r'force = "torque": .*effects.tracking': PHYSICS,  # untracked: `EXCEPTIONS`
+    r'force = "torque": .*effects.rotation, which is off': PHYSICS,
     r'adhesion_law = "jkr": must be "dmt" where spheres differ': NOT_BUILT,
     r"packing.contact_force = .*: .*buckle": NOT_BUILT,
     r'wave.direction = .*: must be "y" with packing.lattice = "square"': NOT_BUILT,
@@ -40,7 +40,6 @@ REFUSALS: dict[str, str] = {
     r'envelope.(length|width) = .*: must be 0 with wave.form = "driven"': NOT_BUILT,
     r'packing.lattice = .*: must be "hexagonal" with absorb.rows': NOT_BUILT,
     r"effects.damping = true: .*where spheres differ": NOT_BUILT,
-    r'what = "flux": .*effects.rolling': NOT_BUILT,
     r"absorb.rows = .*: no number of rows absorbs the long waves of a strike": PHYSICS,
     # impacts
     r"^(wave.mode|effects.\w+): unknown key": NOT_BUILT,
@@ -55,8 +54,6 @@ REFUSALS: dict[str, str] = {
     r"a state lacks their shear at rest": NOT_BUILT,
     r"effects.rotation = false: .*effects.friction = 0": NOT_BUILT,
 }
-# Pairs whose message is that of another pair, which has another reason
-EXCEPTIONS = {("waves", frozenset(("torque", "no tracking"))): NOT_BUILT}
 
 
 def reason(message: str) -> str:
@@ -84,7 +81,7 @@ def outcome(kind: Kind, one: str, other: str) -> str:
     if settings is None:
         return EXCLUSIVE
     refused = message(kind, settings)
-    return EXCEPTIONS.get((kind.name, frozenset((one, other))), reason(refused)) if refused else BUILDS
+    return reason(refused) if refused else BUILDS
 
 
 def pair(kind: Kind, one: str, other: str) -> Settings | None:
