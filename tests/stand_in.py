@@ -59,6 +59,7 @@ def of_first_format(folder: Path) -> Path:
     info = json.loads((folder / STATUS).read_text(encoding="utf-8"))
     for key in ("format", "files", "sealed"):
         info.pop(key, None)
+    info["versions"] = info.get("versions", {}) | {"granular_lmp": "0.1.0"}
     (folder / STATUS).write_text(json.dumps(info), encoding="utf-8")
     return folder
 

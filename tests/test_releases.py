@@ -20,7 +20,8 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
 from granular_lmp.runs.adopt import adopt
 from granular_lmp.runs.launch import resume
-from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.record import STATUS, read_status, write_status
+from granular_lmp.runs.seal import accept
 from granular_lmp.scene.json_schema import keys
 from granular_lmp.scene.schema import count, switch
 from granular_lmp.scene.sections import Effects, Packing
@@ -83,6 +84,14 @@ def test_an_old_run_of_one_column_is_that_of_three() -> None:
 def test_an_old_impact_is_loaded() -> None:
     record = ImpactRecord.load(RELEASES / "832ce44" / "impact")
     assert record.velocity.shape == (7, 6, 2)
+
+
+@pytest.mark.parametrize("there", ["e02a04e/run"], indirect=True)
+def test_an_old_run_lists_no_files_that_could_be_accepted(there: Path) -> None:
+    before = (there / STATUS).read_bytes()
+    with pytest.raises(RunFolderError, match=r"release 0\.1\.0, which listed no files"):
+        accept(there)
+    assert (there / STATUS).read_bytes() == before
 
 
 @pytest.mark.parametrize("there", ["e02a04e/run"], indirect=True)

@@ -26,8 +26,10 @@ def format_of(info: dict[str, Any]) -> int:
     Raises
     ------
     ValueError
-        If the number is none that this release reads.
+        If the number is none that this release reads, or a finished run of a later release than 0.1.0 has none.
     """
+    if info.get("status") == "finished" and "format" not in info and not _is_first(info):
+        raise ValueError("format: missing key; only release 0.1.0 wrote none")
     found = info.get("format", 1)
     if type(found) is not int or found < 1:
         raise ValueError(f"format = {found!r}: must be a whole number from 1 to {FORMAT}")
@@ -37,6 +39,11 @@ def format_of(info: dict[str, Any]) -> int:
             "pip install --upgrade granular-lmp"
         )
     return found
+
+
+def _is_first(info: dict[str, Any]) -> bool:
+    versions = info.get("versions")
+    return isinstance(versions, dict) and versions.get("granular_lmp") == "0.1.0"
 
 
 def scene_of(folder: Path) -> Scene:

@@ -79,12 +79,14 @@ def accept(folder: str | Path) -> list[str]:
     Raises
     ------
     RunFolderError
-        If the run is not finished, or its scene was changed: another scene is another run.
+        If the run is not finished, its folder lists no files, or its scene was changed: another scene is another run.
     """
     folder = Path(folder)
     info = read_status(folder, changed=True)
     if info["status"] != "finished":
         raise RunFolderError(f"{folder}: not a finished run (status '{info['status']}'); there is nothing to accept")
+    if format_of(info) == 1:
+        raise RunFolderError(f"{folder}: is of release 0.1.0, which listed no files; there is nothing to accept")
     refuse_other_scene(folder, info)
     before = info.get("files", {})
     steps = [name for name in before if "/" in name and (folder / name).is_file()]
