@@ -14,6 +14,7 @@ from analysis.measure.reference import Reference
 from analysis.theory import catalogue
 from analysis.theory.choice import TheoryError, wave_of
 from granular_lmp import Record, run
+from tests.stand_in import of_first_format
 from tests.test_imperfect_in_lammps import OVERLAP_RATIO, SHEET, SIGNALS, extrapolated
 
 SMALL = SHEET.with_values({"packing.rows": 8, "packing.columns": 6, "time.duration": 4.0})
@@ -87,6 +88,7 @@ def test_a_first_snapshot_that_cannot_be_read_is_a_reason(imperfect: Record, tmp
     untracked = run(SMALL.with_values(VACANCY | {"effects.tracking": False}), tmp_path / "untracked")
     assert "has no column v_theta" in compare.compare(untracked).notes[-1]
     assert untracked.folder is not None
+    of_first_format(untracked.folder)  # no digest protects its files
     (untracked.folder / "dump.particles").write_text((imperfect.folder / "dump.particles").read_text())  # type: ignore[operator]
     for text in ("", "ITEM: TIMESTEP\n"):
         (untracked.folder / "dump.centre").write_text(text)

@@ -119,7 +119,7 @@ def test_sliding_contacts_without_snapshots_are_compared_with_nothing(with_physi
     assert (result.theory, result.error, result.lattice_error) == (None, {}, {})
     assert (result.predicted, result.measured) == (None, None)
     assert result.notes == [
-        "no theory of a plane wave holds effects.sliding: the run is compared with nothing, as theory = 'network': "
+        "no theory of a plane wave holds effects.sliding: the run is compared with nothing, as "
         f"{PLAIN!r}: is of no run folder, and so without snapshots"
     ]
     assert f"{'-':>9}{'-':>9}{'-':>9}" in compare.table([result])

@@ -87,7 +87,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         viscosity=scene.effects.viscosity / (kilogram / second) if contact.viscosity else 0.0,
         restitution=contact.restitution,
     )
-    with path.with_name(CENTRE).open(encoding="utf-8") as stream:
+    with _centre_of(path.parent).open(encoding="utf-8") as stream:
         _head(stream)
         recorded, *_ = stream.readline().split()  # too few words are a ValueError
     return FirstSnapshot(
@@ -99,6 +99,12 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         radius=sphere.radius / metre,
         direction=scene.direction,
     )
+
+
+def _centre_of(folder: Path) -> Path:
+    """Return the dump of the recorded sphere of a run; those of the steps of a tolerance are of the same sphere."""
+    steps = sorted(folder.glob(f"*_per_sample/{CENTRE}"))
+    return steps[0] if steps else folder / CENTRE
 
 
 def _materials(record: Record, pressure: float, tension: float) -> list[Material]:

@@ -306,6 +306,8 @@ def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, fol
     # A run whose log lacks a column fails by that, or has not come so far
     value = np.abs(table.get(guard.column, np.empty(0)))
     at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
+    if len(at) != len(value):
+        value = at = np.empty(0)
     bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
     triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
     if not triggered.any():

@@ -164,7 +164,7 @@ def run(collision: Collision, folder: str | Path, *, force: bool = False) -> Res
     """
     folder = absolute(folder)
     name = f"in.{collision.name}"
-    run_files(folder, {SCENE: [collision.to_toml()], name: [deck_text(collision)]}, name, force=force)
+    run_files(folder, {SCENE: [collision.to_toml(full=True)], name: [deck_text(collision)]}, name, force=force)
     with writable(folder):
         result = _course(collision, folder)
         _write_csv(result, folder / COURSE)
