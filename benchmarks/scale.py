@@ -29,7 +29,7 @@ from granular_lmp.errors import LammpsError, LammpsMissingError
 from granular_lmp.lammps.installation import environment, lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
 from granular_lmp.lammps.units import units_for
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 
 COLUMNS = 100
 WORK = 5e6  # particle-steps a run: a second or two on one core

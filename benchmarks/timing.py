@@ -12,7 +12,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 
 T = TypeVar("T")
 

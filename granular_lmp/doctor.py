@@ -15,7 +15,7 @@ from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.installation import REQUIRED_PACKAGES, lammps_module, lmp_command, wheel_mpi
 from granular_lmp.problem import prepare
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 from granular_lmp.runs.routes import check_machine
 from granular_lmp.scene.scene import Scene
 

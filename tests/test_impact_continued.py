@@ -13,7 +13,7 @@ from granular_lmp.impact.deck import checkpoint_steps, deck_of, look_steps
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.lammps.outputs import CHECKPOINTS
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 
 # 1200 steps; a checkpoint at each 125 of them

@@ -15,12 +15,12 @@ from PIL import Image
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.impact import run as impact_run
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
 from granular_lmp.lammps.outputs import RunLog, read_log
 from granular_lmp.plot.view import view
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs import loop
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 20.0})
@@ -51,7 +51,7 @@ def test_a_run_whose_log_lacks_a_look_of_its_guards_failed(tmp_path: Path, monke
         log = read_log(path)
         return replace(log, table={name: np.delete(values, 2) for name, values in log.table.items()})
 
-    monkeypatch.setattr(impact_run, "read_log", lacking)
+    monkeypatch.setattr(loop, "read_log", lacking)
     with pytest.raises(LammpsError, match=r"the log lacks step \d+"):
         run_impact(CHAIN, tmp_path / "run")
     assert read_status(tmp_path / "run")["status"] == "failed"

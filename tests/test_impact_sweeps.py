@@ -13,7 +13,7 @@ from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import sweep_figure, view
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.sweep import IMPACT_COLUMNS, Sweep, sweep
 from granular_lmp.studies.sweep_impacts import arrival, far_sphere, read_outs

@@ -20,7 +20,7 @@ from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, Tole
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.impact_cost import shown_order
 from granular_lmp.studies.sweep import sweep

@@ -24,6 +24,8 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP_COLUMNS, mend_dump, mend_log, read_centre, read_dump, read_log
 from granular_lmp.problem import prepare
 from granular_lmp.runs import launch, routes
+from granular_lmp.runs.fields import LAUNCHERS
+from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from tests.conftest import PAPER
 from tests.stand_in import of_first_format
@@ -68,7 +70,7 @@ def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, mon
 
 
 def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
-    for ranks in (0, launch.core_count() + 1, 1.5):
+    for ranks in (0, core_count() + 1, 1.5):
         with pytest.raises(LaunchError, match=f"ranks = {ranks}: must be from 1 to"):
             run(small, tmp_path / "run", ranks=ranks)  # type: ignore[arg-type]
     assert not (tmp_path / "run").exists()
@@ -124,7 +126,7 @@ def broken(small: Scene, old: str, new: str) -> Deck:
     return replace(deck, input_text=deck.input_text.replace(old, new))
 
 
-@pytest.mark.parametrize("launcher", launch.LAUNCHERS)
+@pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
     launcher: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,7 +144,7 @@ def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
     run(small, tmp_path / "next")  # the instance was closed: another run works
 
 
-@pytest.mark.parametrize("launcher", launch.LAUNCHERS)
+@pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_an_error_of_the_caller_s_progress_stops_the_run(launcher: str, tmp_path: Path) -> None:
     def fail(step: int, steps: int) -> None:
         raise RuntimeError("mine")

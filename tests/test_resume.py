@@ -19,7 +19,7 @@ from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, STATUS
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.fields import FIELDS, refuse_malformed
-from granular_lmp.runs.launch import Options, core_count
+from granular_lmp.runs.options import Options, core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER
@@ -154,8 +154,7 @@ def test_a_wrong_value_in_any_field_is_one_line_and_never_a_traceback(
     def unmoved(*arguments: Any, **options: Any) -> None:
         raise LammpsError("not run in this test", "", "")
 
-    monkeypatch.setattr(launch, "execute", unmoved)
-    monkeypatch.setattr("granular_lmp.impact.run._execute", unmoved)
+    monkeypatch.setattr("granular_lmp.runs.loop.execute", unmoved)
     monkeypatch.setattr(launch, "launch", unmoved)
     monkeypatch.setattr("granular_lmp.impact.run.run_impact", unmoved)
     of = "impact" if "impact" in kind else "wave"

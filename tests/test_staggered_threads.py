@@ -9,7 +9,7 @@ import pytest
 
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run, run_impact
 from granular_lmp.runs import directory
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.studies.collide import run as collide
 from granular_lmp.studies.collision import Collision
 from granular_lmp.studies.kick import run_kicked

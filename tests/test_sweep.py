@@ -212,7 +212,7 @@ def test_a_run_that_lammps_fails_says_so_in_its_folder_too(
     def ill(*arguments: Any, **named: Any) -> LammpsError:
         return LammpsError("it is ill", "run 40", "")
 
-    monkeypatch.setattr(launch, "_defect", ill)
+    monkeypatch.setattr(launch.WaveRun, "defect", ill)
     done = sweep(small, TWO, tmp_path / "sweep")
     assert {row["message"] for row in done.having("failed")} == {"LAMMPS failed at 'run 40': it is ill"}
     assert Sweep.load(tmp_path / "sweep") == done

@@ -19,7 +19,7 @@ from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
 from granular_lmp.runs.folder import clear, locked, refuse_links
 from granular_lmp.runs.formats import FORMAT
-from granular_lmp.runs.launch import Options, Progress
+from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.scene.sections import Sampled
 

@@ -33,6 +33,7 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.manifest import wall_seconds
+from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
@@ -46,7 +47,7 @@ def run(
     launcher: str = "module",
     ranks: int = 1,
     force: bool = False,
-    progress: launch.Progress | None = None,
+    progress: Progress | None = None,
     kernel: bool = False,
 ) -> Record:
     """Run a scene, or a deck whose text may have been edited, and return the record of the centre sphere.
@@ -107,7 +108,7 @@ def run(
     below it the rounding of positions dominates (docs/accuracy.md).
     """
     folder = absolute(folder)
-    options = launch.Options(launcher, ranks, force, progress, kernel)
+    options = Options(launcher, ranks, force, progress, kernel)
     if isinstance(what, Deck) or what.time.tolerance is None:
         return launch.launch(what, folder, options, _budget)
     return _to_tolerance(what, folder, options)
@@ -117,7 +118,7 @@ def _budget(record: Record) -> dict[str, Any]:
     return {"error_budget": error_budget(record.scene, record.signals)}
 
 
-def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Record:
+def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     """Continue an interrupted run, or the runs of an interrupted scene with a tolerance.
 
     Parameters
@@ -146,7 +147,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
     if scene.time.tolerance is None:
         return launch.resume(folder, progress=progress, judge=_budget)
     one = continued(
-        _one(launch.options_of(folder, info)),
+        _one(options_of(folder, info)),
         lambda place, part: launch.resume(place, progress=part),
         Record.load,
     )
@@ -154,7 +155,7 @@ def resume(folder: str | Path, *, progress: launch.Progress | None = None) -> Re
         return refine(scene, folder, one, progress, info)
 
 
-def _to_tolerance(scene: Scene, folder: Path, options: launch.Options) -> Record:
+def _to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
     scene = prepare(scene).scene
     check_floor(scene, linear_signals(scene))
     kernel = {"kernel": library.description()} if options.kernel else {}
@@ -162,13 +163,13 @@ def _to_tolerance(scene: Scene, folder: Path, options: launch.Options) -> Record
         return refine(scene, folder, _one(options), options.progress, info | kernel)
 
 
-def _one(options: launch.Options) -> One[Scene, Record]:
+def _one(options: Options) -> One[Scene, Record]:
     """Return what makes a run with a step; forced, because its folder may exist and hold files of the user."""
     return lambda scene, place, part: launch.launch(scene, place, replace(options, force=True, progress=part))
 
 
 def refine(
-    scene: Scene, folder: Path, one: One[Scene, Record], progress: launch.Progress | None, info: dict[str, Any]
+    scene: Scene, folder: Path, one: One[Scene, Record], progress: Progress | None, info: dict[str, Any]
 ) -> Record:
     """Run with smaller and smaller steps until the estimate meets the tolerance, and write ``run.json`` of the whole.
 

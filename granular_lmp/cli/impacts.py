@@ -83,7 +83,7 @@ def build(scene: "ImpactScene", options: Options) -> int:
 def run(scene: "ImpactScene", options: Options) -> int:
     """Run an impact."""
     from granular_lmp.impact.run import run_impact
-    from granular_lmp.runs.launch import Options as RunOptions
+    from granular_lmp.runs.options import Options as RunOptions
 
     folder = options.output or f"runs/{scene.name}"
     with interruptible() as progress:

@@ -79,6 +79,12 @@ class ImpactRecord:
         return record
 
     @classmethod
+    def empty(cls, problem: ImpactProblem, folder: Path) -> Self:
+        """Make the record of a run that has recorded nothing."""
+        still = np.empty((0, len(problem.recorded), 2))
+        return cls(np.empty(0), still, still.copy(), still[..., 0], problem=problem, folder=folder)
+
+    @classmethod
     def from_dump(cls, folder: Path, problem: ImpactProblem, info: dict[str, Any] | None = None) -> Self:
         """Make the record of a run folder from its dump."""
         table = read_dump(folder / SNAPSHOTS, len(problem.recorded), dump_columns(problem))

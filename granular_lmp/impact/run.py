@@ -1,11 +1,9 @@
 """The run of an impact in a folder: launch, guards, ``run.json``."""
 
 import platform
-from collections.abc import Callable
-from dataclasses import replace
-from math import isfinite
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -13,7 +11,7 @@ import numpy as np
 from granular_lmp import __version__
 from granular_lmp.accuracy.halving import One, begun, continued, halved
 from granular_lmp.accuracy.recorded import write_dump
-from granular_lmp.errors import EffectError, LammpsError, LaunchError, RunInterrupted
+from granular_lmp.errors import LammpsError, LaunchError
 from granular_lmp.impact.deck import (
     GUARD_COLUMNS,
     ImpactDeck,
@@ -29,24 +27,22 @@ from granular_lmp.impact.steps import LONGEST_STEP
 from granular_lmp.impact.tolerance import answer, estimate, order, plan
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (
-    CHECKPOINTS,
-    LOG,
     SCENE,
     SNAPSHOTS,
+    RunLog,
     mend_dump,
-    mend_log,
-    read_log,
     writable,
-    write_files,
 )
 from granular_lmp.runs.agreement import scene_digest
-from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start, read_unfinished
+from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
-from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import FORMAT
-from granular_lmp.runs.launch import Options, Progress, options_of
+from granular_lmp.runs.loop import begin, proceed
+from granular_lmp.runs.options import Options, Progress, options_of
+from granular_lmp.runs.phases import collected, phase
 from granular_lmp.runs.record import write_status
-from granular_lmp.runs.routes import Job, Route, log_tail, route_of
+from granular_lmp.runs.routes import Job, log_tail
 from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
@@ -65,6 +61,99 @@ LIMITS = {
         "take a shorter time.timestep, or a smaller time.tolerance",
     ),
 }
+
+
+@dataclass(frozen=True)
+class ImpactRun:
+    """The run of a deck of an `ImpactScene` (`granular_lmp.runs.loop.Simulation`).
+
+    Attributes
+    ----------
+    deck : ImpactDeck
+    edits : list of str
+        Lines by which its text differs from the one that this package writes.
+    """
+
+    deck: ImpactDeck
+    edits: list[str] = field(default_factory=list)
+
+    @property
+    def input_name(self) -> str:
+        """File name of the input."""
+        return self.deck.input_name
+
+    @property
+    def dump(self) -> str:
+        """Name of the dump of the recorded spheres."""
+        return SNAPSHOTS
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the run."""
+        return self.deck.problem.scene.time.steps
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """No thermo columns: a stop leaves the last checkpoint."""
+        return ()
+
+    def files(self) -> dict[str, Iterable[str]]:
+        """Return the files of the deck."""
+        return self.deck.files()
+
+    def description(self, launcher: str, ranks: int) -> dict[str, Any]:
+        """Return the entries of ``run.json`` that are known before the run."""
+        return description(self.deck.problem, launcher, ranks) | ({"edited": self.edits} if self.edits else {})
+
+    def checkpoint_steps(self, ranks: int) -> int:
+        """Return the steps between two checkpoints."""
+        return checkpoint_steps(self.deck.problem, ranks)
+
+    def resume_text(self, checkpoint: str) -> str:
+        """Return the input that continues from a checkpoint."""
+        return resume_text(self.deck.problem, checkpoint)
+
+    def mend(self, folder: Path) -> None:
+        """Cut the dump back to whole records."""
+        mend_dump(folder / SNAPSHOTS)
+
+    def collect(self, folder: Path, *, stopped: bool) -> ImpactRecord:
+        """Return the record of a run, finished or not."""
+        if not (folder / SNAPSHOTS).is_file():
+            return ImpactRecord.empty(self.deck.problem, folder)
+        if stopped:
+            self.mend(folder)
+        return ImpactRecord.from_dump(folder, self.deck.problem)
+
+    def outcome(self, folder: Path, record: ImpactRecord, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the guards and the number of records."""
+        return {"guards": judged(self.deck.problem, log.table), "samples": len(record.tau)}
+
+    def defect(self, record: ImpactRecord, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
+        """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
+        time, table = self.deck.problem.scene.time, log.table
+        if len(record.tau) != time.samples + 1:
+            return LammpsError(f"{len(record.tau)} records instead of {time.samples + 1}", job.input_name, "")
+        if not all(np.isfinite(x).all() for x in (record.displacement, record.velocity, record.spin)):
+            return LammpsError("the record holds numbers that are not finite", job.input_name, "")
+        missed = {*range(0, time.steps + 1, look_steps(self.deck.problem))} - {*map(int, table.get("Step", ()))}
+        if missed or not {*GUARD_COLUMNS} <= set(table):
+            what = f"step {min(missed)}" if missed else "the guards"
+            return LammpsError(f"the log lacks {what}", job.input_name, log_tail(job.folder))
+        return None
+
+    def triggered(self, info: dict[str, Any]) -> list[str]:
+        """Return a sentence for each guard that is not quiet."""
+        return [
+            f"{title} = {'not finite' if each['value'] is None else format(each['value'], '.4g')}, above "
+            f"{each['limit']:g}: {each['meaning']}; {each['cure']}"
+            for title, each in info["guards"].items()
+            if not each["quiet"]
+        ]
+
+    def judged(self, record: ImpactRecord) -> dict[str, Any]:
+        """Return nothing: an impact has no read-outs."""
+        return {}
 
 
 def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Options | None = None) -> ImpactRecord:
@@ -99,18 +188,11 @@ def run_impact(what: ImpactScene | ImpactDeck, folder: str | Path, options: Opti
         raise LaunchError("kernel=True: impacts run without it")
     if isinstance(what, ImpactScene) and what.time.tolerance is not None:
         return _to_tolerance(what, folder, options)
-    began = perf_counter()
-    deck = what if isinstance(what, ImpactDeck) else deck_of(prepare(what))
-    info = description(deck.problem, "lmp" if options.program else "module", options.ranks)
-    if deck is what and (edits := differing_lines(deck_of(deck.problem).input_text, deck.input_text)):
-        info["edited"] = edits
-    route = route_of(options.program, options.ranks)
-    with locked(folder, make=True, force=options.force) as lock:
-        clear(folder)
-        write_files(folder, deck.files())
-        report = _step_reporter(options.progress, deck.problem)
-        job = Job(folder, deck.input_name, LOG, lock, report, variables=_variables(deck.problem, info))
-        return _execute(deck.problem, job, route, info, began)
+    with collected() as seconds:
+        with phase("build"):
+            deck = what if isinstance(what, ImpactDeck) else deck_of(prepare(what))
+            edits = differing_lines(deck_of(deck.problem).input_text, deck.input_text) if deck is what else []
+        return begin(ImpactRun(deck, edits), folder, options, seconds)
 
 
 def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> ImpactRecord:
@@ -127,26 +209,11 @@ def resume_impact(folder: str | Path, *, progress: Progress | None = None) -> Im
         As `run_impact`.
     """
     folder = absolute(folder)
-    began = perf_counter()
     started = read_unfinished(folder)
     scene = ImpactScene.load(folder / SCENE)
     if scene.time.tolerance is not None:
         return _resumed(scene, folder, started, progress)
-    with locked(folder) as lock:
-        info = read_start(folder)
-        problem = prepare(scene)
-        last = last_checkpoint(folder, info, SNAPSHOTS)
-        options = options_of(folder, info)
-        route = route_of(options.program, options.ranks)
-        name = f"in.{problem.scene.name}.resume"
-        with writable(folder):
-            (folder / name).write_text(resume_text(problem, last.name), encoding="utf-8")
-            mend_dump(folder / SNAPSHOTS)
-            mend_log(folder / LOG)
-        # The log is "none" because the input itself opens it for appending
-        report = _step_reporter(progress, problem)
-        job = Job(folder, name, "none", lock, report, variables=_variables(problem, info))
-        return _execute(problem, job, route, info, began)
+    return proceed(lambda place: ImpactRun(deck_of(prepare(scene))), folder, progress)
 
 
 def _to_tolerance(scene: ImpactScene, folder: Path, options: Options) -> ImpactRecord:
@@ -208,58 +275,6 @@ def _refined(
     return replace(answer(records), problem=problem, info=outcome, folder=folder)
 
 
-def _step_reporter(progress: Progress | None, problem: ImpactProblem) -> Callable[[int], None]:
-    steps = problem.scene.time.steps
-    return lambda step: progress(min(step, steps), steps) if progress else None
-
-
-def _variables(problem: ImpactProblem, info: dict[str, Any]) -> tuple[str, ...]:
-    """Return the words that tell a deck the mark of its checkpoints, and override what it says for one rank."""
-    marked = ("-var", "marked", mark(info["scene_sha256"]))
-    if info["ranks"] == 1:
-        return marked
-    return (*marked, "-var", "checkpoint", str(checkpoint_steps(problem, info["ranks"])))
-
-
-def _execute(problem: ImpactProblem, job: Job, route: Route, info: dict[str, Any], began: float) -> ImpactRecord:
-    """Run an input in its folder, collect its record, and write the outcome to ``run.json``."""
-    folder = job.folder
-    with writable(folder):
-        write_status(folder, info | {"status": "running", "message": "started"})
-    failure: BaseException | None = None
-    record = None
-    try:
-        route(job)
-    except KeyboardInterrupt:
-        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder)}")
-    except BaseException as error:  # run.json must hold the end of every run
-        failure = error
-    try:
-        if (folder / SNAPSHOTS).is_file():
-            if failure is not None or job.log != LOG:
-                mend_dump(folder / SNAPSHOTS)
-            record = ImpactRecord.from_dump(folder, problem)
-        log = read_log(folder / LOG)
-        info |= {"guards": judged(problem, log.table), "samples": 0 if record is None else len(record.tau)}
-        failure = failure or defect(problem, job, record, log.table) or _triggered(folder, info["guards"])
-        total = info.get("wall_seconds", {}).get("total", 0.0) + perf_counter() - began
-        info["wall_seconds"] = {"total": total, "loop": log.loop if isfinite(log.loop) else None}
-    except BaseException as error:
-        failure = failure or error
-    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
-    info |= {"files": files_of(folder)} if failure is None else {}
-    info |= {"status": status, "message": str(failure or "")}
-    with writable(folder):
-        write_status(folder, info)
-    if failure is not None:
-        raise failure
-    assert record is not None  # `defect` has seen to it
-    job.report_step(problem.scene.time.steps)
-    for name in CHECKPOINTS:
-        (folder / name).unlink(missing_ok=True)
-    return replace(record, info=info)
-
-
 def description(problem: ImpactProblem, launcher: str, ranks: int) -> dict[str, Any]:
     """Return the entries of ``run.json`` that are known before the run."""
     scene = problem.scene
@@ -304,28 +319,3 @@ def judged(problem: ImpactProblem, table: dict[str, Any]) -> dict[str, Any]:
             "cure": cure,
         }
     return found
-
-
-def _triggered(folder: Path, guards: dict[str, Any]) -> EffectError | None:
-    loud = [
-        f"{title} = {'not finite' if each['value'] is None else format(each['value'], '.4g')}, above "
-        f"{each['limit']:g}: {each['meaning']}; {each['cure']}"
-        for title, each in guards.items()
-        if not each["quiet"]
-    ]
-    return EffectError(f"{folder}: {'; '.join(loud)}") if loud else None
-
-
-def defect(problem: ImpactProblem, job: Job, record: ImpactRecord | None, table: dict[str, Any]) -> LammpsError | None:
-    """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
-    time = problem.scene.time
-    if record is None or len(record.tau) != time.samples + 1:
-        count = 0 if record is None else len(record.tau)
-        return LammpsError(f"{count} records instead of {time.samples + 1}", job.input_name, "")
-    if not all(np.isfinite(x).all() for x in (record.displacement, record.velocity, record.spin)):
-        return LammpsError("the record holds numbers that are not finite", job.input_name, "")
-    missed = {*range(0, time.steps + 1, look_steps(problem))} - {*map(int, table.get("Step", ()))}
-    if missed or not {*GUARD_COLUMNS} <= set(table):
-        what = f"step {min(missed)}" if missed else "the guards"
-        return LammpsError(f"the log lacks {what}", job.input_name, log_tail(job.folder))
-    return None

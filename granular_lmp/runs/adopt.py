@@ -26,10 +26,12 @@ from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, r
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import Job, execute, mend
+from granular_lmp.runs.launch import WaveRun, mend
+from granular_lmp.runs.loop import execute
 from granular_lmp.runs.manifest import description, wall_seconds
 from granular_lmp.runs.phases import collected
 from granular_lmp.runs.record import Record
+from granular_lmp.runs.routes import Job
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
@@ -127,7 +129,8 @@ def adopt(
             mend(place, problem.scene)
 
         with collected() as seconds:
-            return execute(deck, Job(place, deck.input_name, LOG, lock, lambda step: None), copy, info, seconds)
+            job = Job(place, deck.input_name, LOG, lock, lambda step: None)
+            return execute(WaveRun(deck), job, copy, info, seconds)
 
 
 def _scene(source: Path) -> Scene:

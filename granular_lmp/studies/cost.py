@@ -25,7 +25,7 @@ from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunI
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference

@@ -15,7 +15,7 @@ from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
 from granular_lmp.problem import prepare, step_rules
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
 from granular_lmp.studies.sweep_points import scene_hash

@@ -17,7 +17,7 @@ from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 

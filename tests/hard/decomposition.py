@@ -9,7 +9,7 @@ import numpy as np
 from granular_lmp import Record, build
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, edited
 from tests.hard.waves import scene

@@ -17,7 +17,7 @@ from granular_lmp.impact.deck import ImpactDeck
 from granular_lmp.impact.run import resume_impact
 from granular_lmp.impact.scene import is_impact
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.runs.launch import Options
+from granular_lmp.runs.options import Options
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import PAPER
 

@@ -17,7 +17,7 @@ from granular_lmp.impact.deck import deck_of as deck_of_impact
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.runs.launch import core_count
+from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status
 from tests.promises.paths import PATHS, Path_, Signals, resume, signals
 from tests.promises.table import ELSEWHERE, PROMISES, covered, placed

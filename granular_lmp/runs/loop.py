@@ -1,0 +1,207 @@
+"""The loop of every run: write the deck, launch LAMMPS, collect what it wrote, judge it, and say so in ``run.json``.
+
+A wave and an impact differ in their decks, records and guards. The loop asks these of a `Simulation` and does the rest:
+folder, lock, launch, progress, checkpoints, clock, status and seal.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
+from granular_lmp.lammps.outputs import CHECKPOINTS, CONTACTS, LOG, RunLog, mend_log, read_log, writable, write_files
+from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start
+from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.manifest import wall_seconds
+from granular_lmp.runs.options import Options, Progress, options_of
+from granular_lmp.runs.phases import Seconds, collected, phase, split
+from granular_lmp.runs.routes import Job, Route, route_of
+from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.status import read_status, write_status
+
+R = TypeVar("R")  # a frozen record with ``info``, the contents of ``run.json``
+
+
+class Simulation(Protocol[R]):
+    """A deck, and what its kind of scene knows of its run.
+
+    Attributes
+    ----------
+    input_name : str
+        File name of the input.
+    dump : str
+        Name of the dump without which nothing was recorded.
+    steps : int
+        Time steps of the run.
+    columns : tuple of str
+        Thermo columns of the guards, with which an interrupted run is completed.
+    """
+
+    @property
+    def input_name(self) -> str: ...
+    @property
+    def dump(self) -> str: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def columns(self) -> tuple[str, ...]: ...
+
+    def files(self) -> Mapping[str, Iterable[str]]:
+        """Return name → text, in pieces, of the files of the run folder."""
+
+    def description(self, launcher: str, ranks: int) -> dict[str, Any]:
+        """Return the entries of ``run.json`` that are known before the run."""
+
+    def checkpoint_steps(self, ranks: int) -> int:
+        """Return the steps between two checkpoints."""
+
+    def resume_text(self, checkpoint: str) -> str:
+        """Return the input that continues from a checkpoint."""
+
+    def mend(self, folder: Path) -> None:
+        """Cut what a stop left of the dumps back to whole records."""
+
+    def collect(self, folder: Path, *, stopped: bool) -> R:
+        """Return the record of the run, finished or not."""
+
+    def outcome(self, folder: Path, record: R, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the entries of ``run.json`` after the run, its guards among them."""
+
+    def defect(self, record: R, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
+        """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
+
+    def triggered(self, info: dict[str, Any]) -> list[str]:
+        """Return a sentence for each guard that fails the run."""
+
+    def judged(self, record: R) -> dict[str, Any]:
+        """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
+
+
+def begin(
+    simulation: Simulation[R], folder: Path, options: Options, seconds: Seconds, kernel: Mapping[str, Any] | None = None
+) -> R:
+    """Run a simulation in a folder, which is created, and return its record.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    folder : Path
+        Absolute.
+    options : Options
+    seconds : dict
+        Phases of the run so far (`granular_lmp.runs.phases.collected`).
+    kernel : mapping, optional
+        ``path`` of the library that computes the contacts, and its ``description``.
+
+    Raises
+    ------
+    RunFolderError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
+        As in `granular_lmp.run`.
+    """
+    with phase("build"):
+        info = simulation.description("lmp" if options.program else "module", options.ranks)
+        info |= {"kernel": kernel["description"]} if kernel else {}
+    # Missing programs and libraries are reported before a file is written
+    route = route_of(options.program, options.ranks)
+    with locked(folder, make=True, force=options.force) as lock:
+        with phase("write"):
+            clear(folder)
+            write_files(folder, simulation.files())
+        job = _job(simulation, folder, simulation.input_name, LOG, lock, options, info)
+        if kernel:  # it writes no slip into checkpoints, so that there are none
+            never = ("-var", "checkpoint", str(simulation.steps + 1))
+            job = replace(job, columns=(), variables=(*job.variables, *never), kernel=kernel["path"])
+        return execute(simulation, job, route, info, seconds)
+
+
+def proceed(of: Callable[[Path], Simulation[R]], folder: Path, progress: Progress | None) -> R:
+    """Continue a stopped or killed run from its last checkpoint, on the same route and ranks.
+
+    Parameters
+    ----------
+    of : callable
+        Returns the simulation of the run folder.
+    folder : Path
+        Absolute.
+    progress : callable, optional
+
+    Raises
+    ------
+    RunFolderError
+        If the run is finished, was changed, or was stopped before its first checkpoint.
+    LaunchError, LammpsMissingError, LammpsError, EffectError, RunInterrupted
+        As in `granular_lmp.run`.
+    """
+    read_status(folder)  # raises if the folder holds no run
+    with collected() as seconds, locked(folder) as lock:
+        info = read_start(folder)
+        with phase("build"):
+            simulation = of(folder)
+        last = last_checkpoint(folder, info, simulation.dump)
+        options = replace(options_of(folder, info), progress=progress)
+        route = route_of(options.program, options.ranks)
+        name = f"{simulation.input_name}.resume"
+        with writable(folder):
+            (folder / name).write_text(simulation.resume_text(last.name), encoding="utf-8")
+            simulation.mend(folder)
+            mend_log(folder / LOG)
+        # The log is "none" because the input itself opens it for appending
+        job = _job(simulation, folder, name, "none", lock, options, info)
+        return execute(simulation, job, route, info, seconds)
+
+
+def _job(
+    simulation: Simulation[R], folder: Path, name: str, log: str, lock: int, options: Options, info: dict[str, Any]
+) -> Job:
+    """Return the job of an input: its deck is told the mark of its checkpoints, and their interval on ranks."""
+    progress, steps = options.progress, simulation.steps
+    report = (lambda step: progress(min(step, steps), steps)) if progress else (lambda step: None)
+    variables: tuple[str, ...] = ("-var", "marked", mark(info["scene_sha256"]))
+    if info["ranks"] > 1:
+        variables += ("-var", "checkpoint", str(simulation.checkpoint_steps(info["ranks"])))
+    return Job(folder, name, log, lock, report, simulation.columns, variables)
+
+
+def execute(simulation: Simulation[R], job: Job, route: Route, info: dict[str, Any], seconds: Seconds) -> R:
+    """Run an input in its folder, collect its record, and write the outcome to ``run.json``.
+
+    `seconds` collects the phases of the run (`granular_lmp.runs.phases`); all that was collected so far belongs to it.
+    """
+    folder = job.folder
+    failure: BaseException | None = None
+    with phase("write"), writable(folder):
+        write_status(folder, info | {"status": "running", "message": "started"})
+    try:
+        with phase("deck"):  # the route times the start of LAMMPS, and the log the loop
+            route(job)
+    except KeyboardInterrupt:
+        failure = RunInterrupted(f"{folder}: interrupted; what was recorded is kept; {how_to_continue(folder)}")
+    except BaseException as error:  # also from the progress callback: run.json must hold the end of every run
+        failure = error
+    try:
+        with phase("read"), writable(folder):
+            record = simulation.collect(folder, stopped=failure is not None or job.log != LOG)
+            log = read_log(folder / LOG) if (folder / LOG).exists() else RunLog({}, nan, {})
+            found = simulation.outcome(folder, record, log, info)
+            failure = failure or simulation.defect(record, log, job, info | found)
+        before = info.get("wall_seconds", {})
+        split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
+        info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
+        if messages := simulation.triggered(info):
+            failure = failure or EffectError(f"{folder}: {'; '.join(messages)}")
+        if failure is None:
+            info |= simulation.judged(record) | {"files": files_of(folder)}
+    except BaseException as error:  # a full disk, or malformed files of LAMMPS
+        failure = failure or error
+    status = "finished" if failure is None else "interrupted" if isinstance(failure, RunInterrupted) else "failed"
+    info = info | {"status": status, "message": str(failure or "")}
+    with writable(folder):
+        write_status(folder, info)
+    if failure is not None:
+        raise failure
+    job.report_step(simulation.steps)
+    for name in (*CHECKPOINTS, CONTACTS):  # contacts are kept only if they failed the run
+        (folder / name).unlink(missing_ok=True)
+    return replace(record, info=info)  # type: ignore[type-var]  # records are dataclasses

@@ -1,0 +1,62 @@
+"""Options of a run: how LAMMPS is launched, on how many ranks, and who is told of the progress."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from granular_lmp.errors import LaunchError
+from granular_lmp.lammps.outputs import STATUS
+from granular_lmp.runs.fields import LAUNCHERS
+from granular_lmp.scene.schema import plain_value
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a run: the arguments of `granular_lmp.run` apart from scene and folder, documented there.
+
+    Raises
+    ------
+    LaunchError
+        If the launcher is unknown, there are more ranks than cores, or the kernel is to run in the program ``lmp``.
+    """
+
+    launcher: str = "module"
+    ranks: int = 1
+    force: bool = False
+    progress: Progress | None = None
+    kernel: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ranks", plain_value(self.ranks))
+        if self.launcher not in LAUNCHERS:
+            raise LaunchError(f"launcher = {self.launcher!r}: must be one of {', '.join(LAUNCHERS)}")
+        if self.kernel and self.program:
+            taken = f"ranks={self.ranks}" if self.ranks > 1 else f"launcher={self.launcher!r}"
+            raise LaunchError(
+                f"kernel=True: runs on one rank of this process; leave out one of kernel=True and {taken}"
+            )
+        if not isinstance(self.ranks, int) or not 1 <= self.ranks <= core_count():
+            # Ranks wait for each other in busy loops: 3 ranks on 2 cores took 70 times as long as 2 ranks
+            raise LaunchError(f"ranks = {self.ranks!r}: must be from 1 to {core_count()}, the cores of this machine")
+
+    @property
+    def program(self) -> bool:
+        """True if the program ``lmp`` runs the deck instead of this process."""
+        return self.launcher == "lmp" or self.ranks > 1
+
+
+def options_of(folder: Path, info: dict[str, Any]) -> Options:
+    """Return the options with which a run was started, from its ``run.json``; raises LaunchError as `Options`."""
+    try:
+        return Options(info["launcher"], info["ranks"], kernel="kernel" in info)
+    except LaunchError as error:
+        raise LaunchError(f"{folder / STATUS}: {error}") from error
+
+
+def core_count() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
