@@ -203,7 +203,9 @@ class StepRule:
 def step_rules(scene: Scene) -> list[StepRule]:
     """Return all rules for the time step of a scene, which `prepare` and the choice of a step both follow."""
     limit = largest_step(scene)
-    name = "2/Omega_max, less with drag," if scene.effects.damping is True else "2/Omega_max"
+    causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
+    less = " and ".join(cause for there, cause in causes if there)
+    name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
     sources = longest_steps(scene.source, scene.sphere, mode_of(scene).frequency)
     return [
@@ -213,11 +215,12 @@ def step_rules(scene: Scene) -> list[StepRule]:
 
 
 def largest_step(scene: Scene) -> float:
-    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag.
+    """Return the stability limit of velocity Verlet in the scene's crystal, τ: 2/Ω_max, less with drag and strikes.
 
     LAMMPS's drag uses the velocity of half a step before, which changes the condition ΩΔτ < 2 to (ΩΔτ)² + 2bΔτ < 4.
     Here b = cλ: c in m/t0 is that of the dashpots, λ at most 2(κ+3)Ω²/min(κ, 1) in a perfect lattice. The drag of quiet
-    ends is none of the kind (`granular_lmp.crystal.quiet_ends`).
+    ends is none of the kind (`granular_lmp.crystal.quiet_ends`). A strike presses a contact to at most (1 + s) Δ0,
+    where its stiffness is √(1 + s) times that at rest (`granular_lmp.scene.strikers.stretch`).
     """
     physics, sphere = physics_of(scene), scene.sphere
     viscosity = Case(scene).viscosity if scene.effects.damping is not False else 0.0
@@ -231,5 +234,6 @@ def largest_step(scene: Scene) -> float:
         unloaded = np.zeros(len(contacts))
         alone = replace(contacts, normal_stiffness=dashpots, shear_stiffness=dashpots.copy(), contact_force=unloaded)
         drag = viscosity * (frequency_bound(alone, sphere, physics) / top) ** 2 if viscosity else 0.0
+    top *= (1 + scene.strike) ** 0.25
     half = drag * top / 2  # b/2Ω
     return 2 / top / (hypot(half, 1) + half)

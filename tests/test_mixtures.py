@@ -10,10 +10,12 @@ import pytest
 
 from analysis import compare
 from granular_lmp import Record, Scene, build, run
+from granular_lmp.accuracy.ladder import first_step
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.checkpoints import SPEED
-from granular_lmp.problem import prepare
+from granular_lmp.lammps.guards import fastest
+from granular_lmp.problem import largest_step, prepare
 from tests.conftest import PAPER
 
 UNIT = PAPER.scale.length / PAPER.scale.time  # m/s
@@ -180,10 +182,26 @@ def test_friction_and_openings_are_judged_by_what_a_strike_may_do() -> None:
     weak, strong = (prepare(scene(AT_REST, striker=[{**STRUCK[0], "velocity": share * UNIT}])) for share in (0.01, 1.0))
     assert not weak.on["contact_opening"]
     assert strong.on["contact_opening"]  # ½mv² stretches a contact by more than Δ0
+    shaken = scene(AT_REST, striker=STRUCK, source=[{**MOVE[0], "frequency": 2.0}])
+    assert fastest(shaken) == 4.0
     # Whatever part of an L wave moves none of them, a striker shears and turns spheres
     of_l = prepare(scene({"mode": "L"}, striker=STRUCK))
     assert of_l.on["shear"]
     assert of_l.on["rotation"]
+
+
+def test_the_step_is_stable_for_contacts_as_stiff_as_a_strike_makes_them() -> None:
+    strong = scene(AT_REST, striker=[{**STRUCK[0], "velocity": 10 * UNIT}])
+    pressed = (
+        1 + strong.strike
+    )  # overlap over that at rest; a Hertz contact is stiffer by its root, Omega by the fourth
+    limit = largest_step(prepare(scene()).scene) / pressed**0.25
+    assert pressed > 3
+    prepare(strong.with_values({"time.timestep": 0.99 * limit}))
+    with pytest.raises(SceneError, match="less with a strike that stiffens contacts, = "):
+        prepare(strong.with_values({"time.timestep": 1.01 * limit, "time.sample": 1.01 * limit}))
+    to_tolerance = strong.with_values({"time.tolerance": 0.1, "time.sample": 5.0, "time.duration": 5.0})
+    assert first_step(prepare(to_tolerance).scene) < limit
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
     free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
     usual = mode_of(scene).frequency
-    own = [each.pulsation(scene.sphere, usual) for each in scene.source]
+    own = [each.top(scene.sphere, usual) for each in scene.source]
     return max(2 ** (1 / 3) * max([usual, *own]), free.frequency)
 
 

@@ -78,13 +78,11 @@ def fastest(scene: Scene) -> float:
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
     usual = mode_of(scene).frequency
-    if scene.struck:
-        top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene))
-        return max(2 * usual, top * swiftness(scene))
-    own = [each.known.top(each) * each.pulsation(scene.sphere, usual) for each in scene.source]
+    own = [each.top(scene.sphere, usual) for each in scene.source]
     if scene.wave.form != "none" or not any(own):
         own.append(usual)
-    return max(2 * max(own), TOP * swiftness(scene))
+    top = highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) if scene.struck else TOP
+    return max(2 * max(own), top * swiftness(scene))
 
 
 def look_interval(scene: Scene) -> int:

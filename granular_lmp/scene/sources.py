@@ -128,6 +128,10 @@ class Source(AtPlaces):
             return 2 * pi * self.hertz * sphere.time_scale
         return default if self.frequency is None else self.frequency
 
+    def top(self, sphere: Sphere, default: float) -> float:
+        """Return the highest frequency that steps must resolve, rad/t0; 0 if its signal has none."""
+        return self.known.top(self) * self.pulsation(sphere, default)
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedSource:
@@ -258,7 +262,7 @@ def placed(sources: Sequence[Source], crystal: ase.Atoms, sphere: Sphere, mode: 
 def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> Iterator[tuple[float, str]]:
     """Yield for each source the longest step (τ) that resolves its signal, and why; `usual` is Ω of the wave."""
     for number_, each in enumerate(sources, 1):
-        top = each.known.top(each) * each.pulsation(sphere, usual)
+        top = each.top(sphere, usual)
         if top:
             most = 2 * pi / top / FEWEST_STEPS
             yield (
