@@ -3,9 +3,13 @@
 A `Scene` declares a simulation, `build` returns its LAMMPS `Deck`, and `run` runs the deck and returns the `Record` of
 the centre sphere::
 
-    from granular_lmp import Scene, run
+    from granular_lmp import Scene, load, resume, run, sweep
     record = run(Scene.load("tr_nonresonant"), "runs/tr_nonresonant")
     record.p                                   # v/D0 of the centre sphere at the times record.tau
+    record = load("runs/tr_nonresonant")       # reads it again; resume() continues a run that was stopped
+    table = sweep(record.scene, {"wave.amplitude": [0.1, 0.2]}, "sweeps/amplitude")
+
+An `ImpactScene` declares spheres that just touch and are struck; `run`, `resume`, `load` and `sweep` take it too.
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
 `impact`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
@@ -18,15 +22,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from granular_lmp.accuracy.ladder import build as build
-    from granular_lmp.accuracy.tolerance import run as run
     from granular_lmp.impact.record import ImpactRecord as ImpactRecord
     from granular_lmp.impact.run import run_impact as run_impact
     from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
+    from granular_lmp.runs.export import export as export
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
+    from granular_lmp.studies.runnable import load as load
+    from granular_lmp.studies.runnable import resume as resume
+    from granular_lmp.studies.runnable import run as run
+    from granular_lmp.studies.sweep import Sweep as Sweep
+    from granular_lmp.studies.sweep import sweep as sweep
 
 __version__ = "0.2.0"
 
@@ -37,13 +46,21 @@ _HOMES = {
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
     "build": "accuracy.ladder",
-    "run": "accuracy.tolerance",
+    "run": "studies.runnable",
+    "resume": "studies.runnable",
+    "load": "studies.runnable",
+    "sweep": "studies.sweep",
+    "Sweep": "studies.sweep",
+    "export": "runs.export",
     "Record": "runs.record",
     "html": "plot.notebook",
     "prepare": "problem",
     "run_impact": "impact.run",
 }
-__all__ = ["Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "build", "html", "prepare", "run", "run_impact"]
+__all__ = [
+    *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "html", "load", "prepare"),
+    *("resume", "run", "run_impact", "sweep"),
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
+import granular_lmp
+from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
 from granular_lmp.impact.deck import deck_of
@@ -223,3 +224,24 @@ def test_the_kernel_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LaunchError, match="kernel=True: impacts run without it"):
         run_impact(ImpactScene.load("solitary_chain"), tmp_path / "run", Options(kernel=True))
     assert not (tmp_path / "run").exists()
+
+
+def test_the_door_runs_continues_and_reads_waves_and_impacts_alike(
+    small: Scene, fast_looks: None, tmp_path: Path
+) -> None:
+    def stop(step: int, steps: int) -> None:
+        if steps / 3 < step < steps:
+            raise KeyboardInterrupt
+
+    long = {"time.duration": 200.0, "output.checkpoint": 3e-5}
+    for kind, scene, record in (("wave", small, Record), ("impact", CHAIN, ImpactRecord)):
+        whole = granular_lmp.run(scene.with_values(long), tmp_path / kind)
+        assert isinstance(whole, record)
+        with pytest.raises(RunInterrupted):
+            granular_lmp.run(scene.with_values(long), tmp_path / f"{kind} cut", progress=stop)
+        granular_lmp.resume(tmp_path / f"{kind} cut")
+        again = granular_lmp.load(tmp_path / f"{kind} cut")
+        assert isinstance(again, record)
+        assert np.array_equal(again.tau, whole.tau)
+        table = granular_lmp.sweep(scene, {"time.sample": [0.5]}, tmp_path / f"{kind}s")
+        assert table.having("finished") == table.rows

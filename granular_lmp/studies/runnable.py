@@ -1,29 +1,30 @@
-"""Scenes that a study can run: of a wave, or of an impact. Each has its own run, its own resume and its record.
+"""Scenes of a wave and of an impact, run, continued and read alike: `run`, `resume` and `load` of `granular_lmp`.
 
-A study asks the functions of this module, and never which of the two it has.
+Who asks the functions of this module never asks which of the two a scene is.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.ladder import planned_steps
+from granular_lmp.impact.deck import ImpactDeck
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
 from granular_lmp.impact.scene import ImpactScene, is_impact, marked
 from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
+from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
-from granular_lmp.runs.options import Options
+from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
 Runnable = Scene | ImpactScene
 Motion = Record | ImpactRecord
-Steps = Callable[[int, int], None]
 
 
 def scene_of(tables: Mapping[str, Any]) -> Runnable:
@@ -67,18 +68,44 @@ def words(scene: Runnable) -> str:
     return scene.words if isinstance(scene, ImpactScene) else scene.wave_label
 
 
-def run(scene: Runnable, folder: Path, *, force: bool, progress: Steps | None) -> Motion:
-    """Run a scene, as `granular_lmp.run` or `granular_lmp.run_impact`."""
-    if isinstance(scene, ImpactScene):
-        return run_impact(scene, folder, Options(force=force, progress=progress))
-    return tolerance.run(scene, folder, force=force, progress=progress)
+@overload
+def run(what: Scene | Deck, folder: str | Path, **options: Any) -> Record: ...
+@overload
+def run(what: ImpactScene | ImpactDeck, folder: str | Path, **options: Any) -> ImpactRecord: ...
+def run(what: Runnable | Deck | ImpactDeck, folder: str | Path, **options: Any) -> Motion:
+    """Run a scene or a deck, of a wave or of an impact, in `folder`, which is created, and return its record.
+
+    Parameters
+    ----------
+    what : Scene, Deck, ImpactScene or ImpactDeck
+    folder : path
+    **options
+        ``launcher``, ``ranks``, ``force``, ``progress`` and ``kernel`` of `granular_lmp.accuracy.tolerance.run`, whose
+        errors this function raises. An impact is run as by `granular_lmp.impact.run.run_impact`.
+
+    Returns
+    -------
+    Record or ImpactRecord
+    """
+    if isinstance(what, ImpactScene | ImpactDeck):
+        return run_impact(what, folder, Options(**options))
+    return tolerance.run(what, folder, **options)
 
 
-def resume(folder: Path, *, progress: Steps | None) -> Motion:
-    """Continue the run of a folder from its last checkpoint."""
+def resume(folder: str | Path, *, progress: Progress | None = None) -> Motion:
+    """Continue a stopped run of any scene from its last checkpoint, on the same route and ranks.
+
+    The errors are those of `granular_lmp.accuracy.tolerance.resume`.
+    """
     return (resume_impact if is_impact(folder) else tolerance.resume)(folder, progress=progress)
 
 
-def load(folder: Path) -> Motion:
-    """Return the record of a finished run; raises RunFolderError."""
+def load(folder: str | Path) -> Motion:
+    """Return the record of a finished run: a `Record`, or an `ImpactRecord`.
+
+    Raises
+    ------
+    RunFolderError
+        If the folder holds no finished run, or one whose files were changed.
+    """
     return ImpactRecord.load(folder) if is_impact(folder) else Record.load(folder)
