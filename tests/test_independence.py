@@ -198,3 +198,13 @@ def test_an_arrow_between_rooms_is_seen_however_it_is_written(line: str) -> None
 def test_a_circle_is_seen() -> None:
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == {"a", "b", "c"}
     assert not circle({"a": {"b"}, "b": {"c"}, "c": set()})
+
+
+@pytest.mark.parametrize("name", ["bonds", "crystal", "second_order", "third_order", "phase_matching", "validity"])
+def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package(name: str) -> None:
+    found, left = set(), {f"theory.{name}"}
+    while left:
+        found |= left
+        left = set().union(*(ANALYSIS[each] for each in left)) - found
+    assert "second_harmonic" not in found
+    assert not any("granular_lmp" in roots(of_package("analysis")[each]) for each in found)

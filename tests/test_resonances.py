@@ -9,8 +9,9 @@ import pytest
 
 from analysis import second_harmonic as sh
 from analysis.figures import resonances as script
+from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal, hexagonal
+from analysis.theory.crystal import Crystal
 from analysis.theory.network import Material
 from analysis.theory.phase_matching import Match, matches, mirrors, zone_edge
 from analysis.theory.scenes import Setting

@@ -8,8 +8,9 @@ import pytest
 
 from analysis import second_harmonic as sh
 from analysis.theory import bonds, jkr, third_order
+from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import Crystal, Wall, find_contacts, hexagonal
+from analysis.theory.crystal import Crystal, Wall, find_contacts
 from analysis.theory.frequency_shift import frequency_shift as closed_shift
 from analysis.theory.network import Material, Network, contacts, mixed, start
 from analysis.theory.network_motion import integrate

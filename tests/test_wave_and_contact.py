@@ -9,8 +9,8 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.second_harmonic import ModeName, second_harmonic
 from analysis.theory import directions, lattice
+from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import LAWS, Contact, Law
-from analysis.theory.crystal import hexagonal
 from analysis.theory.hierarchy import hierarchy_orders
 from analysis.theory.timestep import limit, stepped
 from analysis.theory.wave import Wave, residual

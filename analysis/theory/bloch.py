@@ -1,6 +1,6 @@
 """The paper's crystal at a wave vector: its bonds, directions and modes, in the gauge W = (u, v, f), φ = i f.
 
-The modes are those of `analysis.theory.crystal.hexagonal`. Inversion together with reversal of time maps a wave
+`hexagonal` is the paper's crystal for the theory of any. Inversion together with reversal of time maps a wave
 exp i(k·r − Ωτ) on itself, so that a mode has real (u, v) and an imaginary φ = i f: W is real. Units: displacements and
 φ in Δ0, time in t0, wave vectors in 1/lattice constant, x along a close-packed row. Where spheres do not turn there are
 two modes, not three.
@@ -13,8 +13,9 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.theory.bonds import Bonds, Law
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import PLANE, hexagonal
+from analysis.theory.crystal import PLANE, Crystal, padded
 
 Floats = NDArray[np.float64]
 Field = TypeVar("Field", bound=NDArray[Any])
@@ -26,6 +27,26 @@ RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]
 GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
 
+def hexagonal(contact: Contact) -> Crystal:
+    """Return the paper's crystal with a contact, along x a row: lengths in Δ0, forces in k1Δ0, time in t0.
+
+    Wave vectors are in 1/lattice constant. Dashpots are left out.
+    """
+    normal = padded(BONDS)
+    ratio = contact.overlap_ratio
+    law = Law(*(np.full(3, float(each)) for each in contact.adhesion.law(contact.shear_stiffness)))
+    bonds = Bonds(
+        *(np.zeros(3, dtype=np.intp), np.zeros(3, dtype=np.intp), normal, normal),
+        curving=np.full(3, ratio / (1 - ratio)),
+        arms=np.ones((3, 2)),
+        widening=np.full((3, 2), ratio / (1 - ratio)),
+        law=law,
+        shear_law=contact.law,
+    )
+    mass = 2 * (contact.kappa + 3) * np.array([1.0, 1, 1, *3 * [contact.inertia / (1 - ratio)]])
+    return Crystal(bonds, mass[None], np.zeros((1, 3)), normal[:2], PLANE if contact.turns else PLANE[:2])
+
+
 def in_plane(field: Field) -> Field:
     """Return (u, v, φ) (..., 3) of a field (..., 1, 6) of a crystal of one sphere a cell."""
     return cast(Field, field[..., 0, list(PLANE)])
@@ -35,18 +56,6 @@ def real_modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Floats]
     """Return frequencies (..., J) and shapes W (..., J, 3), normalised and signed as in `directions.modes`."""
     modes = hexagonal(contact).modes(wavevector)
     return modes.frequencies, np.real(in_plane(modes.shapes) / GAUGE)
-
-
-def select(frequencies: Floats, shapes: Floats, branch: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the frequency (...) and shape (..., 3) of one branch per wave vector."""
-    index = np.broadcast_to(np.asarray(branch), frequencies.shape[:-1])
-    branches = range(frequencies.shape[-1])
-    if not np.isin(index, branches).all():
-        raise ValueError(f"branch is {branch!r}; allowed: {', '.join(map(str, branches))} in ascending frequency")
-    return (
-        np.take_along_axis(frequencies, index[..., None], axis=-1)[..., 0],
-        np.take_along_axis(shapes, index[..., None, None], axis=-2)[..., 0, :],
-    )
 
 
 def unit(wavevector: ArrayLike) -> Floats:

@@ -8,8 +8,8 @@ where their centres are nearer than their radii add up to. Their laws are those 
 moment of inertia takes over: I/(1 − δ/2R). Where the contacts of a sphere have different δ or R, the rest is no
 symmetric matrix, and modes come with their duals: what a force does to mode j is dual_j·M⁻¹F.
 
-Units are any consistent ones; wave vectors are in those of 1/place. `hexagonal` is the paper's crystal in the units of
-`analysis.theory.contact`: displacements in Δ0, time in t0, wave vectors in 1/lattice constant.
+Units are any consistent ones; wave vectors are in those of 1/place. `analysis.theory.bloch.hexagonal` is the paper's
+crystal in its own.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,7 @@ from typing import Any, Literal, NamedTuple, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bonds import Bonds, Law, ShearLaw, dmt, jkr
-from analysis.theory.contact import Contact
+from analysis.theory.bonds import Bonds, ShearLaw, dmt, jkr
 from analysis.theory.network import Material, ShearMixing, mixed
 
 Floats = NDArray[np.float64]
@@ -274,27 +273,6 @@ class Crystal:
             raise ValueError(
                 f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
             )
-
-
-def hexagonal(contact: Contact) -> Crystal:
-    """Return the paper's crystal with a contact, along x a row: lengths in Δ0, forces in k1Δ0, time in t0.
-
-    Wave vectors are in 1/lattice constant. Dashpots are left out.
-    """
-    angles = np.radians([0.0, 60.0, 120.0])
-    normal = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    ratio = contact.overlap_ratio
-    law = Law(*(np.full(3, float(each)) for each in contact.adhesion.law(contact.shear_stiffness)))
-    bonds = Bonds(
-        *(np.zeros(3, dtype=np.intp), np.zeros(3, dtype=np.intp), normal, normal),
-        curving=np.full(3, ratio / (1 - ratio)),
-        arms=np.ones((3, 2)),
-        widening=np.full((3, 2), ratio / (1 - ratio)),
-        law=law,
-        shear_law=contact.law,
-    )
-    mass = 2 * (contact.kappa + 3) * np.array([1.0, 1, 1, *3 * [contact.inertia / (1 - ratio)]])
-    return Crystal(bonds, mass[None], np.zeros((1, 3)), normal[:2], PLANE if contact.turns else PLANE[:2])
 
 
 def find_contacts(

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import Mode, ModeName
-from analysis.theory.bloch import BONDS, GAUGE, frame, in_plane, real_modes, unit, wavevector_of
+from analysis.theory.bloch import BONDS, GAUGE, frame, hexagonal, in_plane, real_modes, unit, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import hexagonal
 from analysis.theory.mixing import Pair, Tone, forced_amplitude, mixed_wave
 from analysis.theory.second_order import second_order as second_order_of
 from analysis.theory.second_order import wave as wave_of

@@ -25,9 +25,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.theory.bloch import GAUGE, in_plane
+from analysis.theory.bloch import GAUGE, hexagonal, in_plane
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import hexagonal
 from analysis.theory.second_order import RIGID, Mixed, branch_of
 
 Floats = NDArray[np.float64]

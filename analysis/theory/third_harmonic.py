@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.adhesion import refuse_other_laws
-from analysis.theory.bloch import in_plane
+from analysis.theory.bloch import hexagonal, in_plane
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import hexagonal
 from analysis.theory.second_order import Answer, wave
 from analysis.theory.third_order import third_harmonic
 

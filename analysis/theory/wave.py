@@ -7,9 +7,8 @@ import numpy as np
 
 from analysis.second_harmonic import Mode, ModeName, Ratios
 from analysis.second_harmonic import mode as mode_along_y
-from analysis.theory.bloch import frame, wavevector_of
+from analysis.theory.bloch import frame, hexagonal, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.crystal import hexagonal
 
 # Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
 # another ν, inertia or geometry leaves as much as it differs by.
