@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.theory import bonds, jkr, third_order
+from analysis.theory import bonds, driven, jkr, third_order
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal, Wall, find_contacts
 from analysis.theory.frequency_shift import frequency_shift as closed_shift
 from analysis.theory.network import Material, Network, contacts, mixed, start
 from analysis.theory.network_motion import integrate
+from analysis.theory.quasilinear import Sheet, evolve
 from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
 from analysis.theory.validity import validity
 from tests.exact_space import Packing
@@ -512,3 +513,44 @@ def test_what_is_said_of_validity_grows_with_its_order() -> None:
     one_a, two_a = (validity(flat, first.times(size)) for size in (0.1, 0.2))
     assert two_a.drift == pytest.approx(4 * one_a.drift, rel=1e-12)
     assert one_a.creep == 0
+
+
+# --- the other theories of second order -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("overlap_ratio", [0.0, 0.02])
+def test_three_waves_together_are_the_quasilinear_field_of_a_sheet(overlap_ratio: float) -> None:
+    sheet = Sheet(12, 8, 0.17, overlap_ratio)
+    crystal = hexagonal(Contact(0.17, overlap_ratio=overlap_ratio))
+    places = ((2, 1), 0, 1.0, 0.3), ((1, 3), 1, 0.6, 1.0), ((3, 0), 2, 0.4, 2.0)
+    waves = [
+        wave(crystal, sheet.wavevectors[place], branch).times(size * np.exp(1j * phase))
+        for place, branch, size, phase in places
+    ]
+    turns = [np.exp(1j * sheet.rest @ each.wavevector[:2])[:, None] for each in waves]
+    field = sum(each.shape * turn for each, turn in zip(waves, turns, strict=True)).real[:, PLANE]
+    rate = sum(-1j * each.frequency * each.shape * turn for each, turn in zip(waves, turns, strict=True)).real[:, PLANE]
+    tau = np.linspace(0, 20, 5)
+    _, second = evolve(sheet, field, rate, tau, step=0.25)
+    theory = np.stack([second_order(crystal, waves, tau, place)[1][:, 0, PLANE] for place in sheet.rest], axis=1)
+    # The quadrature of the sheet is of order eight: 6e-9 at its usual step, 2^8 times less at half of it
+    np.testing.assert_allclose(theory, second, rtol=0, atol=1e-10 * np.abs(second).max())
+
+
+@pytest.mark.parametrize("contact", [Contact(0.17), Contact(0.17, law="incremental", overlap_ratio=2.5e-4)])
+@pytest.mark.parametrize("name", ["TR", "L"])
+def test_the_forced_harmonic_behind_a_driven_row_is_that_of_its_wave(name: str, contact: Contact) -> None:
+    mode, ratios = sh.mode(name, 0.9, contact.secant_ratios), contact.ratios
+    crystal, k = hexagonal(contact), [0, 1.8 / ROOT3]
+    one = wave(crystal, k, int(np.argmin(np.abs(crystal.modes(k).frequencies - mode.frequency))))
+    own = driven.linear_waves(mode, ratios)
+    p, q, _ = own.shapes[:, 0]
+    size = p / one.shape[0, 1] if name == "L" else -q / one.shape[0, 0]
+    free = driven.free_wavenumber(2 * mode.frequency, ratios)
+    forced = 0.5 * Mixed(crystal, one, one).forced()[0, 1] * size**2
+    rows = np.arange(30, 40) if name == "TR" else np.arange(10)  # beyond the wave that decays
+    _, second = driven.driven_amplitudes(mode, ratios, 1.0, np.arange(40))
+    own_harmonic = second[rows] - forced * np.exp(1j * 1.8 * rows)
+    # Less the forced wave it is the free wave that cancels it at the row: the same everywhere but for its phase
+    steps = own_harmonic[1:] / own_harmonic[:-1]
+    np.testing.assert_allclose(steps, np.exp(1j * free), rtol=0, atol=1e-9)

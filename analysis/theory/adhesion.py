@@ -86,14 +86,18 @@ class Jkr:
     @cached_property
     def expansion(self) -> Expansion:
         """Return κ/κ_M, n and m."""
-        b = self.adhesive
-        shear = (3 - 2 * b) / (6 - b)
-        return Expansion((6 - b) / (6 - 3 * b), shear / 2 * (1 + 6 * b / ((2 - b) * (6 - b))), shear)
+        law = self.law(1.0)
+        return Expansion(self._excess, float(law.curvature) / 2, float(law.shear_growth))
+
+    @property
+    def _excess(self) -> float:
+        """Factor 1/K of the module."""
+        return (6 - self.adhesive) / (6 - 3 * self.adhesive)
 
     @cached_property
     def _scale(self) -> float:
         """Factor KD of the module."""
-        return (1 - 2 * self.adhesive / 3) / self.expansion.excess
+        return (1 - 2 * self.adhesive / 3) / self._excess
 
     @property
     def load(self) -> float:
