@@ -190,16 +190,12 @@ class ImpactRecord:
         """
         return np.asarray(self.energies().sum(axis=1))
 
-    def write_si(self, path: str | Path) -> None:
-        """Write a CSV file in SI units, a line for each sphere and time, with every digit.
+    @property
+    def si(self) -> dict[str, NDArray[Any]]:
+        """The motion in SI units by column, a line for each sphere and time, time by time.
 
-        Its columns are ``t_s``, ``row``, ``column``, ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres
-        turn ``spin_rad_s``.
-
-        Raises
-        ------
-        RunFolderError
-            If the file cannot be written.
+        The columns are ``t_s``, ``row``, ``column``, ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn
+        ``spin_rad_s``.
         """
         arrays, scale, each = self.problem.crystal.arrays, self.scale, self.problem.recorded
         count, moments = len(each), len(self.tau)
@@ -214,6 +210,17 @@ class ImpactRecord:
         }
         if self.problem.on["rotation"]:
             columns["spin_rad_s"] = self.spin.ravel() * scale.velocity / self.scene.sphere.radius
+        return columns
+
+    def write_si(self, path: str | Path) -> None:
+        """Write `si` as a CSV file with every digit.
+
+        Raises
+        ------
+        RunFolderError
+            If the file cannot be written.
+        """
+        columns = self.si
         path = Path(path)
         with writable(path), path.open("w", encoding="utf-8", newline="") as stream:
             writer = csv.writer(stream, lineterminator="\n")

@@ -18,18 +18,6 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 
 
-def si_columns(record: Record) -> dict[str, NDArray[np.float64]]:
-    """Return the trajectory in SI units by column: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``."""
-    scene = record.scene
-    unit = scene.displacement_amplitude
-    return {
-        "t_s": record.tau * scene.sphere.time_scale,
-        "p_m": record.p * unit,
-        "q_m": record.q * unit,
-        "theta_rad": record.phi * unit / scene.sphere.radius,
-    }
-
-
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
     """Return `MonitorRecord.columns` in SI units by column; places stay rows and columns of the packing.
 
@@ -60,7 +48,7 @@ def _write_csv(columns: dict[str, NDArray[np.float64]], path: Path) -> None:
 
 def write_si(record: Record, path: Path) -> None:
     """Write the trajectory in SI units as CSV."""
-    _write_csv(si_columns(record), path)
+    _write_csv(record.si, path)
 
 
 def write_extxyz(particles: Snapshots, path: Path) -> None:

@@ -186,6 +186,17 @@ class Record:
             raise RunFolderError(f"{self!r}: is of no run folder, and so without monitors")
         return MonitorRecord.load(self.folder, name)
 
+    @property
+    def si(self) -> dict[str, NDArray[np.float64]]:
+        """The trajectory in SI units by column: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``."""
+        unit = self.scene.displacement_amplitude
+        return {
+            "t_s": self.tau * self.scene.sphere.time_scale,
+            "p_m": self.p * unit,
+            "q_m": self.q * unit,
+            "theta_rad": self.phi * unit / self.scene.sphere.radius,
+        }
+
     def plot(self) -> "Picture":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
         from granular_lmp.plot.signals import trajectory_figure  # matplotlib takes longer to load than most runs
