@@ -37,12 +37,6 @@ def refuse(case: Case) -> str:
         return ""
     if case.viscosity == 0:
         return "effects.damping = true: needs effects.viscosity above 0 or effects.restitution below 1"
-    judged = [name for name in ("sliding", "contact_opening") if not case.on.get(name)]
-    if judged and not case.scene.perfect:
-        return (
-            f"effects.damping = true: needs effects.{judged[0]} = true where spheres differ or are missing, as its "
-            "guard reads normal forces there, which dashpots change"
-        )
     if effects.restitution < 1 and case.on["adhesion"]:
         return (
             f"effects.restitution = {effects.restitution!r}: LAMMPS has it for contacts without adhesion only; "

@@ -7,7 +7,7 @@ only if its line in `analysis.theory.catalogue` names it.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import exp, hypot, inf, isfinite
 from typing import Any, NamedTuple
@@ -173,6 +173,21 @@ class Case:
         dashpot = effects.viscosity or sphere.restitution_viscosity(effects.restitution)
         return dashpot * sphere.time_scale / sphere.mass
 
+    @property
+    def strongest_dashpot(self) -> float:
+        """Bound on the dashpot of all contacts, N s/m, in a restitution's case those of no more than the force at rest.
+
+        η = √5 ζ √(m_eff A) δ^{1/4} = √5 ζ √m_eff A^{1/3} f^{1/6} with the force f of the spring.
+        """
+        scene, crystal = self.scene, crystal_of(self.scene)
+        if scene.effects.restitution == 1:
+            return scene.effects.viscosity
+        radius = float(crystal.atoms.arrays["radius"].max()) * scene.sphere.radius
+        stiffest = max(replace(each, radius=radius).normal_coefficient for each in crystal.materials)
+        lattice, own = scene.sphere, self.contacts.mass.max()
+        stronger = np.sqrt(own / lattice.mass) * (stiffest / lattice.normal_coefficient) ** (1 / 3)
+        return lattice.restitution_viscosity(scene.effects.restitution) * max(float(stronger), 1.0)
+
     def largest_slip(self) -> float:
         """Return the largest ratio of shear force to sliding force of the same contact at the same time.
 
@@ -192,7 +207,10 @@ class Case:
         overlap = np.where(closed, overlap, law.pull_off_overlap)
         push = law.shear_stiffness(overlap) / sphere.normal_stiffness * np.cos(phase) - self.dashpot * np.sin(phase)
         force = np.where(closed, np.abs(shear * push), 0.0)
-        limit = self.friction * law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
+        limit = law.sliding_force(overlap) / (sphere.normal_stiffness * sphere.static_overlap)
+        if not self.on.get("adhesion", True):  # LAMMPS's Hertz contacts slide at μ times the force with its dashpot
+            limit = np.maximum(limit + self.dashpot * normal * np.sin(phase), 0.0)
+        limit = self.friction * limit
         if np.any((limit == 0) & (np.abs(shear * np.cos(phase)) > NOTHING)):
             return inf
         return float(np.max(np.divide(force, limit, out=np.zeros_like(force), where=limit > 0)))

@@ -5,9 +5,13 @@ result.
 """
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, pi
 
+import numpy as np
+
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 
@@ -26,8 +30,49 @@ ROUNDINGS = 20.0
 _LOOK = re.compile(r"look\(([^()]+)\)")
 
 
-def contact_lines(group: str, tag: str, *, equal: bool) -> list[str]:
-    """Return the lines that measure the contacts of a group: shear forces, lengths, and normal forces if they differ.
+@dataclass(frozen=True)
+class Reading:
+    """What guards read of the contacts of a scene.
+
+    LAMMPS gives lengths and forces of contacts, and no radii. Dashpots are in the forces, which may then pull although
+    the spheres are pressed, or press although they are about to part.
+
+    Attributes
+    ----------
+    lengths : bool
+        True if overlaps are those of lengths, as all contacts are alike. Otherwise they follow from normal forces.
+    dashpots : bool
+        True if these forces hold dashpots. Overlaps are then lower bounds: the fastest two spheres may part.
+    whole : bool
+        True if contacts slide at μ times the whole normal force, with its dashpot: LAMMPS's Hertz contacts.
+    """
+
+    lengths: bool
+    dashpots: bool = False
+    whole: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Reading":
+        """Return the reading of a scene with every "auto" decided."""
+        if scene.effects.damping is not True:
+            return cls(scene.perfect)
+        crystal = crystal_of(scene)
+        alike = len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
+        return cls(alike, dashpots=not alike, whole=scene.effects.adhesion is not True)
+
+    @property
+    def forces(self) -> bool:
+        """True if normal forces are read."""
+        return not self.lengths or self.whole
+
+
+def bounded(scene: Scene) -> bool:
+    """Return whether the smallest overlap that the guards of a scene know is only a lower bound."""
+    return Reading.of(scene).dashpots
+
+
+def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
+    """Return the lines that measure the contacts of a group: shear forces, lengths, and normal forces if they are read.
 
     Parameters
     ----------
@@ -35,43 +80,58 @@ def contact_lines(group: str, tag: str, *, equal: bool) -> list[str]:
         Spheres that are looked at.
     tag : str
         End of the names of the computes: "" for the spheres that are judged, "_all" for all.
-    equal : bool
-        True if all spheres are equal; see `overlap_line`.
+    how : Reading
     """
-    extreme = f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local"
-    if equal:
-        return [f"compute      contact{tag} {group} pair/local dist p4", extreme]
-    return [
-        f"compute      contact{tag} {group} pair/local dist p4 force cutoff radius",
-        extreme,
-        f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local",
+    forces = " force cutoff radius" if how.forces else ""
+    lines = [
+        f"compute      contact{tag} {group} pair/local dist p4{forces}",
+        f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local",
     ]
+    if how.forces:
+        lines.append(f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local")
+    if how.dashpots:
+        lines.append(f"compute      swift{tag} {group} reduce maxabs vx vy")
+    return lines
 
 
-def overlap_line(of: str, *, equal: bool) -> str:
-    """Return the line of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
+def overlap_lines(of: str, how: Reading) -> list[str]:
+    """Return the lines of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
 
     Parameters
     ----------
     of : str
         "looks" for all looks since the last line of the thermo table, "now" for the present one, "all" for the present
         one and all spheres.
-    equal : bool
-        True if all spheres are equal: the overlap of a contact is then 2R less its length. Otherwise it is the overlap
-        of two spheres of the lattice that have the smallest normal force.
+    how : Reading
+        With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
+        lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
     """
-    tag, style = "_all" if of == "all" else "", "vector" if of == "looks" else "equal"
-    longest, weakest = (f"look({one})" if of == "looks" else one for one in (f"c_extreme{tag}[1]", f"c_weakest{tag}"))
-    if equal:
-        return (
+    style, longest, weakest = "vector" if of == "looks" else "equal", read("extreme", of, 1), read("weakest", of)
+    if how.lengths:
+        return [
             f"variable     overlap_{of} {style} (2*v_R-{longest})/v_Delta0"
             "  # the smallest, in Delta0, of contacts that touch"
-        )
+        ]
     least = f"{weakest}+<adhesive_force>"
-    return (
-        f"variable     overlap_{of} {style} (({least}>0)*({least})/<holding_force>)^(2/3)"
-        "  # of the smallest normal force, in Delta0"
-    )
+    if not how.dashpots:
+        return [
+            f"variable     overlap_{of} {style} (({least}>0)*({least})/<holding_force>)^(2/3)"
+            "  # of the smallest normal force, in Delta0"
+        ]
+    swift, spring = f"sqrt({read('swift', of, 1)}^2+{read('swift', of, 2)}^2)", f"v_spring_{of}"
+    # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
+    return [
+        f"variable     spring_{of} {style} ({least}-2*<dashpot>*{swift})/<holding_force>"
+        "  # the smallest normal force, as if the strongest dashpot added the most to it",
+        f"variable     overlap_{of} {style} (1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))^(2/3)"
+        "  # of that force, in Delta0: never above the truth",
+    ]
+
+
+def read(compute: str, of: str, column: int = 0) -> str:
+    """Return an extreme of `contact_lines` as it stands in the line of a variable; `of` as of `overlap_lines`."""
+    name = f"c_{compute}{'_all' if of == 'all' else ''}" + (f"[{column}]" if column else "")
+    return f"look({name})" if of == "looks" else name
 
 
 def kept_at_looks(lines: list[str], first: str) -> tuple[list[str], list[str]]:
@@ -114,9 +174,9 @@ class Guard:
     roundings : float
         Multiple of the `gathered_rounding` of positions that is added to the limit.
     of_contacts : bool
-        True if the lines read `contact_lines` or `overlap_line`.
-    per_contact : bool
-        True if NAME is only an upper bound, and contacts are dumped while it is above the limit.
+        True if the lines read `contact_lines` or `overlap_lines`.
+    per_contact : callable
+        Scene → True if what LAMMPS measures does not always decide, and contacts are dumped while it does not.
     """
 
     title: str
@@ -127,7 +187,7 @@ class Guard:
     cure: str
     roundings: float = 0.0
     of_contacts: bool = False
-    per_contact: bool = False
+    per_contact: Callable[[Scene], bool] = lambda scene: False
 
     @property
     def column(self) -> str:

@@ -6,7 +6,7 @@ If the effect is off, the deck has a friction at which no contact slides.
 from math import inf, isfinite
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, Guard
+from granular_lmp.effects.guard import BETWEEN, Guard, Reading, read
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
@@ -37,27 +37,35 @@ GUARD = Guard(
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
     "wave.amplitude",
     of_contacts=True,
-    per_contact=True,
+    per_contact=lambda scene: True,
 )
 
 
-def sliding_force(law: str, of: str) -> str:
+def sliding_force(law: str, of: str, how: Reading | None = None) -> str:
     """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
+
+    It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
 
     Parameters
     ----------
     law : str
         Adhesion law.
     of : str
-        "looks", "now" or "all", as of `granular_lmp.effects.guard.overlap_line`.
+        "looks", "now" or "all", as of `granular_lmp.effects.guard.overlap_lines`.
+    how : Reading, optional
     """
+    if how and how.whole:
+        force = read("weakest", of)
+        return f"(v_mu*(1e-9*<holding_force>+({force}>0)*{force}))"
     return f"(v_mu*(<adhesive_force>+{_ABOVE_PULL_OFF[law].replace('<of>', of)}))"
 
 
 def called_for(case: Case) -> Finding:
     ratio = case.largest_slip()
     if ratio == inf and case.scene.effects.friction != AUTO:
-        return Finding(True, ratio, f"contacts open, and an open one bears no shear force (friction {case.friction:g})")
+        damped = case.on.get("damping") and not case.on.get("adhesion")
+        opened = "dashpots pull contacts, which then bear" if damped else "contacts open, and an open one bears"
+        return Finding(True, ratio, f"{opened} no shear force (friction {case.friction:g})")
     if case.scene.effects.friction == AUTO:
         return Finding(False, ratio, f"of the sliding force is the largest shear force (friction {case.friction:.3g})")
     return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")

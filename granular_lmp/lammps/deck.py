@@ -20,7 +20,7 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.effects.guard import BETWEEN
+from granular_lmp.effects.guard import bounded
 from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources, strikes
 from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
@@ -340,7 +340,9 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "friction_limit": "v_friction" if friction == AUTO else repr(friction),
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "hold": repr(case.hold),
-        "nearly_open": f"{BETWEEN - case.hold * (1 - BETWEEN):.4f}",
+        "nearly_open": f"{guards.nearly_open(scene):.4f}",
+        "or_nearly": "" if bounded(scene) else f"+({guards.nearly_open(scene):.4f}>v_overlap_looks)",
+        "dashpot": repr(units.number(case.strongest_dashpot, mass=1, time=-1)),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
         "centre_row": f"{centre_row[0]}:{centre_row[-1]}",

@@ -12,13 +12,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.effects.guard import LOOKS, NEVER, TOP, contact_lines, kept_at_looks, overlap_line
+from granular_lmp.effects.contact_opening import GUARD as OPEN
+from granular_lmp.effects.guard import (
+    BETWEEN,
+    LOOKS,
+    NEVER,
+    TOP,
+    Reading,
+    contact_lines,
+    kept_at_looks,
+    overlap_lines,
+)
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import sliding_force
@@ -190,6 +201,7 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
             f"variable     {name}_when vector look(v_tau)+{NEVER:g}*({guard.limit_in(scene)!r}>=v_{name}_looks)"
         )
     text += _extremes(names)
+    text = _with_sliding_force(text, "looks", scene)
     kept, text = kept_at_looks(text, "v_tau")
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
@@ -201,13 +213,10 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
             *_of_contacts("all", "all", scene),
-            *(line for line in _ELSEWHERE_LINES if _is_there(line, names)),
+            *_with_sliding_force([line for line in _ELSEWHERE_LINES if _is_there(line, names)], "all", scene),
         ]
-    if any(GUARDS[name].per_contact and name in exact for name in names):
-        text += _written_out(scene)
-    law = scene.sphere.adhesion_law
-    for of in ("looks", "all"):
-        text = [line.replace(f"<sliding_force_{of}>", sliding_force(law, of)) for line in text]
+    if undecided := [name for name in names if GUARDS[name].per_contact(scene) and name in exact]:
+        text += _written_out(undecided, scene)
     return [
         *_inside(scene),
         *text,
@@ -238,30 +247,45 @@ def _is_there(text: str, names: list[str]) -> bool:
 
 
 def _of_contacts(group: str, of: str, scene: Scene) -> list[str]:
-    tag = "_all" if of == "all" else ""
-    return [*contact_lines(group, tag, equal=scene.perfect), overlap_line(of, equal=scene.perfect)]
+    tag, how = "_all" if of == "all" else "", Reading.of(scene)
+    return [*contact_lines(group, tag, how), *overlap_lines(of, how)]
 
 
-def _written_out(scene: Scene) -> list[str]:
-    """Return the lines that dump each contact while the upper bound of slip is above the limit, to judge it by itself.
+def _with_sliding_force(text: list[str], of: str, scene: Scene) -> list[str]:
+    force = sliding_force(scene.sphere.adhesion_law, of, Reading.of(scene))
+    return [line.replace(f"<sliding_force_{of}>", force) for line in text]
+
+
+def _written_out(names: list[str], scene: Scene) -> list[str]:
+    """Return the lines that dump each contact while a guard that is an upper bound does not decide, to judge it alone.
 
     LAMMPS counts contacts before it asks whether to skip. A dump whose interval is a time counts those that the look
     has computed, while one whose interval is in steps has them computed again.
     """
-    columns, numbers, ends = "c_contact[1] c_contact[2]", "%.17g %.9g", []
-    if not scene.perfect:
+    columns, numbers, ends, how = "c_contact[1] c_contact[2]", "%.17g %.9g", [], Reading.of(scene)
+    if how.whole:
+        columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
+    if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
         ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
-    force = sliding_force(scene.sphere.adhesion_law, "now").replace("v_mu", "$(v_mu:%.17g)")  # parsed at every look
+    force = sliding_force(scene.sphere.adhesion_law, "now", how).replace(
+        "v_mu", "$(v_mu:%.17g)"
+    )  # parsed at every look
+    slip, opens = f"{SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}", "v_overlap_now>=<nearly_open>"
+    holds = {SLIP.title: f"({slip})", OPEN.title: f"({opens})"}
+    decided, skip = (
+        (slip, "slip_holds") if names == [SLIP.title] else ("&&".join(holds[name] for name in names), "decided")
+    )
+    bound = " or ".join({SLIP.title: "v_slip", OPEN.title: "v_overlap"}[name] for name in names)
     return [
-        "# each contact, distance and shear force, at the looks where the bound v_slip does not decide; the interval",
+        f"# each contact, distance and shear force, at the looks where the bound {bound} does not decide; the interval",
         "# is a time, as LAMMPS would compute the contacts again for a dump whose interval is in steps",
         *ends,
-        overlap_line("now", equal=scene.perfect),
-        f"variable     slip_holds equal {SLIP.limit_in(scene)!r}>=c_extreme[2]/{force}",
+        *overlap_lines("now", how),
+        f"variable     {skip} equal {decided}",
         "variable     next_look equal time+dt*(${look}-step%${look})",
         f"dump         contacts all local ${{look}} ${{dump}}.contacts {columns}",
-        f'dump_modify  contacts every/time v_next_look first yes skip v_slip_holds format line "{numbers}"<append>',
+        f'dump_modify  contacts every/time v_next_look first yes skip v_{skip} format line "{numbers}"<append>',
     ]
 
 
@@ -270,7 +294,7 @@ def header(names: list[str], scene: Scene) -> str:
     limits = [
         f"#   {GUARDS[name].column} is above {GUARDS[name].limit_in(scene):.4g}: "
         + GUARDS[name].meaning.rpartition(": ")[2]
-        + (f"; {CONTACTS} then holds each contact" if GUARDS[name].per_contact else "")
+        + (f"; {CONTACTS} then holds each contact" if GUARDS[name] is SLIP else "")
         for name in names
     ]
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
@@ -308,32 +332,56 @@ def measured(name: str, table: dict[str, NDArray[np.float64]], scene: Scene, fol
         value = at = np.empty(0)
     bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
     triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
-    if not triggered.any():
-        return Measured(bound, None, bound)
-    if guard.per_contact and (folder / CONTACTS).is_file():
-        ratios = list(slip_ratios(folder / CONTACTS, scene, float(table.get("v_mu", [np.nan])[0])))
-        worst = max((ratio for _, ratio in ratios), default=0.0)
-        first = next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None)
-        return Measured(worst, first, bound)
-    first = float(np.min(at[triggered]))
-    return Measured(bound, first if first < NEVER else float(table["v_tau"][np.argmax(triggered)]), bound)
+    first = None
+    if triggered.any():
+        first = float(np.min(at[triggered]))
+        first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
+    if not (guard.per_contact(scene) and (folder / CONTACTS).is_file()):
+        return Measured(bound, first, bound)
+    looks = judged_contacts(folder / CONTACTS, scene, float(table.get("v_mu", [np.nan])[0]))
+    if guard is SLIP:
+        ratios = [(step, look.slip) for step, look in looks] if first is not None else []
+        worst = max((ratio for _, ratio in ratios), default=bound if first is None else 0.0)
+        return Measured(
+            worst, next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None), bound
+        )
+    nearly = next((step * scene.time.step for step, look in looks if look.overlap < nearly_open(scene)), None)
+    known = [tau for tau in (first, nearly) if tau is not None]
+    return Measured(max(bound, float(nearly is not None)), min(known, default=None), bound)
 
 
-def slip_ratios(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int, float]]:
-    """Yield step and largest ratio of the shear force to the sliding force of the same contact, look by look.
+class Look(NamedTuple):
+    """The contacts at one look: the largest ratio of shear to sliding force of one, and the smallest overlap, in Δ0."""
 
-        F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2})),    in the JKR law F_t / (μ (f_N(δ) + 2F))
+    slip: float
+    overlap: float
 
-    The ratio is infinite if a contact without adhesion has just opened.
+
+def nearly_open(scene: Scene) -> float:
+    """Return the overlap, in Δ0, below which a contact may open between two looks; in JKR's law it is negative."""
+    hold = scene.sphere.pull_off_distance / scene.sphere.static_overlap
+    return BETWEEN - hold * (1 - BETWEEN)
+
+
+def judged_contacts(path: Path, scene: Scene, friction: float) -> Iterator[tuple[int, Look]]:
+    """Yield step and the contacts, each judged by its own radii and materials, look by look.
+
+        slip F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2})),    in the JKR law F_t / (μ (f_N(δ) + 2F))
+
+    With dashpots, LAMMPS's Hertz contacts slide at μ times the normal force with its dashpot. The ratio is infinite if
+    a contact without adhesion has just opened, or its dashpot pulls.
     """
     sphere, units, at_rest = scene.sphere, units_for(scene.sphere.radius), crystal_of(scene)
     radius = at_rest.atoms.arrays["radius"] * sphere.radius
+    how = Reading.of(scene)
     for step, _, contacts in read_snapshots(path):
-        *ends, distance, shear = contacts.T
+        *others, distance, shear = (contacts[:, :-1] if how.whole else contacts).T
         # The contacts of equal spheres are all alike, and only those of others are written with their spheres
-        i, j = (end.astype(int) - 1 for end in ends) if ends else np.zeros((2, len(shear)), dtype=int)
+        i, j = (end.astype(int) - 1 for end in others) if others else np.zeros((2, len(shear)), dtype=int)
         law = law_between(at_rest.atoms, at_rest.materials, i, j)
         overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
-        sliding = friction * units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
+        force = contacts[:, -1] if how.whole else units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
+        sliding = friction * np.maximum(force, 0.0)
         ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
-        yield step, float(np.max(ratio, initial=0.0))
+        least = float(np.min(overlap, initial=np.inf)) / sphere.static_overlap
+        yield step, Look(float(np.max(ratio, initial=0.0)), least)

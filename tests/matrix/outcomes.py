@@ -39,7 +39,6 @@ REFUSALS: dict[str, str] = {
     r'envelope.(length|width) = .*: must be 0 with wave.form = "none"': PHYSICS,
     r'envelope.(length|width) = .*: must be 0 with wave.form = "driven"': NOT_BUILT,
     r'packing.lattice = .*: must be "hexagonal" with absorb.rows': NOT_BUILT,
-    r"effects.damping = true: .*where spheres differ": NOT_BUILT,
     r"absorb.rows = .*: no number of rows absorbs the long waves of a strike": PHYSICS,
     # impacts
     r"^(wave.mode|effects.\w+): unknown key": NOT_BUILT,
