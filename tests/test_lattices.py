@@ -25,6 +25,8 @@ from granular_lmp.crystal.lattices import (
     Lattice,
     Shape,
     centre,
+    lattice_constant,
+    offsets,
     packed,
     unit_lattice,
 )
@@ -95,6 +97,61 @@ def test_no_sphere_of_another_lattice_lies_on_a_face_of_the_cell(shape: Shape) -
     assert inside.min() > 1e-3
     assert inside.max() < 1 - 1e-3
     assert list(packing.pbc) == [shape.lattice == SQUARE, shape.ends == "periodic", False]
+
+
+# --- several spheres a cell ------------------------------------------------------------------------------------------
+
+HONEYCOMB = Lattice(
+    "honeycomb",
+    sqrt(3),  # 3/2 a over √3/2 a
+    1.0,
+    True,
+    ((0.0, 0.0), (pi / 2, sqrt(3) * pi / 6), (2 * pi / 3, 0.0)),
+    column_spacing=sqrt(3) / 2,
+    places=((0.0, 0.0), (1.0, -1 / 3)),
+)
+
+
+@pytest.mark.parametrize("shape", [Shape(7, 6, "fixed", HONEYCOMB), Shape(6, 4, "periodic", HONEYCOMB)])
+def test_rows_of_two_spheres_a_cell_are_zigzags_and_each_sphere_has_three_neighbours(shape: Shape) -> None:
+    packing = packed(SILICA, shape)
+    contacts = find_contacts(packing, [SILICA], 0.0)
+    assert set(contacts.per_sphere[~packing.arrays["fixed"]]) == {3}
+    np.testing.assert_allclose(contacts.length, SILICA.lattice_constant, rtol=1e-13)  # as above
+    inside = ((packing.positions - packing.get_celldisp().ravel()) / packing.cell.lengths())[:, :2]
+    assert inside.min() > 1e-3
+    assert inside.max() < 1 - 1e-3
+    assert HONEYCOMB.fewest_columns == 4
+
+
+def test_the_waves_of_a_sheet_are_those_of_the_cell_of_two_spheres(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LATTICES, HONEYCOMB.name, HONEYCOMB)
+    sheet = packed(SILICA, Shape(6, 4, "periodic", HONEYCOMB))
+    assert [each[centre(sheet)] for each in offsets(sheet)] == [0.0, 0.0]
+    of_sheet, _ = bloch_modes(find_contacts(sheet, [SILICA], SILICA.contact_force), SILICA, np.zeros(2))
+    cell, spacings = unit_lattice(SILICA, HONEYCOMB), (HONEYCOMB.row_spacing, HONEYCOMB.column_spacing)
+    vectors = [WaveVector(2 * pi * i / 4, 2 * pi * j / 6, *spacings) for i in range(2) for j in range(6)]
+    waves = np.array([each.components for each in vectors]) / lattice_constant(SILICA)
+    of_cell, _ = bloch_modes(cell, SILICA, waves)
+    # Eigenvalues of order 1, and overlaps of the sheet that follow from the force; the torque arm is the same
+    np.testing.assert_allclose(np.sort(of_cell.ravel()) ** 2, np.sort(of_sheet) ** 2, atol=1e-11)
+    assert HONEYCOMB.vector(pi).components == pytest.approx((0.0, pi / 1.5))  # rows are 3/2 of a contact apart
+
+
+def test_two_waves_of_a_honeycomb_meet_at_the_corner_of_its_zone_alone() -> None:
+    cell, a = unit_lattice(SILICA, HONEYCOMB), lattice_constant(SILICA)
+    corner = np.array(HONEYCOMB.corners[2]) / HONEYCOMB.column_distance(a)
+    there, beside = bloch_modes(cell, SILICA, [corner, 0.9 * corner], FROZEN)[0]
+    assert there[1] == pytest.approx(there[2], rel=1e-12)
+    assert beside[2] > 1.05 * beside[1]
+
+
+def test_a_honeycomb_whose_spheres_roll_freely_has_a_wave_that_nothing_restores() -> None:
+    cell, middle = unit_lattice(SILICA, HONEYCOMB), np.array([[0.0, 1.0], [0.4, 1.0]])  # along y; in no mirror line
+    free, oblique = bloch_modes(cell, SILICA, middle)[0]
+    assert free[0] < 1e-7 < 0.01 < oblique[0]  # the root of a rounding
+    for physics in (FROZEN, Physics(rolling=SILICA.normal_stiffness)):
+        assert bloch_modes(cell, SILICA, middle, physics)[0].min() > 0.01
 
 
 # --- modes -----------------------------------------------------------------------------------------------------------

@@ -156,7 +156,7 @@ def _spacing(scene: Scene) -> float:
     reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
     # The spacing jumps by factors of two, so it depends on the units of the deck
     units = units_for(scene.sphere.radius)
-    row = units.number(scene.sphere.lattice_constant, length=1) * scene.lattice.row_spacing
+    row = scene.lattice.row_distance(units.number(scene.sphere.lattice_constant, length=1))
     n = np.arange(scene.shape.rows) - scene.shape.centre_row
     square = float(np.mean(np.spacing(np.abs(row * n[np.abs(n) <= reach])) ** 2))
     if not scene.plane_along_y:  # what is recorded moves along the rows too

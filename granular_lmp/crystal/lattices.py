@@ -3,8 +3,9 @@
 **Lengths are in radii R**: ASE, which thinks in Å and draws cells in steps of a fraction of one, then shows spheres of
 5 mm as well as of 50 nm. Touching spheres are a lattice constant a = 2R − Δ0 apart.
 
-Rows along x are stacked along y. A `Lattice` holds how: what is `HEXAGONAL`, `SQUARE` or `CHAIN` is known here and, for
-directions other than y in the hexagonal lattice, in `granular_lmp.crystal.wavevector`.
+Rows along x are stacked along y. A `Lattice` holds how, and the places of the spheres of its cell: what is `HEXAGONAL`,
+`SQUARE` or `CHAIN` is known here and, for directions other than y in the hexagonal lattice, in
+`granular_lmp.crystal.wavevector`. Others ask it for distances, wave vectors and `offsets`.
 """
 
 from dataclasses import dataclass
@@ -17,28 +18,38 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import ROW_SPACING
+from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
 
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 _SAME_LATTICE = 1e-9  # relative: rounding of a lattice constant is far below it
 _BESIDE_CHAIN = 2.0  # radii from the centre of a chain to the faces of its box, which no other sphere is behind
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Geometry of a lattice of one sphere a cell.
+    """Geometry of a lattice whose rows are alike; the spheres of a cell lie in one row, one column each.
+
+    A row need not be straight: that of a honeycomb is a zigzag of two spheres a cell, each lower than the one before by
+    a third of the distance of the rows or higher by as much.
 
     Attributes
     ----------
     name : str
         Value of ``packing.lattice``.
     row_spacing : float
-        Distance of the rows along y, lattice constants.
+        Distance of the rows along y, in distances of columns.
     shift : float
-        Shift of every other row along x, lattice constants.
+        Shift of the cells of every other row along x, columns.
     endless_rows : bool
         True if the spheres of a row touch and rows are periodic; False if each row is one sphere.
     corners : tuple of (kx, ky)
-        Γ and corners of the Brillouin zone, 1/a: the highest frequency lies on the edges between them.
+        Γ and corners of the Brillouin zone, rad per column. The highest frequency of a lattice of one sphere a cell
+        lies on the edges between them.
+    column_spacing : float
+        Distance of the columns along x, in that of two spheres that touch.
+    places : tuple of (x, y)
+        Places of the spheres of a cell, column by column: x in columns, y in rows. The first is (0, 0).
     """
 
     name: str
@@ -46,6 +57,13 @@ class Lattice:
     shift: float
     endless_rows: bool
     corners: tuple[tuple[float, float], ...]
+    column_spacing: float = 1.0
+    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+
+    @property
+    def column_period(self) -> int:
+        """Number of columns after which they repeat, the spheres of a cell: a packing has a multiple of it."""
+        return len(self.places)
 
     @property
     def fewest_columns(self) -> int:
@@ -54,12 +72,34 @@ class Lattice:
         With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
         the shear of a contact by the neighbour's tag, mixes up the shear of both.
         """
-        return 3 if self.endless_rows else 1
+        return 3 + -3 % self.column_period if self.endless_rows else 1
 
     @property
     def row_period(self) -> int:
         """Number of rows after which they repeat: a periodic cell has a multiple of it."""
         return 2 if self.shift else 1
+
+    def column_distance(self, touching: float) -> float:
+        """Return the distance of the columns where spheres that touch are `touching` apart, in its unit."""
+        return touching * self.column_spacing
+
+    def row_distance(self, touching: float) -> float:
+        """Return the distance of the rows where spheres that touch are `touching` apart, in its unit."""
+        return self.column_distance(touching) * self.row_spacing
+
+    def vector(self, wavenumber: float, direction: float = 90.0) -> WaveVector:
+        """Return the wave vector with ξ (rad per row) and a direction in degrees from x towards y."""
+        return WaveVector.of(wavenumber, direction, self.row_spacing, self.column_spacing)
+
+    def offsets(self, row: Integers, column: Integers) -> tuple[Floats, Floats]:
+        """Return places relative to column 0 of row 0, the first of its cell: along x in columns, along y in rows.
+
+        A shift by whole columns leaves the numbers of the columns where they are, and shifts the cells.
+        """
+        x, y = np.array(self.places).T
+        begun = column - int(self.shift) * (row % 2)
+        place = begun % self.column_period
+        return begun - place + x[place] + self.shift * (row % 2), row + y[place]
 
 
 HEXAGONAL = Lattice("hexagonal", ROW_SPACING, 0.5, True, ((0.0, 0.0), (pi, pi / sqrt(3)), (4 * pi / 3, 0.0)))
@@ -97,7 +137,7 @@ class Shape:
 
 
 def lattice_constant(sphere: Sphere) -> float:
-    """Return the lattice constant a = 2 − Δ0/R, in radii."""
+    """Return the distance a = 2 − Δ0/R of two spheres that touch, the constant of a lattice of one a cell, in radii."""
     return sphere.lattice_constant / sphere.radius
 
 
@@ -105,20 +145,22 @@ def lattice_constant(sphere: Sphere) -> float:
 
 
 def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
-    """Return the primitive cell of a lattice: one sphere, periodic along y and, unless it is a chain, along x."""
-    a, across = lattice_constant(sphere), lattice.endless_rows
-    vectors = [[a if across else 2, 0, 0], [lattice.shift * a, lattice.row_spacing * a, 0], [0, 0, 2]]
-    cell = ase.Atoms("X", positions=[[0, 0, 0]], cell=vectors, pbc=[across, True, False])
-    cell.set_array("radius", np.ones(1))
+    """Return the primitive cell of a lattice, periodic along y and, unless it is a chain, along x."""
+    a, across, count = lattice_constant(sphere), lattice.endless_rows, lattice.column_period
+    column, row = lattice.column_distance(a), lattice.row_distance(a)
+    vectors = [[count * column if across else 2, 0, 0], [lattice.shift * column, row, 0], [0, 0, 2]]
+    positions = [[x * column, y * row, 0] for x, y in lattice.places]
+    cell = ase.Atoms(f"X{count}", positions=positions, cell=vectors, pbc=[across, True, False])
+    cell.set_array("radius", np.ones(count))
     return cell
 
 
 @cache
 def unit_lattice(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> Contacts:
-    """Return the contacts of the one sphere of an infinite lattice, each with an image of itself.
+    """Return the contacts of the spheres of one cell of an infinite lattice.
 
-    A sphere touches images opposite to each other, which are one contact: three in the hexagonal lattice, two in the
-    square one, one in a chain.
+    The one sphere of a cell touches images of itself opposite to each other, which are one contact: three in the
+    hexagonal lattice, two in the square one, one in a chain.
     """
     return find_contacts(unit_cell(sphere, lattice), [sphere], sphere.contact_force)
 
@@ -154,7 +196,7 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
         Gives radius and lattice constant.
     shape : Shape
         Rows, columns, ends and lattice: any number of rows between fixed ends, in a periodic cell a multiple of
-        `Lattice.row_period`.
+        `Lattice.row_period`; columns a multiple of `Lattice.column_period`.
 
     Returns
     -------
@@ -163,27 +205,29 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
         with periodic ends. ``info`` holds ``rows``, ``columns`` and ``lattice_name``, also after spheres are left out.
         Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (1).
         The centre sphere lies next to the origin, where coordinates have the finest resolution. No sphere is on a
-        periodic face: columns are shifted by a quarter of the lattice constant, rows by half a row.
+        periodic face: columns are shifted by a quarter of their distance, rows by half a row.
 
     Notes
     -----
     ASE draws it (``ase.visualize.view``) and writes it to its own formats.
     """
-    a, lattice = lattice_constant(sphere), shape.lattice
+    lattice = shape.lattice
+    a, spacing = lattice_constant(sphere), lattice.row_distance(lattice_constant(sphere))
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
-    along_x, n = _offsets(row, column, shape)
+    along_x, along_y = _offsets(row, column, shape)
     if lattice.endless_rows:
-        x, left, width = (along_x + 0.25) * a, -(shape.columns // 2) * a, shape.columns * a
+        step = lattice.column_distance(a)
+        x, left, width = (along_x + 0.25) * step, -(shape.columns // 2) * step, shape.columns * step
     else:
         x, left, width = along_x * a, -_BESIDE_CHAIN, 2 * _BESIDE_CHAIN
-    spacing = lattice.row_spacing * a
-    y = n * spacing
+    y = along_y * spacing
     periodic = shape.ends == "periodic"
+    low, high = (edge(place for _, place in lattice.places) * spacing for edge in (min, max))
     # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
-    margin = 0.5 * spacing if periodic else 1.0
-    bottom = -shape.centre_row * spacing - margin
+    below, above = (0.5 * spacing, -0.5 * spacing) if periodic else (1.0 - low, 1.0 + high)
+    bottom = -shape.centre_row * spacing - below
     rows = shape.rows if periodic else shape.rows - 1
-    height = rows * lattice.row_spacing * a + (0.0 if periodic else 2 * margin)
+    height = rows * lattice.row_spacing * lattice.column_distance(a) + (below + above)
     packing = ase.Atoms(
         numbers=np.zeros(len(row), dtype=int),
         positions=np.column_stack([x, y, np.zeros_like(x)]),
@@ -199,16 +243,13 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     return packing
 
 
-def offsets(packing: ase.Atoms) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def offsets(packing: ase.Atoms) -> tuple[Floats, Floats]:
     """Return the places relative to the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
     return _offsets(packing.arrays["row"], packing.arrays["column"], _shape_of(packing))
 
 
-def _offsets(
-    row: NDArray[np.int64], column: NDArray[np.int64], shape: Shape
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    n = row - shape.centre_row
-    return column - shape.columns // 2 + shape.lattice.shift * (n % 2), n
+def _offsets(row: Integers, column: Integers, shape: Shape) -> tuple[Floats, Floats]:
+    return shape.lattice.offsets(row - shape.centre_row, column - shape.columns // 2)
 
 
 def _shape_of(packing: ase.Atoms) -> Shape:

@@ -349,7 +349,8 @@ def highest_frequency(lattice: Contacts, sphere: Sphere, physics: Physics = FULL
     lies on edges of the zone (`Lattice.corners`), in the hexagonal lattice at a place that depends on ν; 120 points
     find it to 1e-4. For other crystals use `granular_lmp.crystal.stability.frequency_bound`.
     """
-    edges = zone_path(lattice_of_contacts(lattice, sphere).corners, 60) / lattice_constant(sphere)
+    kind = lattice_of_contacts(lattice, sphere)
+    edges = zone_path(kind.corners, 60) / kind.column_distance(lattice_constant(sphere))
     path = np.zeros((1, 2)) if physics.rotation else edges
     if physics.rolling:
         path = np.vstack([path, edges])

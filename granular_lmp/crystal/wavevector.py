@@ -1,9 +1,9 @@
 """Wave vectors of a lattice, as phase advances from column to column and from row to row.
 
-Rows lie along x, columns a lattice constant a apart, and rows are h a apart along y: h = √3/2 in the hexagonal lattice,
-whose rows are shifted by half a column. A wave vector k is stored as its phase advances (k_x a, h k_y a); a periodic
-cell holds 2π i/columns and 2π j/rows. The wave number is ξ = h|k|a in every direction: rad per row for a wave along y,
-the paper's direction.
+Rows lie along x, columns a distance a apart, and rows are h a apart along y: in the hexagonal lattice a is the lattice
+constant, h = √3/2, and rows are shifted by half a column. A wave vector k is stored as its phase advances
+(k_x a, h k_y a); a periodic cell holds 2π i/columns and 2π j/rows. The wave number is ξ = h|k|a in every direction: rad
+per row for a wave along y, the paper's direction.
 """
 
 from collections.abc import Sequence
@@ -30,31 +30,40 @@ class WaveVector:
     Attributes
     ----------
     per_column : float
-        Advance k_x a along x to the next sphere of the row.
+        Advance k_x a along x to the next column.
     per_row : float
         Advance h k_y a along y to the next row.
     row_spacing : float
-        Distance h of the rows, lattice constants.
+        Distance h of the rows, in that of the columns.
+    column_spacing : float
+        Distance of the columns, in that of two spheres that touch.
     """
 
     per_column: float
     per_row: float
     row_spacing: float = ROW_SPACING
+    column_spacing: float = 1.0
 
     @classmethod
-    def of(cls, wavenumber: float, direction: float = 90.0, row_spacing: float = ROW_SPACING) -> Self:
+    def of(
+        cls,
+        wavenumber: float,
+        direction: float = 90.0,
+        row_spacing: float = ROW_SPACING,
+        column_spacing: float = 1.0,
+    ) -> Self:
         """Return the wave vector with ξ (rad per row spacing) and a direction in degrees from x towards y."""
         quarter, rest = divmod(direction, 90.0)
         if rest == 0:  # exactly along an axis, where cos 90° would leave 6e-17
             along_x, along_y = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(quarter) % 4]
-            return cls(along_x * wavenumber / row_spacing, along_y * wavenumber, row_spacing)
+            return cls(along_x * wavenumber / row_spacing, along_y * wavenumber, row_spacing, column_spacing)
         angle = radians(direction)
-        return cls(wavenumber * cos(angle) / row_spacing, wavenumber * sin(angle), row_spacing)
+        return cls(wavenumber * cos(angle) / row_spacing, wavenumber * sin(angle), row_spacing, column_spacing)
 
     @property
     def components(self) -> tuple[float, float]:
-        """Components (k_x, k_y) in 1/a."""
-        return self.per_column, self.per_row / self.row_spacing
+        """Components (k_x, k_y) over the distance of two spheres that touch; of one sphere a cell in 1/a."""
+        return self.per_column / self.column_spacing, self.per_row / self.row_spacing / self.column_spacing
 
     @property
     def wavenumber(self) -> float:
@@ -112,7 +121,7 @@ def zone_edge(direction: float) -> float:
 
 
 def zone_path(corners: Sequence[tuple[float, float]], points: int) -> NDArray[np.float64]:
-    """Return wave vectors on the straight edges between corners of a zone, `points` an edge, (P, 2), in 1/a."""
+    """Return wave vectors on the straight edges between corners of a zone, `points` an edge, (P, 2)."""
     ends = np.array(corners)
     share = np.linspace(0, 1, points)[:, None]
     return np.vstack([start + share * (end - start) for start, end in pairwise(ends)])

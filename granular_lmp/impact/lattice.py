@@ -19,7 +19,7 @@ has the radius R (1 − σ |g_s|), with the deviate g_s of `granular_lmp.crystal
 part neighbours. Nothing is pressed, so that all are at rest.
 """
 
-from math import ceil, floor, log2, sqrt
+from math import ceil, floor, log2
 
 import ase
 import numpy as np
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
-from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, Lattice, Shape, packed
+from granular_lmp.crystal.lattices import CHAIN, Lattice, Shape, offsets, packed
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
 
@@ -87,9 +87,8 @@ def touching(
     crystal.arrays["fixed"] = (crystal.arrays["row"] == 0) & held[0] | (crystal.arrays["row"] == rows - 1) & held[1]
     crystal.pbc = (periodic, False, False)
     centre_row = (rows - 1) // 2
-    if lattice == HEXAGONAL:
-        unit = grain(float(rows))
-        crystal.positions[:, 1] = (crystal.arrays["row"] - centre_row) * (floor(sqrt(3) / unit) * unit)
+    unit = grain(float(rows))
+    crystal.positions[:, 1] = offsets(crystal)[1] * (floor(lattice.row_distance(2.0) / unit) * unit)
     # Neighbours are found by their overlap, which spheres that just touch lack; chains are put side by side afterwards
     crystal.arrays["radius"] = np.full(len(crystal), 1 + _REACH)
     places = crystal.copy()

@@ -304,7 +304,7 @@ def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:
     scene, end = problem.scene, quiet_end_of(problem.scene)
     if end is None:
         return {}
-    row = scene.sphere.lattice_constant * scene.lattice.row_spacing
+    row = scene.lattice.row_distance(scene.sphere.lattice_constant)
     inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # to the last row without damping
     return {
         "quiet_rows": str(end.rows),

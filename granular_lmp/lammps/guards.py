@@ -134,7 +134,7 @@ def _inside(scene: Scene) -> list[str]:
     if not watches_part(scene):
         return ["group        inside union all  # the spheres that what is recorded depends on"]
     far = _farthest_row(scene)
-    row = units_for(scene.sphere.radius).number(scene.sphere.lattice_constant * scene.lattice.row_spacing, length=1)
+    row = units_for(scene.sphere.radius).number(scene.lattice.row_distance(scene.sphere.lattice_constant), length=1)
     near = ["v_reach^2>x*x+y*y"]
     for monitor in scene.monitor:
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)

@@ -33,7 +33,8 @@ def suits(scene: Scene) -> bool:
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
     made = waved and scene.perfect and not scene.start.state and not moved
-    return made and scene.lattice.endless_rows and scene.shape.spheres >= LARGE
+    alike = scene.lattice.endless_rows and scene.lattice.column_period == 1
+    return made and alike and scene.shape.spheres >= LARGE
 
 
 def first_rows(problem: Problem, units: Units) -> DataFile:
@@ -61,6 +62,7 @@ def slots(problem: Problem, units: Units) -> dict[str, str]:
     scene, period = problem.scene, problem.scene.lattice.row_period
     (left, right), (bottom, top), _ = _box(problem, units.number(scene.sphere.radius, length=1)).tolist()
     count, columns, rows = scene.shape.spheres, scene.shape.columns, scene.shape.rows
+    across = scene.lattice.column_distance(lattice_constant(scene.sphere))
     shift = f"+{scene.lattice.shift!r}*(abs(v_row)%2)" if scene.lattice.shift else ""
     lines = ["read_data    ${data}", f"replicate    1 {-(-rows // period)} 1"]
     if rows % period:
@@ -74,7 +76,7 @@ def slots(problem: Problem, units: Units) -> dict[str, str]:
         "# column and row from the centre sphere, and with all digits the place there",
         f"variable     row    atom floor((id-1)/{columns})-{scene.shape.centre_row}",
         f"variable     column atom (id-1)%{columns}-{columns // 2}{shift}",
-        f"variable     at_x   atom (v_column+0.25)*{lattice_constant(scene.sphere)!r}*v_R",
+        f"variable     at_x   atom (v_column+0.25)*{across!r}*v_R",
         f"variable     at_y   atom v_row*{_row_spacing(scene)!r}*v_R",
         "set          group all x v_at_x y v_at_y",
     ]
@@ -116,4 +118,4 @@ def _box(problem: Problem, to_deck: float) -> NDArray[np.float64]:
 
 def _row_spacing(scene: Scene) -> float:
     """Return the distance of rows in radii."""
-    return scene.lattice.row_spacing * lattice_constant(scene.sphere)
+    return scene.lattice.row_distance(lattice_constant(scene.sphere))

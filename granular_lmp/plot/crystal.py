@@ -230,7 +230,7 @@ class _Crystal:
         self.stretch = amplitude * factor
         self.colouring, self.vector = colouring, scene.vector
         self.copies = -(-FEWEST_DRAWN // shape.columns) if shape.lattice.endless_rows else 1
-        width = shape.columns * lattice_constant(scene.sphere)
+        width = shape.columns * shape.lattice.column_distance(lattice_constant(scene.sphere))
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
         self.rest = (snapshots.rest[self.drawn] + beside).reshape(-1, 2)
         crowded = len(self.rest) > MOST_WITH_EDGES
@@ -253,7 +253,7 @@ class _Crystal:
         self.hands = LineCollection([], linewidths=0.6)
         axes.add_collection(self.hands, autolim=False)
 
-        spacing = shape.lattice.row_spacing * lattice_constant(scene.sphere)
+        spacing = shape.lattice.row_distance(lattice_constant(scene.sphere))
         low, high = self.rest.min(axis=0) - 1.2 - reach, self.rest.max(axis=0) + 1.2 + reach
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], ylabel="row")
         ends = (first - shape.centre_row, first + count - 1 - shape.centre_row)

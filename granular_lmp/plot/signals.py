@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import bloch_mode, restored
-from granular_lmp.crystal.wavevector import WaveVector, zone_edge
+from granular_lmp.crystal.wavevector import zone_edge
 from granular_lmp.errors import RunFolderError
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -98,7 +98,7 @@ def dispersion_figure(scene: Scene) -> Figure:
     names = restored(lattice, physics)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
-    along = [WaveVector.of(xi, vector.direction, vector.row_spacing) for xi in wavenumbers]
+    along = [scene.lattice.vector(xi, vector.direction) for xi in wavenumbers]
     modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in names] for each in along]
     for index, name in enumerate(names):
         if vector.axis:

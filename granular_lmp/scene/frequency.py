@@ -50,7 +50,7 @@ def wavenumbers_at(
     """
 
     def above(wavenumber: float) -> float:
-        return hertz_of(WaveVector.of(wavenumber, degrees, kind.row_spacing), sphere, physics, mode, kind) - hertz
+        return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind) - hertz
 
     edge = zone_edge(degrees)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]

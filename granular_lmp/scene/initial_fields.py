@@ -149,7 +149,8 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
     """
     sphere = scene.sphere
-    k = vectors / [1, mode.vector.row_spacing] / lattice_constant(sphere)
+    across = scene.lattice.column_distance(lattice_constant(sphere))
+    k = vectors / [1, mode.vector.row_spacing] / across
     frequencies, shapes = bloch_modes(unit_contacts(scene), sphere, k, physics_of(scene))
     likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]

@@ -28,4 +28,4 @@ def gathered_rounding(scene: Scene) -> float:
 
 def farthest_rounding(scene: Scene) -> float:
     """Return the `position_rounding` of the farthest row, in D0."""
-    return position_rounding(scene, scene.shape.rows / 2 * scene.lattice.row_spacing)
+    return position_rounding(scene, scene.lattice.row_distance(scene.shape.rows / 2))

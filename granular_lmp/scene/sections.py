@@ -73,7 +73,7 @@ class Wave:
 
     def vector(self, lattice: Lattice) -> WaveVector:
         """Return the wave vector as declared, in a lattice."""
-        return WaveVector.of(self.wavenumber, self.degrees, lattice.row_spacing)
+        return lattice.vector(self.wavenumber, self.degrees)
 
 
 def _size(meaning: str) -> Any:
