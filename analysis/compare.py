@@ -188,7 +188,7 @@ def table(comparisons: list[Comparison]) -> str:
 
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
-    varied = swept.columns([c.record.scene.used for c in comparisons])
+    varied = swept.columns([c.record for c in comparisons])
     titles = [*varied, "against", *COMPONENTS, "SH measured", "fit ±", "predicted", "deviation"]
     rows = [titles]
     for number, c in enumerate(comparisons):
@@ -202,7 +202,8 @@ def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     asked = len(comparisons) + swept.shared + swept.missing
     if swept.shared:
-        lines.append(f"{asked} points of the sweep are {asked - swept.shared} runs: the others run with equal values")
+        runs = asked - swept.shared
+        lines.append(f"{asked} points of the sweep are {runs} run{'s' * (runs > 1)}: the others run with equal values")
     if swept.missing:
         lines.append(f"{swept.missing} of {asked} points are not finished and left out")
     return "\n".join(lines)

@@ -113,6 +113,21 @@ def distinct(scene: Scene, over: dict[str, list[Any]]) -> int:
     return len({point.run for point in points(scene, over)})
 
 
+def test_compare_takes_the_values_of_runs_from_their_scenes_and_not_from_the_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = PERIODIC.with_values({"packing.rows": 24, "time.duration": 2.0, KEY: 2 * pi * 4 / 24})
+    struck = [{"spheres": [[3, 1]], "velocity": 0.001}]
+    over = {"wave.amplitude": [0.01, 0.02], "striker.1.velocity": [0.001, 0.002]}
+    sweep(scene.with_values({"striker": struck, "output.particles": 1.0}), over, tmp_path / "sweep")
+    path = tmp_path / "sweep" / "sweep.csv"
+    path.write_text(path.read_text().replace("\n0.02,", "\n0.03,").replace(",0.001,", ",0.005,"))
+    compare_main([str(tmp_path / "sweep")])
+    head, *lines = (line.split() for line in capsys.readouterr().out.splitlines())
+    assert head[:3] == ["wave.amplitude", "wave.amplitude_asked", "striker.1.velocity"]
+    assert [(line[0], line[2]) for line in lines[:4]] == [(a, b) for a in ("0.01", "0.02") for b in ("0.001", "0.002")]
+
+
 def test_the_cell_that_is_named_tells_the_waves_apart_where_they_were_asked_for() -> None:
     larger = PERIODIC.with_values({"packing.rows": 272})
     assert distinct(larger, {KEY: ASKED}) == 6

@@ -123,7 +123,9 @@ def test_spheres_that_do_not_turn_are_refused() -> None:
         kicked(build(SMALL.with_values({"effects.rotation": False})))
 
 
-@pytest.mark.parametrize("change", ["wave.mode=L", "packing.columns=4", "time.duration=1.0", "wave.form=driven"])
+@pytest.mark.parametrize(
+    "change", ["wave.mode=L", "packing.columns=4", "time.duration=1.0", "wave.form=driven", "time.tolerance=1e-3"]
+)
 def test_a_scene_that_cannot_be_kicked_is_bad_input(
     change: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,12 +2,12 @@
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from granular_lmp.runs.record import STATUS
+from granular_lmp.runs.record import STATUS, Record
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,14 @@ class Swept:
         """Return the folder of each finished run."""
         return [self.folder / point["run"] for point in self.points]
 
-    def columns(self, ran: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
-        """Return the varied values of each run as they ran, and as "KEY_asked" those asked for if any differs.
+    def columns(self, records: Sequence[Record]) -> dict[str, list[str]]:
+        """Return the varied values of each run by its scene, and as "KEY_asked" those asked for if any differs.
 
-        `ran` are the values that the scene of each run says it has in place of what was declared (`Scene.used`): the
-        tables of earlier versions hold only what was asked for.
+        The table is only asked for what the scenes do not say: a wave vector, and what was asked for.
         """
         found: dict[str, list[str]] = {}
         for key in self.over:
-            used = [str(each.get(key, point[key])) for each, point in zip(ran, self.points, strict=True)]
+            used = [_words(record, key, point[key]) for record, point in zip(records, self.points, strict=True)]
             asked = [point.get(f"{key}_asked", point[key]) for point in self.points]
             found |= {key: used} | ({f"{key}_asked": asked} if used != asked else {})
         return found
@@ -73,3 +72,13 @@ class Swept:
             raise SystemExit(f"{folder}: none of its {len(rows)} runs is finished; there is nothing to compare")
         missing, shared = len(rows) - len(finished), len(finished) - len(runs)
         return cls(over, list(runs.values()), folder, missing, shared)
+
+
+def _words(record: Record, key: str, listed: str) -> str:
+    """Return the value of a key in a run, in the words of the table if these say the same."""
+    ran = record.scene.used.get(key, record.scene.value(key))
+    try:
+        same = float(listed) == ran
+    except ValueError:
+        same = False
+    return listed if same or ran is None else str(ran)

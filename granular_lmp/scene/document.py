@@ -189,6 +189,14 @@ class Document:
             inner[name] = value
         return self.from_dict(tables)
 
+    def value(self, key: str) -> Any:
+        """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds it."""
+        table, _, name = key.rpartition(".")
+        section, _, number = table.partition(".")
+        held = getattr(self, self.attributes.get(section, section), None)
+        found = getattr(held[int(number) - 1] if number and held else held, name, None)
+        return _lists(found)
+
     def _table(self, tables: dict[str, Any], key: str, table: str) -> Any:
         """Return the table of a dotted key: a section, or "inclusion.1" for the first of an array of tables."""
         name, _, number = table.partition(".")
@@ -200,6 +208,11 @@ class Document:
         if table and table not in self.sections:
             raise SceneError(unknown_key(key, table, self.sections))
         return tables.setdefault(table, {}) if table else tables
+
+
+def _lists(value: Any) -> Any:
+    """Return a value with the tuples in it as lists, which is how files and commands give them."""
+    return [_lists(each) for each in value] if isinstance(value, tuple) else value
 
 
 def note(key: str, document: type[Document]) -> str:

@@ -91,8 +91,8 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     Raises
     ------
     SceneError
-        If the lattice is not hexagonal, the scene has fixed ends or monitors, its columns are not a multiple of 3,
-        spheres do not turn, or its records are too few or too far apart.
+        If the lattice is not hexagonal, the scene has fixed ends, monitors or a tolerance, its columns are not a
+        multiple of 3, spheres do not turn, or its records are too few or too far apart.
     RunFolderError
         If the folder exists (without `force`).
     EffectError
@@ -144,6 +144,11 @@ def _refuse_unfit(scene: Scene) -> None:
         raise SceneError(
             f"packing.columns = {scene.packing.columns!r}: must be a multiple of 3 for a sheet that is kicked, which "
             "otherwise does not hold the corner K of the Brillouin zone"
+        )
+    if time.tolerance is not None:
+        raise SceneError(
+            f"time.tolerance = {time.tolerance!r}: must be left out for a sheet that is kicked, which is run once and "
+            "estimates no error; give a time.timestep"
         )
     longest = np.pi / highest_frequency(unit_lattice(scene.sphere), scene.sphere)
     if time.sample >= longest:

@@ -135,12 +135,10 @@ def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
 
 def _ran(scene: Runnable, asked: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a scene that runs, its every "auto" decided, for those that were asked for."""
-    tables = scene.to_dict()
 
     def of(key: str, value: Any) -> Any:
-        table, _, name = key.rpartition(".")
-        decided_value = tables[table].get(name, value) if table in tables else value
-        return scene.used.get(key, value if decided_value == value else decided_value)  # 2 stays 2 beside 2.0
+        said = scene.value(key)
+        return scene.used.get(key, value if said is None or said == value else said)  # 2 stays 2 beside 2.0
 
     return {key: of(key, value) for key, value in asked.items()}
 
