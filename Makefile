@@ -118,6 +118,8 @@ waves: .venv/ready
 	$(BIN)/python -m analysis.figures.tones runs/waves/two_tones -o figures/two_tones.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
+	$(BIN)/granular-lmp run corner_source -o runs/waves/corner_source --force
+	$(BIN)/granular-lmp view runs/waves/corner_source -o figures/corner_source.png --tau 34 --colour energy
 	$(BIN)/granular-lmp sweep quiet_ends --workers $(CORES) --over source.1.frequency=0.3:0.8:51 -o runs/waves/response
 	$(BIN)/granular-lmp view runs/waves/response -o figures/response.png --column behind.v2
 

@@ -120,11 +120,11 @@ class Problem:
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
     def _echoes(self) -> list[str]:
-        """Return a sentence for each monitor that the echo of the walls reaches, unless the scene allows an echo."""
+        """Return a sentence for each monitor that the echo of the faces reaches, unless the scene allows an echo."""
         time = self.scene.time
         found = {} if time.allow_echo else {each.name: echo_at(self.scene, each) for each in self.scene.monitor}
         return [
-            f"monitor {name}: the echo of the walls may reach it at tau = {echo:.4g}"
+            f"monitor {name}: the echo of the {self.scene.shape.edge} may reach it at tau = {echo:.4g}"
             for name, echo in found.items()
             if echo < time.duration
         ]
@@ -160,7 +160,7 @@ def prepare(scene: Scene) -> Problem:
     if scene.time.duration > echo and not scene.time.allow_echo:
         raise SceneError(
             f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal may "
-            f"bring the echo of the walls to the centre at tau = {echo:.4g}; must be at most that, or set "
+            f"bring the echo of the {shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or set "
             "time.allow_echo = true"
         )
     if scene.time.tolerance is None:

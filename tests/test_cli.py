@@ -66,7 +66,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: l_beam, l_chain, "),
+        (["run", "nowhere"], "nowhere: no such scene file; shipped scenes: corner_source, l_beam, "),
         (["run", "solitary_chin"], "two_tones; impacts: breather, compressed_chain, dimer_chain, "),
         (
             ["run", "jkr_pull_off"],
@@ -87,7 +87,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
         (["init", "{tmp}/file"], "file: is there already; choose another name"),
         (["init", "{tmp}/file/mine.toml"], "file/mine.toml: cannot be written"),
         (["init", "{tmp}/my wave.toml"], "name = 'my wave': must be a string of"),
-        (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: l_beam, "),
+        (["init", "{tmp}/mine.toml", "--from", "tr_wave"], "tr_wave: no such scene file; shipped scenes: corner_"),
         (
             ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
             "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",

@@ -89,7 +89,7 @@ def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys
 @pytest.mark.parametrize("name", sorted(path.name for path in SHIPPED_IMPACTS.iterdir() if path.is_dir()))
 def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> None:
     scene = ImpactScene.load(name)
-    sheet = scene.lattice.endless_rows
+    sheet = scene.lattice.sheet
     larger = scene.with_values(LARGE if sheet else {"packing.rows": 20_001})
     found = forecast_of_impact(prepare(larger))
     (small,) = tried

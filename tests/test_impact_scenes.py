@@ -182,7 +182,7 @@ def test_a_striker_has_a_velocity_and_a_file_a_striker() -> None:
 
 
 def test_strikers_that_cannot_move_are_refused() -> None:
-    with pytest.raises(SceneError, match="striker 1: is in a row that is held"):
+    with pytest.raises(SceneError, match="striker 1: is at a face that is held"):
         prepare(CHAIN_SCENE.with_values({"packing.first": "held"}))
     both = {"striker": [{"rows": [0, 1], "velocity": 1.0}, {"rows": [1, 1], "velocity": 2.0}]}
     with pytest.raises(SceneError, match=re.escape("striker 2: sphere [1, 0]: is in another striker too")):

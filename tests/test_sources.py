@@ -49,7 +49,7 @@ def crystal_of(snapshots: Snapshots) -> Crystal:
     sphere, low = snapshots.scene.sphere, snapshots.crystal.get_celldisp().ravel()[:2]
     constant = 2 * (1 - sphere.overlap_ratio)
     size = snapshots.crystal.cell.lengths()[:2] / constant
-    cell = (float(size[0]), float(size[1]) if snapshots.scene.shape.ends == "periodic" else np.inf)
+    cell = tuple(float(each) if there else np.inf for each, there in zip(size, snapshots.crystal.pbc, strict=False))
     contact = Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
     return Crystal((snapshots.rest - low) / constant, cell, contact, snapshots.held)
 
@@ -418,7 +418,7 @@ def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], mes
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"source": [{"rows": [0, 0], "force": "x"}]}, r"rows = \[0, 0\]: must lie between the first and the last row"),
+        ({"source": [{"rows": [0, 0], "force": "x"}]}, r"rows = \[0, 0\]: must lie between the faces that are held"),
         ({"source.1.rows": [3, 3]}, r"source 1: rows = \[3, 3\]: must be between the quiet ends, in rows"),
         (
             {"source": [{"rows": [100, 100], "motion": "x", "signal": "burst", "cycles": 2.0}]},

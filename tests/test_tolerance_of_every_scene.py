@@ -12,7 +12,7 @@ from tests.conftest import PAPER
 
 TOLERANCE = 1e-2
 # Rows of a monitor near what moves first, where the centre sphere is not reached in 20 tau
-NEAR = {"tr_burst_scattering": 42, "two_tones": 28, "tr_driven": 3, "l_beam": 3, "point_source": 3}
+NEAR = {"tr_burst_scattering": 42, "two_tones": 28, "tr_driven": 3, "l_beam": 3, "point_source": 3, "corner_source": 3}
 _random = np.random.default_rng(24)
 
 

@@ -33,6 +33,7 @@ LATTICES = {said("packing.lattice", name) for name in ("square", "chain")}  # be
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
+FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # of a finite sheet: no wave of the infinite lattice
 
 _CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
 _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
@@ -59,6 +60,7 @@ HOLDS: dict[str, frozenset[str]] = {
     NETWORK: _ALONG_Y
     | {STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
     | STRUCK
+    | FACES
     | _IMPERFECT,
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},

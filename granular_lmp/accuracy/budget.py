@@ -50,14 +50,15 @@ def error_budget(
         run in the step, 0 if it is no series (`granular_lmp.effects.selection.order`).
     """
     stepped, remedy = _time_step(scene) if estimate is None else (estimate, _tighter(estimate))
-    held = scene.shape.ends == "fixed"
     more = 2 * ceil(0.35 * scene.shape.centre_row ** (1 / 3))  # Ai halves in 0.35 of its width, d^{1/3} rows
+    farther = f"packing.rows = {scene.shape.rows + more}"
+    farther += f", packing.columns = {scene.shape.columns + more}" if "sides" in scene.shape.faces else ""
     table: list[tuple[str, Errors, str]] = [
         ("time step", stepped, remedy),
         (
             "walls",
             dict.fromkeys(judged(scene, signals), walls(scene)),
-            f"packing.rows = {scene.shape.rows + more}" if held else "nothing to halve: a periodic cell",
+            farther if scene.shape.faces else "nothing to halve: a periodic cell",
         ),
         ("rounding", rounding(scene, signals), "wave.amplitude x 2 (p of TR, RT: x 1.41), or half the packing.rows"),
     ]

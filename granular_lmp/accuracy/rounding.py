@@ -71,11 +71,11 @@ def rounding(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[s
 
 
 def walls(scene: Scene) -> float:
-    """Return the error by the held rows at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
+    """Return the error by the faces at the centre, relative to the wave: 1e-6, or 0 in a periodic cell.
 
     It is also 0 for a scene that runs past the echo (``time.allow_echo``), where the walls are part of the scene.
     """
-    return WALL_ERROR if scene.shape.ends == "fixed" and scene.time.duration <= scene.echo_time else 0.0
+    return WALL_ERROR if scene.shape.faces and scene.time.duration <= scene.echo_time else 0.0
 
 
 def floor(scene: Scene, signals: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
@@ -89,7 +89,7 @@ def check_floor(
     """Raise an error of the type `failure` if no time step can meet the scene's tolerance for these signals."""
     remedies = {
         "rounding": "a larger wave.amplitude or fewer packing.rows",
-        "walls": 'packing.ends = "periodic"',
+        "walls": 'packing.ends = "periodic"' + ("" if scene.shape.infinite else ' and packing.sides = "periodic"'),
     }
     for source, value in floor(scene, signals).items():
         if scene.time.tolerance is not None and scene.time.tolerance < value:

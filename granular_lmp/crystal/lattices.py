@@ -11,6 +11,7 @@ Rows along x are stacked along y. A `Lattice` holds how, and the places of the s
 from dataclasses import dataclass
 from functools import cache
 from math import pi, sqrt
+from typing import Any
 
 import ase
 import numpy as np
@@ -41,8 +42,8 @@ class Lattice:
         Distance of the rows along y, in distances of columns.
     shift : float
         Shift of the cells of every other row along x, columns.
-    endless_rows : bool
-        True if the spheres of a row touch and rows are periodic; False if each row is one sphere.
+    sheet : bool
+        True if the spheres of a row touch; False if each row is one sphere.
     corners : tuple of (kx, ky)
         Γ and corners of the Brillouin zone, rad per column. The highest frequency of a lattice of one sphere a cell
         lies on the edges between them.
@@ -55,7 +56,7 @@ class Lattice:
     name: str
     row_spacing: float
     shift: float
-    endless_rows: bool
+    sheet: bool
     corners: tuple[tuple[float, float], ...]
     column_spacing: float = 1.0
     places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
@@ -67,12 +68,12 @@ class Lattice:
 
     @property
     def fewest_columns(self) -> int:
-        """Fewest columns that LAMMPS simulates correctly.
+        """Fewest columns between periodic sides that LAMMPS simulates correctly.
 
         With 1 or 2 columns of a periodic row a sphere touches two images of the same neighbour, and LAMMPS, which finds
         the shear of a contact by the neighbour's tag, mixes up the shear of both.
         """
-        return 3 + -3 % self.column_period if self.endless_rows else 1
+        return 3 + -3 % self.column_period if self.sheet else 1
 
     @property
     def row_period(self) -> int:
@@ -108,14 +109,77 @@ CHAIN = Lattice("chain", 1.0, 0.0, False, ((0.0, 0.0), (0.0, pi)))
 LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN)}
 
 
+HELD, FREE, PERIODIC = "held", "free", "periodic"  # what a face of a packing is
+
+
 @dataclass(frozen=True)
 class Shape:
-    """Rows, columns and ends of a packing, and its lattice."""
+    """Rows and columns of a packing, its lattice, and its faces.
+
+    Attributes
+    ----------
+    rows, columns : int
+    ends : "fixed" or "periodic"
+        Whether the packing ends along y.
+    lattice : Lattice
+    first, last : "held" or "free"
+        The first and the last row where it ends.
+    sides : "periodic", "held" or "free"
+        The first and the last column of a sheet; a chain has none.
+    """
 
     rows: int
     columns: int
     ends: str
     lattice: Lattice = HEXAGONAL
+    first: str = HELD
+    last: str = HELD
+    sides: str = PERIODIC
+
+    @property
+    def along_x(self) -> bool:
+        """True if the packing is periodic along x."""
+        return self.lattice.sheet and self.sides == PERIODIC
+
+    @property
+    def along_y(self) -> bool:
+        """True if the packing is periodic along y."""
+        return self.ends == PERIODIC
+
+    @property
+    def faces(self) -> dict[str, str]:
+        """What each face is, by "first", "last" and "sides"; without those across which the packing is periodic."""
+        along_y = {} if self.along_y else {"first": self.first, "last": self.last}
+        return along_y | ({"sides": self.sides} if self.lattice.sheet and not self.along_x else {})
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """The faces that are free."""
+        return tuple(name for name, face in self.faces.items() if face == FREE)
+
+    @property
+    def infinite(self) -> bool:
+        """True if held ends alone cut the lattice off, so that it is the infinite one until their echo."""
+        return not self.free and "sides" not in self.faces
+
+    @property
+    def cut(self) -> str:
+        """The faces in words: "fixed ends", "periodic ends, sides free", "first row free, last row held"."""
+        rows = [f"first row {self.first}", f"last row {self.last}"]
+        held = FREE not in (self.faces.get("first"), self.faces.get("last"))
+        sides = [f"sides {self.sides}"] if "sides" in self.faces else []
+        return ", ".join(([f"{self.ends} ends"] if held else rows) + sides)
+
+    @property
+    def edge(self) -> str:
+        """Name of what sends waves back: "walls" where nothing is free, else "faces"."""
+        return "faces" if self.free else "walls"
+
+    def holds(self, row: Any, column: Any) -> Any:
+        """Return whether spheres are held, by row and column: numbers or arrays."""
+        at = {"first": row == 0, "last": row == self.rows - 1, "sides": (column == 0) | (column == self.columns - 1)}
+        held = [at[name] for name, face in self.faces.items() if face == HELD]
+        return np.logical_or.reduce([np.zeros(np.shape(row), dtype=bool), *held])
 
     @property
     def centre_row(self) -> int:
@@ -146,7 +210,7 @@ def lattice_constant(sphere: Sphere) -> float:
 
 def unit_cell(sphere: Sphere, lattice: Lattice = HEXAGONAL) -> ase.Atoms:
     """Return the primitive cell of a lattice, periodic along y and, unless it is a chain, along x."""
-    a, across, count = lattice_constant(sphere), lattice.endless_rows, lattice.column_period
+    a, across, count = lattice_constant(sphere), lattice.sheet, lattice.column_period
     column, row = lattice.column_distance(a), lattice.row_distance(a)
     vectors = [[count * column if across else 2, 0, 0], [lattice.shift * column, row, 0], [0, 0, 2]]
     positions = [[x * column, y * row, 0] for x, y in lattice.places]
@@ -195,15 +259,15 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     sphere : Sphere
         Gives radius and lattice constant.
     shape : Shape
-        Rows, columns, ends and lattice: any number of rows between fixed ends, in a periodic cell a multiple of
+        Rows, columns, faces and lattice: any number of rows between fixed ends, in a periodic cell a multiple of
         `Lattice.row_period`; columns a multiple of `Lattice.column_period`.
 
     Returns
     -------
     ase.Atoms
-        One entry ("X") per sphere, row by row, positions in radii, periodic along x unless it is a chain, and along y
-        with periodic ends. ``info`` holds ``rows``, ``columns`` and ``lattice_name``, also after spheres are left out.
-        Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on the held rows), ``radius`` (1).
+        One entry ("X") per sphere, row by row, positions in radii, periodic as the shape is. ``info`` holds ``rows``,
+        ``columns`` and ``lattice_name``, also after spheres are left out.
+        Arrays: ``row`` and ``column`` (counted from 0), ``fixed`` (True on held faces), ``radius`` (1).
         The centre sphere lies next to the origin, where coordinates have the finest resolution. No sphere is on a
         periodic face: columns are shifted by a quarter of their distance, rows by half a row.
 
@@ -215,13 +279,14 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
     a, spacing = lattice_constant(sphere), lattice.row_distance(lattice_constant(sphere))
     row, column = (index.ravel() for index in np.indices((shape.rows, shape.columns)))
     along_x, along_y = _offsets(row, column, shape)
-    if lattice.endless_rows:
-        step = lattice.column_distance(a)
+    step = lattice.column_distance(a)
+    if shape.along_x:
         x, left, width = (along_x + 0.25) * step, -(shape.columns // 2) * step, shape.columns * step
     else:
-        x, left, width = along_x * a, -_BESIDE_CHAIN, 2 * _BESIDE_CHAIN
+        x, beside = along_x * step, 1.0 if lattice.sheet else _BESIDE_CHAIN
+        left, width = x.min() - beside, np.ptp(x) + 2 * beside
     y = along_y * spacing
-    periodic = shape.ends == "periodic"
+    periodic = shape.along_y
     low, high = (edge(place for _, place in lattice.places) * spacing for edge in (min, max))
     # Half a row below the first row when periodic; a radius of air beyond the held rows otherwise.
     below, above = (0.5 * spacing, -0.5 * spacing) if periodic else (1.0 - low, 1.0 + high)
@@ -233,12 +298,12 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
         positions=np.column_stack([x, y, np.zeros_like(x)]),
         cell=[width, height, 2.0],
         celldisp=[left, bottom, -1.0],
-        pbc=[lattice.endless_rows, periodic, False],
+        pbc=[shape.along_x, periodic, False],
         info={"rows": shape.rows, "columns": shape.columns, "lattice_name": lattice.name},
     )
     packing.set_array("row", row)
     packing.set_array("column", column)
-    packing.set_array("fixed", (row == 0) | (row == shape.rows - 1) if not periodic else np.zeros(len(row), dtype=bool))
+    packing.set_array("fixed", shape.holds(row, column))
     packing.set_array("radius", np.ones(len(row)))
     return packing
 

@@ -96,9 +96,13 @@ class WaveVector:
         """ "x" or "y" when the wave runs along it, up or down; None in between."""
         return "y" if self.per_column == 0 else "x" if self.per_row == 0 else None
 
-    def snapped(self, rows: int, columns: int) -> "WaveVector":
-        """Return the nearest wave vector of a periodic cell."""
-        return replace(self, per_column=snapped(self.per_column, columns), per_row=snapped(self.per_row, rows))
+    def snapped(self, rows: int | None, columns: int | None) -> "WaveVector":
+        """Return the nearest wave vector of a cell that is periodic after rows and columns; None: not periodic."""
+        return replace(
+            self,
+            per_column=self.per_column if columns is None else snapped(self.per_column, columns),
+            per_row=self.per_row if rows is None else snapped(self.per_row, rows),
+        )
 
     @property
     def doubled(self) -> "WaveVector":

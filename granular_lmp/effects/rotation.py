@@ -38,14 +38,17 @@ def called_for(case: Case) -> Finding:
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
     if case.scene.source or case.scene.struck:
         return Finding(True, share, reason + ", but sources and strikes make waves of every mode")
+    if "sides" in case.scene.shape.faces:
+        return Finding(True, share, f"{reason}, but at sides that are {case.scene.shape.sides} spheres turn")
     if not case.scene.layered:
         return Finding(True, share, reason + ", but where spheres differ or are missing every wave turns some")
     if case.scene.envelope.width > 0:
         return Finding(True, share, reason + ", but at the sides of a beam spheres turn")
     if case.scene.wave.mode == "RT":  # at K along x the wave turns no sphere, but the branch exists only with rotation
         return Finding(True, share, reason)
-    if share <= NOTHING and case.mode.name == "TR" and case.scene.shape.ends == "fixed":  # at ξ = π
-        return Finding(True, share, reason + ", but the held rows turn their neighbours")
+    if share <= NOTHING and case.mode.name == "TR" and not case.scene.shape.along_y:  # at ξ = π
+        ends = "held rows" if case.scene.shape.infinite else "ends"
+        return Finding(True, share, reason + f", but the {ends} turn their neighbours")
     return Finding(share > NOTHING, share, reason)
 
 

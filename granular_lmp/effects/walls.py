@@ -1,13 +1,18 @@
-"""Walls: the first and the last row are held; without them the cell is periodic and stands for the infinite lattice."""
+"""Walls: rows or columns at the faces are held. A periodic cell has none, and stands for the infinite lattice."""
 
+from granular_lmp.crystal.lattices import HELD
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.scene.scene import Scene
 
 
 def called_for(case: Case) -> Finding:
-    if case.scene.shape.ends == "periodic":
-        return Finding(False, float(case.scene.shape.rows), "rows in a periodic cell are the infinite lattice")
-    return Finding(True, case.scene.echo_time, "tau is when the echo of the held rows reaches the centre")
+    shape = case.scene.shape
+    if not shape.faces or not shape.lattice.sheet and shape.along_y:
+        return Finding(False, float(shape.rows), "rows in a periodic cell are the infinite lattice")
+    if HELD not in shape.faces.values():
+        return Finding(False, case.scene.echo_time, "tau is when the echo of the free faces reaches the centre")
+    what = "faces" if not shape.infinite else "held rows"
+    return Finding(True, case.scene.echo_time, f"tau is when the echo of the {what} reaches the centre")
 
 
 def loss(case: Case) -> str:
@@ -15,9 +20,7 @@ def loss(case: Case) -> str:
 
 
 def declared(scene: Scene) -> bool:
-    return scene.shape.ends == "fixed"
+    return HELD in scene.shape.faces.values()
 
 
-WALLS = Effect(
-    "walls", called_for, cost="rows", loss=loss, lines={"along_y": "f"}, switch="packing.ends", declared=declared
-)
+WALLS = Effect("walls", called_for, cost="rows", loss=loss, switch="packing.ends", declared=declared)

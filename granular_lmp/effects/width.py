@@ -23,8 +23,10 @@ GUARD = Guard(
 
 def called_for(case: Case) -> Finding:
     columns, fewest = float(case.scene.shape.columns), case.scene.lattice.fewest_columns
-    if not case.scene.lattice.endless_rows:
+    if not case.scene.lattice.sheet:
         return Finding(False, columns, "column: a chain has no other")
+    if "sides" in case.scene.shape.faces:
+        return Finding(True, columns, f"columns between sides that are {case.scene.shape.sides}")
     if case.scene.uniform_rows:
         return Finding(False, columns, f"columns; {fewest} stand for any number where all of a row move alike")
     return Finding(True, columns, "columns; the spheres of a row do not move alike in this wave")

@@ -152,7 +152,7 @@ UNCALLED = dict.fromkeys(
     ("friction", "angle_field", "spin_field", "spin_column", "preload_spin", "start_spin", "mass", "start_angle")
     + ("read_angle", "angle_column", "angle_name", "quiet", "quiet_turn", "quiet_spin"),
     "",
-) | {"motion": "nve", "atom_style": "sphere", "along_y": "p"}
+) | {"motion": "nve", "atom_style": "sphere"}
 
 _STARTED = (_PRELOAD, _WAVE)
 

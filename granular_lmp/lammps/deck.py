@@ -178,7 +178,7 @@ def _text(problem: Problem, units: Units, spheres: dict[str, str]) -> str:
 def _title(scene: Scene) -> str:
     shape = scene.shape
     differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
-    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.ends} ends{differing}"
+    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.cut}{differing}"
 
 
 def _data(problem: Problem, units: Units) -> DataFile:
@@ -264,7 +264,8 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "checkpoint": f"{minutes_between(scene.output.checkpoint, scene.shape.spheres):.3g}",
         "checkpoint_steps": str(checkpoint_steps(scene)),
         "checkpoints": " ".join(CHECKPOINTS),
-        "along_x": "p" if scene.lattice.endless_rows else "f",
+        "along_x": _boundary(scene.shape.along_x, "sides" in scene.shape.free),
+        "along_y": _boundary(scene.shape.along_y, {"first", "last"} & {*scene.shape.free}),
         "columns": str(scene.shape.columns),
         "mass_column": "" if scene.perfect else " mass",
         "centre": str(centre(problem.crystal) + 1),
@@ -297,6 +298,11 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         | numbers
         | _contact_values(problem, units)
     )
+
+
+def _boundary(periodic: bool, free: object) -> str:
+    """Return the word for the faces of the box along an axis: the box follows spheres at a free face, which may fly."""
+    return "p" if periodic else "m" if free else "f"
 
 
 def _quiet_values(problem: Problem, units: Units) -> dict[str, str]:

@@ -120,7 +120,7 @@ def _looks_per_line(scene: Scene) -> int:
 
 def watches_part(scene: Scene) -> bool:
     """Return whether only some spheres affect the record: with walls or a finite wave, recorded at the centre."""
-    return scene.output.particles == 0 and (scene.shape.ends == "fixed" or scene.envelope.finite)
+    return scene.output.particles == 0 and (bool(scene.shape.faces) or scene.envelope.finite)
 
 
 def _inside(scene: Scene) -> list[str]:
@@ -139,7 +139,7 @@ def _inside(scene: Scene) -> list[str]:
     for monitor in scene.monitor:
         low, high = ((each - scene.shape.centre_row) * row for each in monitor.span)
         apart = f"abs(y-({(low + high) / 2!r}))"
-        if scene.shape.ends == "periodic":  # the shorter way may be across the faces
+        if scene.shape.along_y:  # the shorter way may be across the faces
             half = scene.shape.rows * row / 2
             apart = f"({half!r}-abs({half!r}-{apart}))"
         near.append(f"v_reach>{apart}-{(high - low) / 2!r}")

@@ -33,7 +33,7 @@ def suits(scene: Scene) -> bool:
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
     made = waved and scene.perfect and not scene.start.state and not moved
-    alike = scene.lattice.endless_rows and scene.lattice.column_period == 1
+    alike = scene.lattice.sheet and scene.shape.infinite and scene.lattice.column_period == 1
     return made and alike and scene.shape.spheres >= LARGE
 
 
@@ -80,7 +80,7 @@ def slots(problem: Problem, units: Units) -> dict[str, str]:
         f"variable     at_y   atom v_row*{_row_spacing(scene)!r}*v_R",
         "set          group all x v_at_x y v_at_y",
     ]
-    if scene.shape.ends == "fixed":
+    if not scene.shape.along_y:
         lines += [
             f"group        held id 1:{columns} {count - columns + 1}:{count}",
             "set          group held type 2",

@@ -229,7 +229,7 @@ class _Crystal:
         self.drawn = np.flatnonzero((first <= row) & (row < first + count))
         self.stretch = amplitude * factor
         self.colouring, self.vector = colouring, scene.vector
-        self.copies = -(-FEWEST_DRAWN // shape.columns) if shape.lattice.endless_rows else 1
+        self.copies = -(-FEWEST_DRAWN // shape.columns) if shape.along_x else 1
         width = shape.columns * shape.lattice.column_distance(lattice_constant(scene.sphere))
         beside = np.arange(self.copies)[:, None, None] * np.array([width, 0.0])
         self.rest = (snapshots.rest[self.drawn] + beside).reshape(-1, 2)

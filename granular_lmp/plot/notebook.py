@@ -39,7 +39,7 @@ def html(thing: Any) -> str:
 def _(scene: Scene) -> str:
     sphere = scene.sphere
     facts = {
-        "spheres": f"{scene.shape.words}, {scene.shape.ends} ends",
+        "spheres": f"{scene.shape.words}, {scene.shape.cut}",
         "wave": scene.wave_words,
         "time": f"tau 0..{scene.time.duration:g}",
         "units": f"t0 = {sphere.time_scale:.4g} s, Delta0 = {sphere.static_overlap:.4g} m",

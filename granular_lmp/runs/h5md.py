@@ -62,8 +62,8 @@ def write_h5md(record: Record, path: Path) -> None:
         group["time"] = snapshots.tau * time
         group["time"].attrs["unit"] = "ns"
         box = group.create_group("box")
-        ends = "none" if scene.shape.ends == "fixed" else "periodic"  # walls: nothing is periodic across them
-        box.attrs.update({"dimension": 3, "boundary": ["periodic", ends, "none"]})
+        boundary = ["periodic" if each else "none" for each in crystal.pbc]
+        box.attrs.update({"dimension": 3, "boundary": boundary})
 
         def element(name: str, said: str, *shape: int) -> Any:
             """Return the values of a new time-dependent element, a chunk for each snapshot; all share step and time."""

@@ -109,6 +109,7 @@ def quiet_side(scene: Scene) -> str:
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
     low = low or scene.wave.form == "driven"
+    low = low or scene.wave.form == "driven"
     if low and high:
         raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move both ends")
     return "y" if low else "-y" if high else "abs(y)"

@@ -117,8 +117,8 @@ def swiftness(scene: Scene) -> float:
 
 
 def echo_at(scene: Scene, monitor: Monitor) -> float:
-    """Return the time τ at which the echo of the walls may reach a monitor; infinite if there is none."""
-    return scene.echo_at(monitor.span) / swiftness(scene)
+    """Return the time τ at which the echo of the faces may reach a monitor; infinite if there is none."""
+    return scene.echo_at(monitor.span, monitor.breadth(scene.shape.columns)) / swiftness(scene)
 
 
 def places(scene: Scene) -> ase.Atoms:
@@ -161,7 +161,7 @@ def _require_whole(rest: Equilibrium, shape: Shape) -> None:
     """Raise a CrystalError if spheres of a chain that are next to each other do not touch at rest."""
     row = rest.lattice.arrays["row"]
     neighbours = int(np.count_nonzero(np.diff(row) == 1))
-    neighbours += shape.ends == "periodic" and row[0] == 0 and row[-1] == shape.rows - 1
+    neighbours += shape.along_y and row[0] == 0 and row[-1] == shape.rows - 1
     if (parted := neighbours - len(rest.contacts)) > 0:
         raise CrystalError(
             f"the chain at rest is parted at {parted} of {neighbours} contacts: spheres that are too small for their "

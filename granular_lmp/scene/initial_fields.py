@@ -182,7 +182,7 @@ def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
     profile = np.ones(len(packing))
     if envelope.width:
         columns = packing.info["columns"]
-        middle = along_x - columns * np.round(along_x / columns)
+        middle = along_x - columns * np.round(along_x / columns) if packing.pbc[0] else along_x
         profile = np.exp(-0.5 * (middle / (envelope.width * mode.vector.row_spacing)) ** 2)
     displacement = np.zeros((len(packing), 3))
     displacement[first, 1 if mode.name == "L" else 0] = (1 if mode.name == "L" else -1) * profile[first]

@@ -77,6 +77,11 @@ class Monitor:
         rows = self.rows or [row for row, _ in self.spheres]
         return min(rows), max(rows)
 
+    def breadth(self, columns: int) -> tuple[int, int]:
+        """Return the first and the last column in which it has spheres, in a packing of so many columns."""
+        own = [0, columns - 1] if self.rows else [column for _, column in self.spheres]
+        return min(own), max(own)
+
 
 @dataclass(frozen=True, eq=False)
 class PlacedMonitor:
@@ -184,7 +189,7 @@ def _far(contacts: Contacts, crystal: ase.Atoms, shape: Shape) -> bool:
 
 def row_step(difference: NDArray[np.int64], shape: Shape) -> NDArray[np.int64]:
     """Return differences of rows by the shorter way: across the ends of a periodic cell."""
-    if shape.ends != "periodic":
+    if not shape.along_y:
         return difference
     return (difference + shape.rows // 2) % shape.rows - shape.rows // 2
 
@@ -201,7 +206,7 @@ def _around(monitor: Monitor, crystal: ase.Atoms, shape: Shape) -> NDArray[np.in
     near = np.zeros(len(row), dtype=bool)
     for each in spheres_at((), monitor.spheres, crystal, "monitor"):
         apart = np.abs(x - x[each])
-        apart = np.minimum(apart, width - apart) if shape.lattice.endless_rows else apart
+        apart = np.minimum(apart, width - apart) if shape.along_x else apart
         near |= (np.abs(row_step(row - row[each], shape)) <= 1) & (apart < reach)
     return np.flatnonzero(near)
 

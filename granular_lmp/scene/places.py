@@ -48,6 +48,13 @@ class AtPlaces:
         """Return the rows in which it has spheres, first and last of each run of them."""
         return list(self.rows) if self.rows else sorted({row for row, _ in self.spheres})
 
+    def marks(self, column: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return rows and columns of its spheres; of whole rows those of one column."""
+        rows = range(self.rows[0], self.rows[1] + 1) if self.rows else ()
+        places = [*((row, column) for row in rows), *self.spheres]
+        first, second = np.array(places, dtype=int).reshape(-1, 2).T
+        return first, second
+
     def is_in_row(self, row: int) -> bool:
         """Return True if it has spheres in a row."""
         return self.rows[0] <= row <= self.rows[1] if self.rows else row in self.rows_of()

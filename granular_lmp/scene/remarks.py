@@ -52,7 +52,7 @@ def on_packing(packing: Packing, shape: Shape) -> list[str]:
     if packing.columns != shape.columns and packing.columns != AUTO:
         return [f"packing.columns {packing.columns} is read as {shape.columns}, the fewest that LAMMPS simulates right"]
     declared = AUTO not in (packing.rows, packing.columns, packing.ends)
-    return [] if declared else [f"the packing is {shape.words}, {shape.ends} ends"]
+    return [] if declared else [f"the packing is {shape.words}, {shape.cut}"]
 
 
 def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
@@ -68,10 +68,12 @@ def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
             f"2 pi {abs(in_rows)}/{rows}, which fits the periodic cell"
         )
     else:
+        per_column = [f"2 pi {in_columns}/{columns} per column"] if shape.along_x else []
+        per_row = [f"2 pi {in_rows}/{rows} per row"] if shape.along_y else []
         snapped = (
             f"wave.wavenumber {wave.wavenumber!r} at {wave.degrees!r} degrees is snapped to "
             f"{used.wavenumber!r} at {used.direction!r}, which fits the periodic cell: its phase advances by "
-            f"2 pi {in_columns}/{columns} per column and 2 pi {in_rows}/{rows} per row"
+            + " and ".join(per_column + per_row)
         )
     (x, y), (declared_x, declared_y) = used.components, declared.components
     share = hypot(x - declared_x, y - declared_y) / hypot(declared_x, declared_y)

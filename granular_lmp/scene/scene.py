@@ -205,7 +205,7 @@ class Scene(Document):
     def __repr__(self) -> str:
         shape = self.shape
         return (
-            f"<Scene {self.name}: {self.wave_label}, {shape.rows} x {shape.columns} spheres, {shape.ends} ends, "
+            f"<Scene {self.name}: {self.wave_label}, {shape.rows} x {shape.columns} spheres, {shape.cut}, "
             f"tau 0..{self.time.duration:g}>"
         )
 
@@ -238,7 +238,7 @@ class Scene(Document):
 
     @cached_property
     def shape(self) -> Shape:
-        """Rows, columns and ends of the packing with every "auto" decided."""
+        """Rows, columns and faces of the packing with every "auto" decided."""
         packing = self.packing
         return decide(
             packing.rows,
@@ -249,6 +249,9 @@ class Scene(Document):
             room=self._room,
             driven=self.wave.form == "driven",
             lattice=self.lattice,
+            first=packing.first,
+            last=packing.last,
+            sides=packing.sides,
         )
 
     @property
@@ -267,13 +270,16 @@ class Scene(Document):
 
     @cached_property
     def vector(self) -> WaveVector:
-        """Wave vector that is used: as declared between fixed ends, else the nearest one of the periodic cell.
+        """Wave vector that is used: the nearest one of the cell along the axes on which it is periodic.
 
-        That of a crystal at rest is as declared too, as no wave has to fit the cell.
+        That of a crystal at rest is as declared, as no wave has to fit the cell.
         """
-        if self.shape.ends == "fixed" or self.wave.form == "none":
+        if self.wave.form == "none":
             return self.declared_vector
-        return self.declared_vector.snapped(self.shape.rows, self.shape.columns)
+        shape = self.shape
+        return self.declared_vector.snapped(
+            shape.rows if shape.along_y else None, shape.columns if shape.along_x else None
+        )
 
     @property
     def wavenumber(self) -> float:
@@ -293,7 +299,10 @@ class Scene(Document):
 
     @property
     def perfect(self) -> bool:
-        """True if all spheres are equal and all are there."""
+        """True if all spheres are equal and all are there: every contact at rest is that of the infinite lattice.
+
+        Spheres at a face have fewer of them.
+        """
         return not self.inclusion and not self._random
 
     @property
@@ -314,13 +323,14 @@ class Scene(Document):
 
     @property
     def layered(self) -> bool:
-        """True if the spheres of a row are equal, so that a plane wave along y moves them alike."""
-        return not self.lattice.endless_rows or not self._random and all(each.rows for each in self.inclusion)
+        """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike."""
+        alike = not self._random and all(each.rows for each in self.inclusion)
+        return not self.lattice.sheet or self.shape.along_x and alike
 
     @property
     def plane_along_y(self) -> bool:
         """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        return self.perfect and self.starts_along_y
+        return self.perfect and self.starts_along_y and self.shape.infinite
 
     @property
     def starts_along_y(self) -> bool:
@@ -381,13 +391,17 @@ class Scene(Document):
 
     @property
     def echo_time(self) -> float:
-        """Time τ at which the echo of the walls reaches the centre sphere; infinite if there is none."""
-        return self.echo_at((self.shape.centre_row, self.shape.centre_row))
+        """Time τ at which the echo of the faces reaches the centre sphere; infinite if there is none."""
+        row, column = self.shape.centre_row, self.shape.columns // 2
+        return self.echo_at((row, row), (column, column))
 
-    def echo_at(self, rows: Sequence[int]) -> float:
-        """Return the time τ at which the echo of the walls reaches rows, (first, last), in a perfect lattice."""
+    def echo_at(self, rows: Sequence[int], columns: Sequence[int]) -> float:
+        """Return the time τ at which the echo of the faces reaches a block of spheres in a perfect lattice.
+
+        `rows` and `columns` are those of the block, (first, last).
+        """
         pushed = (*self.source, *self.striker, *self.start.at())
-        return echo_at(rows, pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
+        return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
 
     def __post_init__(self) -> None:
         validation.check_adhesion_law(self.material, self.effects, perfect=self.perfect)
@@ -397,13 +411,14 @@ class Scene(Document):
         check_sources(self.source, wave, self.envelope, self.packing, shape, self.sphere, self.time, self.struck)
         check_quiet(self.source, self.absorb)
         check_monitors(self.monitor, self.packing, shape)
+        validation.check_faces(self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)
         validation.check_packing(self.packing, wave, self.envelope, shape, self.vector)
         validation.check_size(self.sphere, shape, wave.amplitude)
-        validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape)
+        validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape, self.source)
         validation.check_time(self.time, self.output, shape, self.echo_time)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
-from granular_lmp.crystal.lattices import HEXAGONAL, LATTICES, Lattice
+from granular_lmp.crystal.lattices import FREE, HELD, HEXAGONAL, LATTICES, PERIODIC, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
@@ -20,6 +20,7 @@ from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, c
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
+FACES = (HELD, FREE, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 FORMS = ("running", "standing", "driven", "none")
 LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
@@ -28,12 +29,20 @@ NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all ot
 
 @dataclass(frozen=True)
 class Packing:
-    """Packing of a lattice: rows along y, columns along x, where it is periodic unless it is a chain."""
+    """Packing of a lattice: rows along y, columns along x, and what each of its faces is.
+
+    Sheets are periodic along x unless `sides` says otherwise. Where the `ends` are fixed, the first and the last row
+    are held unless `first` and `last` say otherwise. Nothing touches a `free` face: adhesion alone holds a crystal
+    together that has one.
+    """
 
     lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
     rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
     columns: int | Auto = count("along x: at least 3; 1 is read as 3", 1, 1_000_000, words=(AUTO,), default=AUTO)
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
+    first: str = choice("first row of fixed ends; auto: held", FACES, default=AUTO)
+    last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)
+    sides: str = choice("first and last column of a sheet", (PERIODIC, HELD, FREE), default=PERIODIC)
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
     relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
     relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)

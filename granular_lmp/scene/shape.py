@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import ceil, floor
 from typing import Literal
 
-from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, Shape
+from granular_lmp.crystal.lattices import HELD, HEXAGONAL, PERIODIC, Lattice, Shape
 from granular_lmp.crystal.wavevector import WaveVector, snapped
 from granular_lmp.scene.schema import AUTO
 
@@ -51,13 +51,17 @@ def decide(
     room: Room = NO_ROOM,
     driven: bool = False,
     lattice: Lattice = HEXAGONAL,
+    first: str = AUTO,
+    last: str = AUTO,
+    sides: str = PERIODIC,
 ) -> Shape:
-    """Return rows, columns and ends of a packing with every "auto" decided.
+    """Return rows, columns and faces of a packing with every "auto" decided.
 
     ``columns = "auto"`` or 1 is `Lattice.fewest_columns` for a plane wave along y, in which all of a row move alike;
     in another direction it is the fewest that carry the wave to 1e-3 rad. Between fixed ends ``rows = "auto"`` is the
     fewest whose echo reaches the centre after the run, and in a periodic cell the fewest that carry the wave to
-    1e-3 rad. ``ends = "auto"`` follows from the number of rows. If that is "auto" too, the cell is periodic if one with
+    1e-3 rad. ``ends = "auto"`` is fixed where `first` or `last` is declared, else it follows from the number of rows.
+    If that is "auto" too, the cell is periodic if one with
     fewer rows than the strip carries the wave exactly, and has fixed ends otherwise. A wave that is not along y gets a
     periodic cell; a driven wave and a packet along y get fixed ends.
 
@@ -74,6 +78,8 @@ def decide(
     driven : bool
         True if the first row is the source.
     lattice : Lattice
+    first, last, sides
+        Faces as declared.
 
     Returns
     -------
@@ -83,7 +89,7 @@ def decide(
     quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
     period = lattice.row_period
     cells = range(max(4, fewest_rows + -fewest_rows % period), fewest_rows + LARGEST_CELL + 1, period)
-    if ends == AUTO and driven:
+    if ends == AUTO and (driven or (first, last) != (AUTO, AUTO)):
         ends = "fixed"
     if ends == AUTO and vector.axis != "y":
         ends = "periodic"
@@ -99,13 +105,15 @@ def decide(
             rows = cell
     if rows == AUTO:
         rows = quiet if ends == "fixed" else smallest_cell(vector.per_row, SNAP, cells)
-    if columns == AUTO and not lattice.endless_rows:
+    if columns == AUTO and not lattice.sheet:
         columns = 1
-    if columns == 1:  # as scenes of earlier releases say for a plane wave, whose columns are all alike
+    # Scenes of earlier releases say 1 for a plane wave, whose columns are all alike
+    if columns == 1 and sides == PERIODIC:
         columns = lattice.fewest_columns
     if columns == AUTO:
         columns = smallest_cell(vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1))
-    return Shape(int(rows), int(columns), ends, lattice)
+    first, last = (HELD if face == AUTO else face for face in (first, last))
+    return Shape(int(rows), int(columns), ends, lattice, first, last, sides)
 
 
 def echo_time(rows: int, *, driven: bool = False) -> float:
@@ -119,7 +127,7 @@ def echo_time(rows: int, *, driven: bool = False) -> float:
     return arrival_time(distance)
 
 
-def arrival_time(distance: int) -> float:
+def arrival_time(distance: float) -> float:
     """Return the time τ after which a disturbance is felt at a distance in rows, by the rule of `echo_time`."""
     return max(0.0, distance - 3.5 * distance ** (1 / 3)) / FASTEST_ROWS_PER_TAU
 

@@ -18,13 +18,13 @@ nothing to say of spheres that are moved: it is cut off there, as it is at held 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, pi
+from math import hypot, inf, pi
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import Shape
+from granular_lmp.crystal.lattices import HELD, Shape
 from granular_lmp.crystal.modes import Mode
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
@@ -216,8 +216,9 @@ def _troubles(source: Source, shape: Shape, sphere: Sphere, amplitude: float, fo
             yield f'{key} = {getattr(source, key)!r}: is for signal = {allowed} only, not "{source.kind}"'
     if source.motion and form == "driven" and source.is_in_row(0):
         yield f"{source.places}: must not hold spheres of the first row, which is driven"
-    if source.force and shape.ends == "fixed" and any(source.is_in_row(row) for row in (0, shape.rows - 1)):
-        yield f"{source.places}: must lie between the first and the last row, which are held and feel no force"
+    if source.force and shape.holds(*source.marks(shape.columns // 2)).any():
+        held = " and ".join(name for name, face in shape.faces.items() if face == HELD)
+        yield f"{source.places}: must lie between the faces that are held ({held}), which feel no force"
     largest = sphere.radius / sphere.static_overlap / 10 / amplitude
     if source.motion and source.largest > largest:
         yield f"amplitude = {source.largest!r}: must be at most {largest:.3g}, a motion by R/10"
@@ -272,17 +273,18 @@ def longest_steps(sources: Sequence[Source], sphere: Sphere, usual: float) -> It
             )
 
 
-def echo_at(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, *, form: str, quiet: bool) -> float:
-    """Return the time τ at which an echo of the walls may reach rows, by the shortest way and `arrival_time`.
+def echo_at(
+    block: tuple[Sequence[int], Sequence[int]], pushed: Sequence[AtPlaces], shape: Shape, *, form: str, quiet: bool
+) -> float:
+    """Return the time τ at which an echo of the faces may reach a block, by the shortest way and `arrival_time`.
 
-    A wave that fills the crystal is disturbed by the walls from τ = 0 on. Waves of sources, of strikers and of a driven
-    row run to an end and from there to the rows. Those that a source makes by moving an end begin there, and are not
-    sent back by it. `quiet` ends send back no waves, but an end that a source moves is not quiet, and sends back those
-    of other spheres.
+    A wave that fills the crystal is disturbed by the faces from τ = 0 on. Waves of sources, of strikers and of a driven
+    row run to a face and from there to the block. Those that begin at a face are not sent back by it. `quiet` ends send
+    back no waves, but an end that a source moves is not quiet, and sends back those of other spheres.
 
     Parameters
     ----------
-    rows : (first, last)
+    block : (first, last) row and (first, last) column
     pushed : sequence
         Sources and strikers.
     shape : Shape
@@ -296,13 +298,18 @@ def echo_at(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, *, fo
     float
         Infinite if no echo comes.
     """
-    if shape.ends == "periodic":
-        return inf
+    ways: list[float] = [*_from_sides(*block, pushed, shape, form)]
+    if not shape.along_y:
+        ways += _from_ends(block[0], pushed, shape, form, quiet)
+    return arrival_time(min(ways)) if ways else inf
+
+
+def _from_ends(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str, quiet: bool) -> list[int]:
+    """Return the ways of waves to rows by an end, in rows."""
     end = shape.rows - 1
     beyond = {0: rows[0], end: end - rows[1]}  # rows from an end to these
     of_wave = {"none": [], "driven": [end + beyond[end]]}.get(form, [*beyond.values()])
-    ways = [] if quiet else of_wave
-    ways = ways + [
+    return ([] if quiet else of_wave) + [
         abs(row - wall) + beyond[wall]
         for wall in beyond
         if not quiet or any(each.is_in_row(wall) for each in pushed)
@@ -311,7 +318,28 @@ def echo_at(rows: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, *, fo
         for row in each.rows_of()
         if row != wall
     ]
-    return arrival_time(min(ways)) if ways else inf
+
+
+def _from_sides(
+    rows: Sequence[int], columns: Sequence[int], pushed: Sequence[AtPlaces], shape: Shape, form: str
+) -> Iterator[float]:
+    """Yield the ways of waves to a block by a side, in rows; whole rows reach from side to side."""
+    if "sides" not in shape.faces:
+        return
+    side, column_width = shape.columns - 1, 1 / shape.lattice.row_spacing
+
+    def apart(first: int, last: int) -> int:
+        return 0 if shape.along_y else max(rows[0] - last, first - rows[1], 0)
+
+    for wall, beyond in ((0, columns[0]), (side, side - columns[1])):
+        if form != "none":
+            yield hypot(beyond * column_width, apart(0, 0) if form == "driven" else 0)
+        for each in pushed:
+            if each.rows:
+                yield hypot(beyond * column_width, apart(each.rows[0], each.rows[1]))
+            for row, column in each.spheres:
+                if column != wall:
+                    yield hypot((abs(column - wall) + beyond) * column_width, apart(row, row))
 
 
 def check_quiet(sources: Sequence[Source], absorb: Absorb) -> None:

@@ -106,7 +106,7 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
     Raises
     ------
     SceneError
-        If a striker is a vacancy, held, or in another striker too.
+        If a striker is a vacancy, is held, or in another striker too.
     """
     taken: set[int] = set()
     found = []
@@ -115,8 +115,10 @@ def struck(strikers: Sequence[Striker], crystal: ase.Atoms) -> tuple[NDArray[np.
             chosen = spheres_at(striker.rows, striker.spheres, crystal, "striker")
         except SceneError as error:
             raise SceneError(f"striker {number_}: {error}") from error
-        if crystal.arrays["fixed"][chosen].any():
-            raise SceneError(f"striker {number_}: is in a row that is held, which does not move")
+        free = chosen[~crystal.arrays["fixed"][chosen]]
+        if len(free) < len(chosen) and not (striker.rows and len(free)):  # of rows, spheres at held sides stay
+            raise SceneError(f"striker {number_}: is at a face that is held, which does not move")
+        chosen = free
         if twice := taken & {*chosen.tolist()}:
             raise SceneError(
                 f"striker {number_}: sphere {place_of(crystal, min(twice))}: is in another striker too; must be in one"

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 from math import ceil, pi
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, SQUARE, Lattice, Shape, unit_lattice
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, SQUARE, Lattice, Shape, unit_lattice
 from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_edge
 from granular_lmp.errors import SceneError
+from granular_lmp.scene.places import AtPlaces
 from granular_lmp.scene.schema import AUTO, shown
 from granular_lmp.scene.sections import Absorb, Effects, Envelope, Output, Packing, Time, Wave
 from granular_lmp.scene.shape import LARGEST_CELL, SNAP
@@ -23,6 +24,7 @@ MOST_SPHERES = 10_000_000
 EPSILON = sys.float_info.epsilon
 FEWEST_ROUNDINGS = 100.0  # roundings of a position in D0; with fewer the record would be noise or zero without warning
 FEWEST_DEVIATIONS = 6.0  # standard deviations of the envelope that a packing must hold
+FEWEST_BETWEEN_SIDES = 3  # columns: a centre column, and one on each side
 FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3e-5 of the packet then run backward
 
 
@@ -73,14 +75,38 @@ def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: 
         raise SceneError(f"wave.amplitude = {amplitude!r}: must be at most {largest:.3g} (D0 = R/10)")
 
 
+def check_faces(packing: Packing, shape: Shape) -> None:
+    """Check that faces are where the packing ends, that a free one bears no load, and that sides have a distance."""
+    for name in ("first", "last"):
+        if shape.along_y and getattr(packing, name) != AUTO:
+            raise SceneError(
+                f'packing.{name} = "{getattr(packing, name)}": must be "auto" with packing.ends = "{packing.ends}", '
+                "whose rows have no end"
+            )
+    if packing.contact_force and shape.free:
+        raise SceneError(
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 with free faces ({', '.join(shape.free)}), "
+            "on which nothing presses; adhesion holds such a crystal together"
+        )
+    if packing.sides == HELD and not shape.lattice.sheet:
+        raise SceneError('packing.sides = "held": must be "free" or left out in a chain, which has no other spheres')
+    if "sides" not in shape.faces:
+        return
+    if packing.columns == AUTO or shape.columns < FEWEST_BETWEEN_SIDES:
+        raise SceneError(
+            f"packing.columns = {shown(packing.columns)}: must be a number, at least {FEWEST_BETWEEN_SIDES}, with "
+            f'packing.sides = "{shape.sides}"; the width of the sheet is part of the answer'
+        )
+
+
 def check_lattice(
     shape: Shape, packing: Packing, wave: Wave, envelope: Envelope, effects: Effects, sphere: Sphere
 ) -> None:
     """Check that columns, direction and envelope are those of the lattice, and that it does not buckle."""
     lattice, columns = shape.lattice, shape.columns
-    if columns > 1 and not lattice.endless_rows:
+    if columns > 1 and not lattice.sheet:
         raise SceneError(f'packing.columns = {columns}: must be 1 or "auto" with packing.lattice = "{lattice.name}"')
-    if columns < lattice.fewest_columns:
+    if shape.along_x and columns < lattice.fewest_columns:
         raise SceneError(
             f"packing.columns = {columns}: must be at least {lattice.fewest_columns}, or "
             '"auto" (with 2 columns a sphere touches two images of the same neighbour, which share one shear '
@@ -91,7 +117,7 @@ def check_lattice(
             f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"; other '
             "directions are for the hexagonal lattice"
         )
-    if envelope.width and not lattice.endless_rows:
+    if envelope.width and not lattice.sheet:
         raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
     if packing.contact_force and not bears_compression(unit_lattice(sphere, lattice), shear=effects.physics.shear):
         loose = "square lattice where effects.shear is off" if lattice == SQUARE else "chain"
@@ -149,11 +175,6 @@ def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -
     elif envelope.ramp != Envelope.ramp:
         raise SceneError(f'envelope.ramp = {envelope.ramp!r}: is for wave.form = "driven" only')
     axis = wave.vector(shape.lattice).axis
-    if axis != "y" and shape.ends == "fixed":
-        raise SceneError(
-            f'wave.direction = {wave.direction!r}: must be "y" between fixed ends; other directions need '
-            'packing.ends = "periodic" or "auto"'
-        )
     if axis is None and (envelope.length > 0) != (envelope.width > 0):
         raise SceneError(
             f"envelope.length = {envelope.length!r} and envelope.width = {envelope.width!r}: must be both 0 or "
@@ -172,7 +193,8 @@ def _check_drive(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape)
     """Check that a driven wave runs along y between fixed ends and is not a packet."""
     needed = {
         "wave.direction": (wave.direction, wave.degrees == 90, '"y"'),
-        "packing.ends": (packing.ends, shape.ends == "fixed", '"fixed" or "auto"'),
+        "packing.ends": (packing.ends, not shape.along_y, '"fixed" or "auto"'),
+        "packing.first": (packing.first, shape.first == HELD, '"held" or "auto"'),
         "envelope.length": (envelope.length, envelope.length == 0, "0"),
     }
     for key, (value, right, allowed) in needed.items():
@@ -199,11 +221,19 @@ def check_imperfections(
             )
 
 
-def check_absorb(absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelope, shape: Shape) -> None:
+def check_absorb(
+    absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, sources: Sequence[AtPlaces]
+) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
     if absorb.rows == 0:
         return
-    if shape.ends != "fixed":
+    for name, row in (("first", 0), ("last", shape.rows - 1)):
+        if shape.faces.get(name) == FREE and not any(each.is_in_row(row) for each in sources):
+            raise SceneError(
+                f'packing.{name} = "free": must be "held" or "auto" with absorb.rows = {absorb.rows!r}, which are in '
+                "front of a held row; only an end with a source, which does not absorb, may be free"
+            )
+    if shape.along_y:
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
     if shape.lattice != HEXAGONAL:
         raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" with absorb.rows above 0')
@@ -233,9 +263,9 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
                 f'packing.{name} = "auto": no periodic cell of at most {LARGEST_CELL} {name} carries '
                 f"wave.wavenumber = {wave.wavenumber!r} to {SNAP:g}; must be a number{otherwise}"
             )
-    if shape.ends == "fixed" and rows % 2 == 0:
+    if not shape.along_y and rows % 2 == 0:
         raise SceneError(f"packing.rows = {rows}: must be odd between fixed ends, so that there is a centre row")
-    if shape.ends == "periodic" and rows % shape.lattice.row_period:
+    if shape.along_y and rows % shape.lattice.row_period:
         raise SceneError(f"packing.rows = {rows}: must be even in a periodic cell, where rows alternate")
     if rows * columns > MOST_SPHERES:
         raise SceneError(
@@ -243,7 +273,7 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             "spheres (LAMMPS takes 690 MB for each million)"
         )
     spread = [FEWEST_DEVIATIONS * deviation for deviation in envelope.spread(declared)]
-    between_walls = shape.ends == "fixed" and envelope.offset
+    between_walls = not shape.along_y and envelope.offset
     needed = (spread[0] + (2 * abs(envelope.offset) if between_walls else 0.0), spread[1])
     for name, count, least in zip(("rows", "columns"), (rows, columns), needed, strict=True):
         if count < least:
@@ -283,9 +313,9 @@ def check_time(time: Time, output: Output, shape: Shape, echo: float) -> None:
         raise SceneError(f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}")
     if time.duration > echo and not time.allow_echo:
         raise SceneError(
-            f"time.duration = {time.duration!r}: the echo of the walls reaches the centre of {shape.rows} rows at "
-            f"tau = {echo:.4g}; must be at most that, or set time.allow_echo = true, "
-            'or packing.rows = "auto"'
+            f"time.duration = {time.duration!r}: the echo of the {shape.edge} reaches the centre of {shape.words} at "
+            f"tau = {echo:.4g}; must be at most that, or set time.allow_echo = true, or "
+            + ('packing.rows = "auto"' if shape.infinite else "more packing.rows and packing.columns")
         )
     snapshot = output.particles / time.sample
     # The deck rounds the spacing of the snapshots up to whole samples with the same slack

@@ -100,8 +100,8 @@ def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
     """
     made, refused = [], {}
     for knob, settings in KNOBS.items():
-        if knob in OTHER_CRYSTALS and not scene.perfect:
-            refused[knob] = "is another crystal where spheres differ or are missing"
+        if knob in OTHER_CRYSTALS and not (scene.perfect and scene.shape.infinite):
+            refused[knob] = "is another crystal where spheres differ or are missing, or faces are free"
             continue
         for setting, changed in settings(scene).items():
             try:
@@ -139,11 +139,11 @@ def _changed(scene: Scene, values: Mapping[str, Any], **how: Any) -> Make:
 def _strip(scene: Scene) -> dict[str, Any]:
     """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number.
 
-    A crystal that is not perfect keeps its size.
+    A crystal that is not perfect, or has sides or a free end, keeps its size.
     """
-    if not scene.perfect:
+    if not scene.perfect or not scene.shape.infinite:
         return {}
-    fewer_rows = {"packing.rows": "auto"} if scene.shape.ends == "fixed" else {}
+    fewer_rows = {} if scene.shape.along_y else {"packing.rows": "auto"}
     return {"packing.columns": "auto", **fewer_rows}
 
 

@@ -170,7 +170,7 @@ def _small(scene: Scene) -> Scene:
     tables = scene.to_dict()
     kept = {table: tables[table] for table in _OF_CELL if table in tables}
     kept |= {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
-    columns = _CELL if scene.lattice.endless_rows else 1
+    columns = _CELL if scene.lattice.sheet else 1
     rows = _CELL**2 // columns
     kept["packing"] |= {"rows": rows, "columns": columns, "ends": "periodic"}
     kept["wave"] |= {"wavenumber": min(max(scene.wave.wavenumber, 2 * pi / rows), pi)}
@@ -181,7 +181,7 @@ def _small(scene: Scene) -> Scene:
 def _small_impact(scene: ImpactScene) -> ImpactScene:
     """Return the beginning of an impact, on a cell of equal spheres struck in the middle if it is large."""
     if scene.shape.spheres > _LARGEST:
-        columns = _CELL if scene.lattice.endless_rows else 1
+        columns = _CELL if scene.lattice.sheet else 1
         rows = _CELL**2 // columns
         tables = scene.to_dict()
         kept = {table: tables[table] for table in _OF_CELL if table in tables}

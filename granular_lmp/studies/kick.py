@@ -125,8 +125,10 @@ def _refuse_unfit(scene: Scene) -> None:
     time, shape = scene.time, scene.shape
     if shape.lattice != HEXAGONAL:
         raise SceneError(f'packing.lattice = {scene.packing.lattice!r}: must be "hexagonal" for a sheet that is kicked')
-    if shape.ends != "periodic":
-        raise SceneError(f'packing.ends = {scene.packing.ends!r}: must be "periodic" for a sheet that is kicked')
+    for key, periodic in (("ends", shape.along_y), ("sides", shape.along_x)):
+        if not periodic:
+            value = getattr(scene.packing, key)
+            raise SceneError(f'packing.{key} = {value!r}: must be "periodic" for a sheet that is kicked')
     if scene.wave.form == "none":
         raise SceneError('wave.form = "none": must be another for a sheet that is kicked, which has no sources')
     if scene.sphere.adhesion_law != "dmt":

@@ -71,6 +71,11 @@ WAVES: dict[str, Settings] = {
     # of the other kind of scene
     "striker": {"striker": [{"rows": [4, 4], "velocity": 1e-3}]},
     "state": {"start.state": [[6, 0, 0.0, 0.0, 0.0, 1e-3, 0.0]]},
+    # what each face is
+    "free end": FIXED | {"packing.last": "free"},
+    "free sides": {"packing.sides": "free"},
+    "held sides": {"packing.sides": "held"},
+    "finite sheet": FIXED | {"packing.first": "free", "packing.last": "free", "packing.sides": "free"},
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
