@@ -1,8 +1,12 @@
-"""``python -m tests.matrix`` writes into the golden files what more builds now, and refuses what builds no more."""
+"""``python -m tests.matrix`` writes into the golden files what more builds now, and refuses what builds no more.
+
+It writes docs/reference/combinations.md, too.
+"""
 
 from tests.matrix.features import KINDS
 from tests.matrix.names import CHANGELOG, NAMES, gone, listed, public_names
 from tests.matrix.outcomes import GOLDEN, gains, golden, row, text, update
+from tests.matrix.page import PAGE, current
 
 for kind in KINDS:
     file = GOLDEN / f"{kind.name}.txt"
@@ -11,6 +15,8 @@ for kind in KINDS:
     for line in gains(before, now):
         print(f"{kind.name}: {line}")
     file.write_text(text(update(before, now)), encoding="utf-8")
+
+PAGE.write_text(current(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
 
 held, now = listed() if NAMES.exists() else set(), public_names()
 if lost := gone(held, now, CHANGELOG.read_text("utf-8")):

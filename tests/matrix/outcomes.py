@@ -59,12 +59,17 @@ REFUSALS: dict[str, str] = {
 }
 
 
+def pattern_of(message: str) -> str:
+    """Return the line of `REFUSALS` that knows a message; LookupError if none does."""
+    for pattern in REFUSALS:
+        if re.search(pattern, message):
+            return pattern
+    raise LookupError(f"no line of REFUSALS says whether this is physics or not built: {message}")
+
+
 def reason(message: str) -> str:
     """Return why a message refuses a pair; LookupError if no line of `REFUSALS` knows it."""
-    for pattern, why in REFUSALS.items():
-        if re.search(pattern, message):
-            return why
-    raise LookupError(f"no line of REFUSALS says whether this is physics or not built: {message}")
+    return REFUSALS[pattern_of(message)]
 
 
 def message(kind: Kind, settings: Settings) -> str:

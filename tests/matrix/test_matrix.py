@@ -23,6 +23,7 @@ from tests.matrix.outcomes import (
     text,
     update,
 )
+from tests.matrix.page import PAGE, current, refused
 
 ROWS = [pytest.param(kind, name, id=f"{kind.name}-{name}") for kind in KINDS for name in kind.features]
 BEFORE = {"a": ".", "b": "P.", "c": "N.x"}
@@ -66,6 +67,14 @@ def test_each_line_of_the_refusals_refuses_a_pair() -> None:
             ]
             said += [message(kind, pair(kind, name, other) or {}) for other in refused]
     assert not [pattern for pattern in REFUSALS if not any(re.search(pattern, each) for each in said)]
+
+
+def test_the_page_prints_the_matrix_and_every_refusal() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert page == current(page), "python -m tests.matrix writes it"
+    for kind in KINDS:
+        pairs = sum(len(each) for each in refused(kind).values())
+        assert pairs == sum(line.count(PHYSICS) + line.count(NOT_BUILT) for line in golden(kind.name).values())
 
 
 # --- the machinery ---------------------------------------------------------------------------------------------------

@@ -3,10 +3,10 @@
 ``python -m tests.promises.table docs/promises.md`` writes it between the marks of the page.
 """
 
-import re
 import sys
 from pathlib import Path
 
+from tests.pages import placed
 from tests.promises.paths import PATHS
 
 SUITE = "tests/promises/test_promises.py"
@@ -67,12 +67,11 @@ def written() -> str:
     return "\n".join([head, *rows, "", *(f"{number}. {said}" for said, number in notes.items())]) + "\n"
 
 
-def placed(page: str) -> str:
-    """Return a page with the table between its marks."""
-    between = re.compile(r"(?<=<!-- table -->\n).*(?=<!-- end of table -->)", re.DOTALL)
-    return between.sub(lambda _: f"\n{written()}\n", page)
+def current(page: str) -> str:
+    """Return a page with the table as it is now."""
+    return placed(page, "table", written())
 
 
 if __name__ == "__main__":
     page = Path(sys.argv[1])
-    page.write_text(placed(page.read_text(encoding="utf-8")), encoding="utf-8")
+    page.write_text(current(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -20,7 +20,7 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status
 from tests.promises.paths import PATHS, Path_, Signals, resume, signals
-from tests.promises.table import ELSEWHERE, PROMISES, covered, placed
+from tests.promises.table import ELSEWHERE, PROMISES, covered, current
 
 ROOT = Path(__file__).parents[2]
 Runs = Callable[[Path_, str], Path]
@@ -240,7 +240,7 @@ def test_bad_input_is_one_line(path: Path_, tmp_path: Path, capsys: pytest.Captu
 
 def test_the_page_has_the_table_and_its_tests_are_there() -> None:
     page = (ROOT / "docs/promises.md").read_text(encoding="utf-8")
-    assert page == placed(page)
+    assert page == current(page)
     here = Path(__file__).read_text(encoding="utf-8")
     assert all(f"def {name}(" in here for name in PROMISES.values())
     for said in ELSEWHERE.values():
