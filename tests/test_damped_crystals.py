@@ -1,4 +1,4 @@
-"""Dashpots in crystals that are not perfect: runs against the network of their spheres, and guards beside the truth."""
+"""Dashpots in imperfect crystals, and compressed chains: runs against the network, and guards beside the truth."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +51,17 @@ def test_a_damped_imperfect_crystal_moves_as_its_network(damped: str, imperfect:
     wrong = {"effects.viscosity": 1.05 * declared.viscosity} if declared.viscosity else {"effects.restitution": 0.94}
     other = compare.compare(replace(record, scene=record.scene.with_values(wrong)))
     assert max(error for error in other.error.values() if error is not None) > 1e-4
+
+
+@pytest.mark.parametrize("features", [("hertz",), ("restitution",), ("restitution", "radii")])
+def test_a_compressed_chain_moves_along_its_line_as_its_network(features: tuple[str, ...], tmp_path: Path) -> None:
+    record = without_step(scene("chain", *features), tmp_path)
+    result = compare.compare(record, "network")
+    assert result.error["p"] is not None
+    assert result.error["p"] < 1e-6  # 1e-9, measured: no contact turns
+    displacement, *_ = record.snapshots().stacks("displacement")
+    assert not displacement[..., 0].any()
+    assert displacement[..., 1].any()
 
 
 # --- guards ----------------------------------------------------------------------------------------------------------

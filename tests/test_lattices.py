@@ -313,7 +313,17 @@ REFUSED: list[tuple[str, str, dict[str, Any], str]] = [
     ("square", "L", {"wave.direction": 30.0}, r"wave\.direction = 30\.0: must be \"y\""),
     ("square", "L", {"wave.wavevector": [0.0, 1.0]}, r"wave\.wavevector = \[0\.0, 1\.0\]: .*only"),
     ("chain", "L", {"envelope.width": 5.0}, r"envelope\.width = 5\.0: must be 0"),
-    ("chain", "L", {"packing.contact_force": 1e-7}, r"packing\.contact_force = 1e-07: must be 0 in a chain, .*buckle"),
+    *(
+        ("chain", mode, {"packing.contact_force": 1e-7} | more, rf"must be 0 in a chain with {cause}.*buckle")
+        for mode, more, cause in (
+            ("RT", {}, r"wave\.mode = 'RT'"),
+            ("TR", {"effects.rolling_stiffness": 10.0}, r"wave\.mode = 'TR'"),
+            ("L", {"source": [{"rows": [4, 4], "force": "x", "amplitude": 0.1}]}, "source 1: force = 'x'"),
+            ("L", {"source": [{"rows": [4, 4], "force": "torque", "amplitude": 0.1}]}, "source 1: force = 'torque'"),
+            ("L", {"packing.columns": 1, "start.state": [[4, 0, 0.0, 0.0, 0.0, 0.0, 1.0]]}, r"start\.state: a spin"),
+        )
+    ),
+    ("chain", "L", {"packing.contact_force": 1e-7, "effects.shear": False}, r"in a chain lattice where effects\.shear"),
     (
         "square",
         "L",

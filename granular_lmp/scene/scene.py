@@ -340,6 +340,17 @@ class Scene(Document):
         return running and self.vector.axis == "y" and self.vector.per_row > 0
 
     @property
+    def _across(self) -> str:
+        """First key that moves spheres across y or turns them, with its value; "" if all moves along y."""
+        words = [] if self.wave.form == "none" or self.wave.mode == "L" else [f"wave.mode = {self.wave.mode!r}"]
+        for number_, each in enumerate(self.source, 1):
+            kind = "motion" if each.motion else "force"
+            words += [] if getattr(each, kind) == "y" else [f"source {number_}: {kind} = {getattr(each, kind)!r}"]
+        # Strikers and states that move spheres across a chain are refused in any
+        words += ["start.state: a spin above 0"] if self.start.motion[:, 4].any() else []
+        return next(iter(words), "")
+
+    @property
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
         whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
@@ -413,6 +424,7 @@ class Scene(Document):
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
+        validation.check_straight(self.lattice, self.packing, self._across)
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)

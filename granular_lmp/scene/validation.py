@@ -119,11 +119,28 @@ def check_lattice(
         )
     if envelope.width and not lattice.sheet:
         raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
-    if packing.contact_force and not bears_compression(unit_lattice(sphere, lattice), shear=effects.physics.shear):
-        loose = "square lattice where effects.shear is off" if lattice == SQUARE else "chain"
+    shear = effects.physics.shear
+    straight = lattice == CHAIN and shear  # along its line: `check_straight`
+    if packing.contact_force and not straight and not bears_compression(unit_lattice(sphere, lattice), shear=shear):
         raise SceneError(
-            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a {loose}, which would buckle: nothing "
-            "holds it sideways"
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a {lattice.name} lattice"
+            f"{'' if shear else ' where effects.shear is off'}, which would buckle: nothing holds it sideways"
+        )
+
+
+def check_straight(lattice: Lattice, packing: Packing, across: str) -> None:
+    """Check that nothing pushes a compressed chain off its line, along which it moves as if it were held.
+
+    Parameters
+    ----------
+    lattice, packing : of the scene.
+    across : str
+        First key of the scene that moves spheres across the line or turns them, with its value; "" if none does.
+    """
+    if lattice == CHAIN and packing.contact_force and across:
+        raise SceneError(
+            f"packing.contact_force = {packing.contact_force!r}: must be 0 in a chain with {across}, which would "
+            "buckle: nothing holds it sideways; along y it stays on its line"
         )
 
 
