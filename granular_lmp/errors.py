@@ -117,3 +117,9 @@ class RunInterrupted(GranularError):
 
 class EffectError(GranularError):
     """An effect that a deck leaves out occurred in the run; the record is kept and marked as failed."""
+
+
+def one_line(error: Exception) -> str:
+    """Return the text of an error without line breaks; that of the system without its number and the file's name."""
+    system = isinstance(error, OSError) and error.strerror
+    return " ".join((system or str(error)).split())

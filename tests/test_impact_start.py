@@ -131,7 +131,7 @@ def test_a_file_that_is_no_state_is_refused_by_name(
 @pytest.mark.parametrize(
     ("state", "message"),
     [
-        ("gone.csv", "start.state = 'gone.csv': cannot be read as UTF-8 text"),
+        ("gone.csv", "start.state = 'gone.csv': cannot be read: No such file or directory"),
         ("fast", "start.state = 'fast': must be a file \"NAME.csv\" with the columns row,column,ux_m"),
         ([[0, 0, 1.0]], "start.state[0] = [0, 0, 1.0]: must be [row, column, ux_m"),
         ([[0, 0, 0, 0, 0, True, 0]], "start.state[0]: vy_m_s = True: must be 0, or"),

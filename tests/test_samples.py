@@ -176,7 +176,7 @@ def changed(place: int, column: int, value: float) -> list[list[float]]:
             "noise",
             r"source\.1\.signal = 'noise': must be one of \"tone\", .*, or a file \"NAME\.csv\" with the columns",
         ),
-        ("none.csv", r"source\.1\.signal = 'none\.csv': cannot be read as UTF-8 text"),
+        ("none.csv", r"source\.1\.signal = 'none\.csv': cannot be read: No such file or directory$"),
         ("\0.csv", "cannot be read as UTF-8 text"),
         (burst_samples()[:4], "4 samples: must be from 5 to 10000"),
         ([[0.0, 0.0], [1.0]], r"source\.1\.signal\[1\] = \[1\.0\]: must be \[tau, value\], two numbers"),

@@ -19,7 +19,7 @@ from shutil import copyfileobj
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import SnapshotPlace, keep_latest
 
 CONTINUED = ".next"
@@ -73,7 +73,7 @@ def binary_snapshots(path: str | Path) -> Iterator[BinarySnapshot]:
             yield snapshot
             begin = snapshot.end
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a binary dump of LAMMPS: {error}") from error
+        raise RunFolderError(f"{path}: not a binary dump of LAMMPS: {one_line(error)}") from error
 
 
 def _snapshot(content: mmap, begin: int) -> BinarySnapshot | None:

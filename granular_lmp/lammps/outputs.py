@@ -15,7 +15,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.scene.schema import cut
 
 SCENE = "scene.toml"
@@ -53,7 +53,7 @@ def writable(folder: Path) -> Iterator[None]:
     except FileExistsError as error:
         raise RunFolderError(f"{folder}: is there already; choose another folder or say force=True") from error
     except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
 
 
 def write_files(folder: Path, files: Mapping[str, Iterable[str]]) -> None:
@@ -132,7 +132,7 @@ def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[n
             while (snapshot := read_snapshot(stream)) is not None:
                 yield snapshot
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a LAMMPS dump: {error}") from error
+        raise RunFolderError(f"{path}: not a LAMMPS dump: {one_line(error)}") from error
 
 
 def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -168,7 +168,7 @@ def read_centre(path: str | Path) -> dict[str, NDArray[np.float64]]:
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: not a LAMMPS dump: {error}") from error
+        raise RunFolderError(f"{path}: not a LAMMPS dump: {one_line(error)}") from error
     even = _even_table(text)
     return even or {name: values.reshape(-1) for name, values in read_dump(path, 1, *DUMP_COLUMNS).items()}
 
@@ -319,7 +319,7 @@ def read_log(path: str | Path) -> RunLog:
     try:
         return _log_of(Path(path).read_text(encoding="utf-8", errors="replace"))
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{path}: cannot be read as a log of LAMMPS: {error}") from error
+        raise RunFolderError(f"{path}: cannot be read as a log of LAMMPS: {one_line(error)}") from error
 
 
 def _log_of(text: str) -> RunLog:

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 
-from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.errors import RunFolderError, ViewError, one_line
 from granular_lmp.plot.signals import Picture
 
 FRAMES_PER_SECOND = 10
@@ -53,7 +53,7 @@ def write_movie(figure: Picture, show: Callable[[int], None], count: int, path: 
                 for _ in frames():
                     writer.grab_frame()
     except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error
     except CalledProcessError as error:
         raise ViewError(f"{path}: ffmpeg failed with exit status {error.returncode}") from error
 

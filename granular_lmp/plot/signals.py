@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.rounding import moving
 from granular_lmp.crystal.modes import bloch_mode, restored
 from granular_lmp.crystal.wavevector import zone_edge
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
@@ -149,4 +149,4 @@ def save(figure: Figure, path: str | Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
     except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error

@@ -17,7 +17,7 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.effect import Case
-from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
 from granular_lmp.lammps.guards import first_decks
@@ -143,7 +143,7 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
-        raise RunFolderError(f"{path}: cannot be read: {error.strerror or error}") from error
+        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
 
 
 def _overrides(scene: Scene, said: Mapping[str, str]) -> dict[str, Any]:

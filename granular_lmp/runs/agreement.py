@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import DUMP, SCENE, STATUS
 from granular_lmp.runs.formats import expected_effects, is_one_column
 from granular_lmp.scene.at_rest import sphere_count
@@ -43,7 +43,7 @@ def refuse_other_scene(folder: Path, info: dict[str, Any]) -> None:
     try:
         text = (folder / SCENE).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
-        raise RunFolderError(f"{folder / SCENE}: cannot be read: {error}") from error
+        raise RunFolderError(f"{folder / SCENE}: cannot be read: {one_line(error)}") from error
     if digest != scene_digest(text):
         raise RunFolderError(f"{folder}: {SCENE} was changed since the run began; put it back, or run with force=True")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import granular_lmp
 from granular_lmp.errors import GranularError as GranularError
-from granular_lmp.errors import PackageMissingError, RunFolderError
+from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
 from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import (
@@ -122,7 +122,7 @@ class Record:
             if len(tau) != info.get("samples") and not unfinished:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
         except (OSError, ValueError, IndexError, csv.Error) as error:
-            raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {error}") from error
+            raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {one_line(error)}") from error
         refuse_other_extrapolation(folder / TRAJECTORY, text, info)
         record = cls(tau, p, q, phi, scene, info, folder)
         if (folder / DUMP).is_file():

@@ -6,7 +6,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS as STATUS
 from granular_lmp.lammps.outputs import replace_text
 from granular_lmp.runs.fields import refuse_malformed
@@ -42,7 +42,7 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
     except NotADirectoryError as error:
         raise RunFolderError(f"{folder}: is a file; give the run folder that holds {STATUS}") from error
     except (OSError, ValueError, RecursionError) as error:
-        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
     if not isinstance(info, dict):
         raise RunFolderError(f"{path}: must hold a JSON object")
     try:

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import SceneError
-from granular_lmp.scene.schema import one_line, shown
+from granular_lmp.errors import SceneError, one_line
+from granular_lmp.scene.schema import shown
 
 LARGEST_FILE = 1_000_000  # bytes; a scene with all its comments has 2000
 LARGEST_TABLE = 4_000_000  # bytes of a CSV file; the largest that a scene can hold has 0.8 MB at full precision
@@ -46,7 +46,9 @@ def file_text(path: Path, largest: int = LARGEST_FILE, said: str = "") -> str:
         with path.open("rb") as stream:
             raw = stream.read(largest + 1)
         text = raw.decode("utf-8-sig")  # some editors begin a file with a byte order mark
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have, or bytes that are not UTF-8
+    except OSError as error:
+        raise SceneError(f"{said}: cannot be read: {one_line(error)}") from error
+    except ValueError as error:  # a name that no file can have, or bytes that are not UTF-8
         raise SceneError(f"{said}: cannot be read as UTF-8 text: {one_line(error)}") from error
     if len(raw) > largest:
         raise SceneError(f"{said}: is too large: must be at most {largest} bytes")

@@ -360,11 +360,6 @@ def cut(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def one_line(error: Exception) -> str:
-    """Return the text of an error without line breaks."""
-    return " ".join(str(error).split())
-
-
 def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
     """Return the fields of a record that a scene file holds, each with its rule."""
     known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind)]

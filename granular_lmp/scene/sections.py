@@ -38,7 +38,7 @@ class Packing:
 
     lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
     rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
-    columns: int | Auto = count("along x: at least 3; 1 is read as 3", 1, 1_000_000, words=(AUTO,), default=AUTO)
+    columns: int | Auto = count("along x: at least 3; 1 in a chain", 1, 1_000_000, words=(AUTO,), default=AUTO)
     ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
     first: str = choice("first row of fixed ends; auto: held", FACES, default=AUTO)
     last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from shutil import copytree
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 
 # In a checkout this is a link to the folder beside the package. It is a path because LAMMPS opens files by name
 SHIPPED = Path(__file__).parents[1] / "lammps_inputs"
@@ -23,7 +23,7 @@ def copy_shipped(folder: str | Path) -> list[str]:
     except FileExistsError as error:
         raise RunFolderError(f"{folder}: is there already; choose another folder") from error
     except OSError as error:
-        raise RunFolderError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        raise RunFolderError(f"{folder}: cannot be written: {one_line(error)}") from error
     return sorted(path.name for path in SHIPPED.iterdir())
 
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.errors import SceneError
+from granular_lmp.errors import SceneError, one_line
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
-from granular_lmp.scene.schema import Rule, one_line, shown
+from granular_lmp.scene.schema import Rule, shown
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole

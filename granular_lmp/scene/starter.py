@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from granular_lmp.errors import RunFolderError
+from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.scene.document import Document, note
 from granular_lmp.scene.scene import Scene
 
@@ -64,4 +64,4 @@ def write_new(path: Path, text: str) -> None:
     except FileExistsError as error:
         raise RunFolderError(f"{path}: is there already; choose another name") from error
     except OSError as error:
-        raise RunFolderError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise RunFolderError(f"{path}: cannot be written: {one_line(error)}") from error

@@ -21,7 +21,7 @@ from typing import Any
 
 from granular_lmp.accuracy import tolerance
 from granular_lmp.accuracy.ladder import build
-from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError
+from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
@@ -239,7 +239,7 @@ def _check_folder(folder: Path, scene: Scene) -> None:
         try:
             there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise RunFolderError(f"{folder / COST}: cannot be read: {error}") from error
+            raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
         if scene_hash(there) != scene_hash(scene):
             raise RunFolderError(f"{folder}: holds a study of another scene, {there.name}; choose another folder")
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular_lmp
-from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted
+from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
@@ -293,7 +293,7 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise RunFolderError(f"{path}: cannot be read: {error}") from error
+        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
     return {"over": request["over"], "scene": request["scene"]}
 
 

@@ -24,7 +24,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from granular_lmp.errors import LammpsMissingError, LaunchError
+from granular_lmp.errors import LammpsMissingError, LaunchError, one_line
 from granular_lmp.lammps.installation import has_package, lammps_module
 from granular_lmp.lammps.outputs import writable
 
@@ -164,7 +164,7 @@ def refuse_untrusted(path: Path) -> None:
         troubles = [_trouble(place.lstat()) for place in (path, *map(Path.resolve, path.parents[:2]))]
         content = path.read_bytes()
     except OSError as error:
-        raise LammpsMissingError(f"{path}: cannot be read: {error.strerror or error}; {_ANEW}") from error
+        raise LammpsMissingError(f"{path}: cannot be read: {one_line(error)}; {_ANEW}") from error
     for place, trouble in zip((path, *path.parents), troubles, strict=False):
         if trouble:
             raise LammpsMissingError(f"{place}: {trouble}, as a kernel is code that is run; {_ANEW}")
