@@ -7,7 +7,10 @@ installed does not look there.
 import argparse
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
+from typing import NoReturn
 
 SCRIPTS = {
     "accuracy": "what granular-lmp cost measured, beside the theories",
@@ -49,6 +52,19 @@ DOORS = {"compare", "design"}  # scripts whose answer is a table
 
 def main(argv: list[str] | None = None) -> int:
     """Run one script of `analysis`; returns its exit status."""
+    return _script(argv)() or 0
+
+
+def program() -> NoReturn:
+    """Run one script as a program, whose errors are one line (`analysis.figures.plotting.start`)."""
+    script = _script(None)
+    from analysis.figures.plotting import start  # matplotlib would slow --help down
+
+    start(script)
+
+
+def _script(argv: list[str] | None) -> Callable[[], int | None]:
+    """Return the script that the arguments name, with its own arguments."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small; threads would only wait for each other
     os.environ["MPLBACKEND"] = "agg"  # pictures go to files; matplotlib is not imported where it knows not the backend
     parser = argparse.ArgumentParser(
@@ -62,4 +78,4 @@ def main(argv: list[str] | None = None) -> int:
     chosen = parser.parse_args(argv)
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
     module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.figures.{chosen.script}"
-    return import_module(module).main(chosen.arguments) or 0
+    return partial(import_module(module).main, chosen.arguments)

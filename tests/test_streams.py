@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from importlib import import_module
 from pathlib import Path
 
@@ -65,13 +66,20 @@ def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: P
     assert "24 spheres" in out
 
 
-def test_a_script_ends_as_a_command_does(small_toml: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("door", ["-m analysis.compare", "-c 'from analysis.cli import program; program()' compare"])
+def test_a_script_ends_as_a_command_does(door: str, small_toml: Path, tmp_path: Path) -> None:
     # Of a sweep it prints a line and draws no figure
     assert shell(f"{GRANULAR} sweep small.toml --over wave.phase=0 -o sweep", tmp_path)[0] == 0
-    compare = f"PYTHONPATH={Path(__file__).parents[1]} {sys.executable} -m analysis.compare"
-    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "[Errno 28] No space left on device\n")
+    compare = f"PYTHONPATH={Path(__file__).parents[1]} {sys.executable} {door}"
+    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
     assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
     assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
+    assert shell(f"{compare} nowhere", tmp_path) == (2, "", "nowhere: not a run folder (there is no run.json)\n")
+
+
+def test_the_installed_command_is_the_one_whose_errors_are_one_line() -> None:
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"]["granular-analysis"] == "analysis.cli:program"
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

@@ -55,7 +55,7 @@ def start(main: Callable[[], int | None]) -> NoReturn:
     except BrokenPipeError:  # the reader of the answer, `head` say, has gone
         pass
     except OSError as error:  # a full disk behind the standard output, a working directory that was deleted
-        status, said = 1, str(error)
+        status, said = 1, f"{error.filename or 'this machine'}: {error.strerror or error}"
     with suppress(OSError):
         print(said, end="\n" * bool(said), file=sys.stderr)
     for stream in (sys.stdout, sys.stderr):
