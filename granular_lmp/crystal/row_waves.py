@@ -86,11 +86,20 @@ def line_of(lattice: Contacts, sphere: Sphere, physics: Physics = FULL) -> Line:
 
 
 def waves(line: Line, still: Complexes) -> tuple[Complexes, Complexes]:
-    """Return λ and s (one column each) of the solutions s λⁿ of the perfect lattice; `still` is K₀ − Ω²M."""
-    count = len(still)
-    step = np.linalg.solve(line.ahead, np.hstack([-line.behind, -still]))
+    """Return λ and s (one column each) of the solutions s λⁿ of the perfect lattice; `still` is K₀ − Ω²M.
+
+    Where a row does not resist every motion of the next one, as in the square lattice and the chain, some solutions end
+    after one row: λ is 0 or infinite. With λ = (z + 1)/(z − 1) they have z = ∓1, and all are eigenvectors of
+
+        z² (K₊ + K₀ + K₋) + 2z (K₊ − K₋) + (K₊ − K₀ + K₋)
+
+    whose first matrix is regular unless a wave of the frequency is infinitely long.
+    """
+    count, sides = len(still), line.ahead + line.behind
+    step = np.linalg.solve(sides + still, np.hstack([still - sides, 2 * (line.behind - line.ahead)]))
     companion = np.vstack([np.hstack([np.zeros((count, count)), np.eye(count)]), step])
-    factor, vector = np.linalg.eig(companion)
+    z, vector = np.linalg.eig(companion)
+    factor = np.divide(z + 1, z - 1, out=np.full(z.shape, np.inf, dtype=complex), where=z != 1)
     shape = vector[:count]
     return factor, shape / np.linalg.norm(shape, axis=0)
 

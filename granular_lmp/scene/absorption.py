@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import lru_cache
 from math import pi
 
-from granular_lmp.crystal.lattices import unit_lattice
+from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.modes import Mode, Physics, bloch_mode, highest_frequency, restored
 from granular_lmp.crystal.quiet_ends import (
     MOST_ROWS,
@@ -24,10 +24,9 @@ from granular_lmp.crystal.quiet_ends import (
     reflection,
 )
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.frequency import wavenumbers_at
-from granular_lmp.scene.linear import mode_of, physics_of
+from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
@@ -50,10 +49,10 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
         return _waves_of_sources(scene, step)
     shaken = _waves_of_sources(scene, step) if scene.source else []
     mode, sphere, physics = mode_of(scene), scene.sphere, physics_of(scene)
-    lattice, usual = unit_lattice(sphere), frequency_in_run(mode.frequency, step)
+    lattice, usual = unit_contacts(scene), frequency_in_run(mode.frequency, step)
     if scene.wave.form == "driven":
         usual = mode.frequency
-        numbers = _numbers_at(frequency_in_lattice(usual, step), sphere, physics, mode.name) if step else ()
+        numbers = _numbers_at(scene, frequency_in_lattice(usual, step), mode.name) if step else ()
         # At the edge of a band none may be left; the row shakes its neighbours nevertheless
         wavenumbers = {min(numbers, key=lambda xi: abs(xi - scene.wavenumber), default=scene.wavenumber)}
     else:
@@ -61,19 +60,20 @@ def waves_at_ends(scene: Scene, step: float = 0.0) -> list[Mode]:
     if scene.envelope.length:
         width = DEVIATIONS / scene.envelope.length
         wavenumbers |= {max(scene.wavenumber - width, _LEAST), min(scene.wavenumber + width, pi - _LEAST)}
-    found = [bloch_mode(lattice, sphere, WaveVector.of(xi), mode.name, physics) for xi in sorted(wavenumbers)]
-    doubled = _numbers_at(frequency_in_lattice(2 * usual, step), sphere, physics, "L")
+    vector = scene.lattice.vector
+    found = [bloch_mode(lattice, sphere, vector(xi), mode.name, physics) for xi in sorted(wavenumbers)]
+    doubled = _numbers_at(scene, frequency_in_lattice(2 * usual, step), "L")
     # Above the band no L wave runs at 2Ω
-    return [*found, *(bloch_mode(lattice, sphere, WaveVector.of(xi), "L", physics) for xi in doubled[:1]), *shaken]
+    return [*found, *(bloch_mode(lattice, sphere, vector(xi), "L", physics) for xi in doubled[:1]), *shaken]
 
 
 def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
-    sphere, physics, usual = scene.sphere, physics_of(scene), mode_of(scene).frequency
+    sphere, usual = scene.sphere, mode_of(scene).frequency
     found: dict[tuple[str, float], Mode] = {}
     for number, source in enumerate(scene.source, 1):
         frequency = source.pulsation(sphere, usual)
         shaken = [frequency_in_lattice(share * frequency, step) for share in source.band]
-        waves = [wave for each in shaken for wave in _waves_at(each, sphere, physics)]
+        waves = [wave for each in shaken for wave in _waves_at(scene, each)]
         if not waves:
             raise SceneError(
                 f"source {number}: frequency = {frequency:.6g} rad per t0: is that of no wave along y, so that nothing "
@@ -83,20 +83,21 @@ def _waves_of_sources(scene: Scene, step: float) -> list[Mode]:
     return list(found.values())
 
 
-def _waves_at(frequency: float, sphere: Sphere, physics: Physics) -> list[Mode]:
+def _waves_at(scene: Scene, frequency: float) -> list[Mode]:
     """Return the waves along y of a frequency in rad/t0, none below those of a hundred rows."""
-    lattice = unit_lattice(sphere)
+    lattice, physics = unit_contacts(scene), physics_of(scene)
     return [
-        bloch_mode(lattice, sphere, WaveVector.of(max(xi, _LEAST)), name, physics)
+        bloch_mode(lattice, scene.sphere, scene.lattice.vector(max(xi, _LEAST)), name, physics)
         for name in restored(lattice, physics)
-        for xi in _numbers_at(frequency, sphere, physics, name)
+        for xi in _numbers_at(scene, frequency, name)
     ]
 
 
-def _numbers_at(frequency: float, sphere: Sphere, physics: Physics, name: str) -> tuple[float, ...]:
+def _numbers_at(scene: Scene, frequency: float, name: str) -> tuple[float, ...]:
     """Return the wave numbers along y of a mode at a frequency in rad/t0, none outside its band."""
+    sphere, hertz = scene.sphere, frequency / scene.sphere.time_scale / (2 * pi)
     try:
-        return wavenumbers_at(frequency / sphere.time_scale / (2 * pi), sphere, physics, name, 90.0)
+        return wavenumbers_at(hertz, sphere, physics_of(scene), name, 90.0, scene.lattice)
     except SceneError:
         return ()
 
@@ -108,7 +109,6 @@ def quiet_side(scene: Scene) -> str:
     """
     last = scene.shape.rows - 1
     low, high = (any(each.is_in_row(end) for each in scene.source) for end in (0, last))
-    low = low or scene.wave.form == "driven"
     low = low or scene.wave.form == "driven"
     if low and high:
         raise SceneError(f"absorb.rows = {scene.absorb.rows!r}: must be 0 where sources move both ends")
@@ -182,21 +182,27 @@ def _in_run(scene: Scene, end: QuietEnd) -> QuietEnd:
     """Return a layer with what it reflects at the step of a scene; with a tolerance that is step zero."""
     sphere, physics = scene.sphere, physics_of(scene)
     step = 0.0 if scene.time.tolerance is not None else scene.time.step
-    if step * highest_frequency(unit_lattice(sphere), sphere, physics) >= 2:  # such a step is refused
+    if step * highest_frequency(unit_contacts(scene), sphere, physics) >= 2:  # such a step is refused
         return end
-    return replace(end, reflection=_largest(sphere, tuple(waves_at_ends(scene, step)), end, physics, step))
+    return replace(
+        end, reflection=_largest(unit_contacts(scene), sphere, tuple(waves_at_ends(scene, step)), end, physics, step)
+    )
 
 
 def _layer_of(scene: Scene, rows: int | None) -> QuietEnd:
     waves = tuple(waves_at_ends(scene))
-    return _layer(scene.sphere, waves, scene.absorb.reflection, rows, physics_of(scene))
+    return _layer(unit_contacts(scene), scene.sphere, waves, scene.absorb.reflection, rows, physics_of(scene))
 
 
 @lru_cache(maxsize=32)
-def _layer(sphere: Sphere, waves: tuple[Mode, ...], wanted: float, rows: int | None, physics: Physics) -> QuietEnd:
-    return quiet_end(unit_lattice(sphere), sphere, waves, wanted, rows, physics)
+def _layer(
+    lattice: Contacts, sphere: Sphere, waves: tuple[Mode, ...], wanted: float, rows: int | None, physics: Physics
+) -> QuietEnd:
+    return quiet_end(lattice, sphere, waves, wanted, rows, physics)
 
 
 @lru_cache(maxsize=32)
-def _largest(sphere: Sphere, waves: Sequence[Mode], end: QuietEnd, physics: Physics, step: float) -> float:
-    return max(reflection(unit_lattice(sphere), sphere, wave, end, physics, step) for wave in waves)
+def _largest(
+    lattice: Contacts, sphere: Sphere, waves: Sequence[Mode], end: QuietEnd, physics: Physics, step: float
+) -> float:
+    return max(reflection(lattice, sphere, wave, end, physics, step) for wave in waves)

@@ -252,8 +252,6 @@ def check_absorb(
             )
     if shape.along_y:
         raise SceneError(f'absorb.rows = {absorb.rows!r}: needs packing.ends = "fixed"; a periodic cell has no ends')
-    if shape.lattice != HEXAGONAL:
-        raise SceneError(f'packing.lattice = "{shape.lattice.name}": must be "hexagonal" with absorb.rows above 0')
     if packing.rows == AUTO:
         raise SceneError(
             'packing.rows = "auto": must be declared with absorb.rows, as no echo says how many are needed: the quiet '

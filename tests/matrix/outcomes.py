@@ -36,7 +36,6 @@ REFUSALS: dict[str, str] = {
     r'wave.direction = .*: must be "y" with wave.form = "driven"': NOT_BUILT,
     r'envelope.(length|width) = .*: must be 0 with wave.form = "none"': PHYSICS,
     r'envelope.(length|width) = .*: must be 0 with wave.form = "driven"': NOT_BUILT,
-    r'packing.lattice = .*: must be "hexagonal" with absorb.rows': NOT_BUILT,
     r"absorb.rows = .*: no number of rows absorbs the long waves of a strike": PHYSICS,
     r"packing.contact_force = .*: must be 0 with free faces": PHYSICS,
     r'packing.sides = "held": must be "free" or left out in a chain': PHYSICS,
