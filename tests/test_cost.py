@@ -89,6 +89,17 @@ def test_the_error_of_a_pair_is_that_of_the_extrapolation(study: tuple[Path, dic
     assert pair["particle_steps"] == single["0.25"]["particle_steps"] + single["0.125"]["particle_steps"]
 
 
+@pytest.mark.usefixtures("few")
+def test_a_pair_of_runs_whose_contacts_may_open_is_its_finer_run(tmp_path: Path) -> None:
+    cell = {"packing.rows": 8, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 1.0}
+    scene = PAPER.with_values({**cell, "effects.contact_opening": True})
+    result = measure(plan(scene, tmp_path / "study", repeats=1))
+    single, pair = rows(result, "time step"), rows(result, "Richardson pair")["0.25 + 0.125"]
+    assert pair["error_q"] == single["0.125"]["error_q"] > 0
+    # The reference is its finest run, and its error the distance to the one before
+    assert 0 < result["reference"]["error_q"] < single["0.125"]["error_q"]
+
+
 def test_what_is_wrong_has_a_large_error(study: tuple[Path, dict[str, Any]]) -> None:
     _, result = study
     effects, output = rows(result, "effects"), rows(result, "output")

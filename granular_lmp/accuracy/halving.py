@@ -76,8 +76,11 @@ class Plan:
 
 
 def extrapolated(coarse: Any, fine: Any, order: int) -> Any:
-    """Return (2^p b − a)/(2^p − 1): numbers or arrays a of a run and b of half its step, with errors of order p."""
-    return (2**order * fine - coarse) / (2**order - 1)
+    """Return (2^p b − a)/(2^p − 1): numbers or arrays a of a run and b of half its step, with errors of order p.
+
+    With p = 0 their error is no series, and b is returned.
+    """
+    return (2**order * fine - coarse) / (2**order - 1) if order else fine
 
 
 @contextmanager

@@ -38,13 +38,14 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
         Records at the same times.
     order : int
         Order of the error in the step: 2, or 1 with some effects (`effects.selection.order`); 4 for two records that
-        are extrapolated themselves.
+        are extrapolated themselves; 0 for an error that is no series, of which the finer run is returned.
 
     Returns
     -------
     Record
         Extrapolated record with the scene of the finer run. ``info["error_estimate"]`` holds the relative L2 errors of
-        p, q and phi of the finer run, None for a signal that is zero; the extrapolated record is better.
+        p, q and phi of the finer run, None for a signal that is zero; the extrapolated record is better. With the order
+        0 they are the distances of the two runs.
 
     Raises
     ------
@@ -53,8 +54,8 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
 
     Notes
     -----
-    The extrapolation breaks down if the error is not of this order in the step, as with contacts that open or slide,
-    and below the rounding of the positions.
+    The extrapolation breaks down if the error is not of this order in the step, and below the rounding of the
+    positions.
     """
     if coarse.tau.shape != fine.tau.shape or not np.allclose(coarse.tau, fine.tau, rtol=1e-12, atol=0):
         raise ValueError("the two records have different times")
@@ -66,7 +67,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
         a, b = getattr(coarse, name), getattr(fine, name)
         signals[name] = extrapolated(a, b, order)
         norm = np.linalg.norm(signals[name])
-        estimates[name] = float(np.linalg.norm(b - a) / (2**order - 1) / norm) if norm > 0 else None
+        estimates[name] = float(np.linalg.norm(b - a) / max(2**order - 1, 1) / norm) if norm > 0 else None
     return replace(fine, **signals, info=fine.info | {"error_estimate": estimates}, folder=None)
 
 

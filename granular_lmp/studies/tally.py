@@ -98,7 +98,10 @@ def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
 
 
 def _record(places: list[Path]) -> Record:
-    """Return the record of a setting: that of its single run, or the extrapolation of its last two."""
+    """Return the record of a setting: that of its single run, or the extrapolation of its last two.
+
+    The finer of the two is returned where the error is no series in the step, as with contacts that open or slide.
+    """
     records = [Record.load(there) for there in places[-2:]]
     if len(records) == 1:
         return records[0]
@@ -109,8 +112,8 @@ def _record(places: list[Path]) -> Record:
 def _left(places: list[Path]) -> dict[str, float | None]:
     """Return the estimated error of p, q, φ of the reference: its distance to the extrapolation of its coarser runs.
 
-    The distance is the error itself if that is of first order in the step, as at these small steps, and an upper bound
-    otherwise.
+    The distance is the error itself if that is no series in the step or of first order, as at these small steps, and an
+    upper bound otherwise.
     """
     apart = errors(_record(places[:-1]), _record(places))
     return {name: apart[f"error_{name}"] for name in COMPONENTS}
