@@ -59,8 +59,8 @@ class Comparison:
         Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
         the run has, and for waves that do not run along y.
     measured, fit_error : float or None
-        The same from the run by least squares, and the standard error of the fit, which knows nothing of what theory
-        leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
+        The same from the run by least squares, and its error by the time step and the fit, which knows nothing of what
+        theory leaves out; None where the second harmonic is below the next order or below rounding, or not predicted.
     notes : list of str
         Why the comparison does not mean what it seems to.
     budget : list of Source
@@ -172,7 +172,7 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
 def table(comparisons: list[Comparison]) -> str:
     """The comparisons as text, two lines a run: against theory, against the exact lattice; then the notes."""
     width = max([len("run"), *(len(c.run) for c in comparisons)])
-    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'fit ±':>9}{'predicted':>11}"
+    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'±':>9}{'predicted':>11}"
     lines = [f"{'run':{width}} {'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
     for c in comparisons:
         head = f"{c.run:{width}} {c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
@@ -189,7 +189,7 @@ def table(comparisons: list[Comparison]) -> str:
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
     varied = swept.columns([c.record for c in comparisons])
-    titles = [*varied, "against", *COMPONENTS, "SH measured", "fit ±", "predicted", "deviation"]
+    titles = [*varied, "against", *COMPONENTS, "SH measured", "±", "predicted", "deviation"]
     rows = [titles]
     for number, c in enumerate(comparisons):
         numbers = [("-" if x is None else f"{x:.5g}") for x in (c.measured, c.fit_error, c.predicted)]

@@ -257,7 +257,7 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
     return np.sqrt(squared), q / norm, f / norm
 
 
-def _source(mode: Mode, ratios: Ratios) -> float:
+def source(mode: Mode, ratios: Ratios) -> float:
     """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp."""
     s = np.sin(mode.wavenumber / 2)
     if mode.name == "L":
@@ -290,7 +290,7 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     w = doubled_frequency(mode, ratios)
     if mode.name == "L":  # w̃² − 4Ω² = −4 speed² sin⁴(ξ/2), which a difference loses at small ξ
         return float(ratios.longitudinal / ratios.speed**2 / np.tan(mode.wavenumber / 2) / 2)
-    strength = float(np.sin(mode.wavenumber) * _source(mode, ratios))
+    strength = float(np.sin(mode.wavenumber) * source(mode, ratios))
     denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
     return strength / denominator if denominator else float(np.copysign(np.inf, strength))
 
@@ -303,13 +303,13 @@ def second_harmonic_terms(
         p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
-    (with phase, 2ξn + 2·phase for 2ξn), without the `_start_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
+    (with phase, 2ξn + 2·phase for 2ξn), without the `start_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
     and forward wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
     """
     tau = np.asarray(tau, dtype=float)
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
     angle = 2 * (mode.wavenumber * row + phase)
-    half, g = nonlinearity(ratios, amplitude) / 2, _source(mode, ratios) / ratios.speed
+    half, g = nonlinearity(ratios, amplitude) / 2, source(mode, ratios) / ratios.speed
     # P̃₊ and P̃₋ with the common factor sin ξ of numerator and denominator taken out: regular at ξ=π.
     forward, backward = -g / (2 * (w - twice)), -g / (2 * (w + twice))
     return (
@@ -326,7 +326,7 @@ def second_harmonic(
 
         p_SH = (εg/4 speed) Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
 
-    with the drive g of `_source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `_start_wave` is added.
+    with the drive g of `source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `start_wave` is added.
 
     Parameters
     ----------
@@ -355,11 +355,11 @@ def second_harmonic(
     start = np.exp(2j * (mode.wavenumber * row + phase))
     backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
     forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)
-    strength = nonlinearity(ratios, amplitude) / (4 * ratios.speed) * _source(mode, ratios)
-    return strength * np.real(start * (backward - forward)) + _start_wave(mode, ratios, amplitude, tau, row, phase)
+    strength = nonlinearity(ratios, amplitude) / (4 * ratios.speed) * source(mode, ratios)
+    return strength * np.real(start * (backward - forward)) + start_wave(mode, ratios, amplitude, tau, row, phase)
 
 
-def _start_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
+def start_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
     """Share of p, in D0, from what the start leaves in the contacts; zero where ξn + phase is a multiple of π/2.
 
         p = G0 sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)

@@ -6,9 +6,11 @@ from numpy.typing import NDArray
 from analysis.measure.norms import relative_error
 from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theory.choice import drive_cancels, holding
+from analysis.theory.timestep import stepped_second_harmonic
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
+Floats = NDArray[np.float64]
 COMPONENTS = ("p", "q", "phi")
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
@@ -26,9 +28,7 @@ def predicted_amplitude(wave: Wave) -> float | None:
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
 
-def errors(
-    record: Record, reference: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-) -> dict[str, float | None]:
+def errors(record: Record, reference: tuple[Floats, Floats, Floats]) -> dict[str, float | None]:
     """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent.
 
     An angle that was not tracked has no error.
@@ -41,13 +41,16 @@ def errors(
 
 
 def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tuple[None, None]:
-    """Amplitude of the generated second harmonic in a run, in D0, and the standard error of the fit.
+    """Amplitude of the generated second harmonic in a run, in D0, and its error: of the fit and of the time step.
 
     Least squares of p(τ) on the time functions that theory knows: cos Ωτ and sin Ωτ of the fundamental (L only) and the
     second harmonic with its free waves, whose factor is sought. That the generated and the free waves come in fixed
-    proportion keeps the fit well-posed at the resonance, where they are one function. Gives (None, None) where the
-    second harmonic is not what p consists of: at the antiresonance, and where it is below rounding; where there is no
-    closed form for it; and for fewer than `FEWEST` records a factor.
+    proportion keeps the fit well-posed at the resonance, where they are one function. A second fit has the functions
+    that the time step of the run makes of these: the error is its standard error, and the distance of both amplitudes.
+    Of a run to a tolerance, whose record is extrapolated, that distance is the share that the estimate of p says.
+
+    Gives (None, None) where the second harmonic is not what p consists of: at the antiresonance, and where it is below
+    rounding; where there is no closed form for it; and for fewer than `FEWEST` records a factor.
     """
     predicted = predicted_amplitude(wave)
     if predicted is None:
@@ -55,15 +58,28 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
     if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
         return None, None
-    columns = [shape]
-    if wave.mode.p:
-        angle = wave.mode.frequency * record.tau
-        columns += [np.cos(angle), np.sin(angle)]
-    if len(record.tau) < FEWEST * len(columns):
+    own, time = wave.mode.frequency, record.scene.time
+    if len(record.tau) < FEWEST * (3 if wave.mode.p else 1):
         return None, None
+    factor, spread = _factor(record, shape, own if wave.mode.p else None)
+    if time.tolerance is None:
+        shape = stepped_second_harmonic(wave, record.tau, time.step)
+        turning = 2 * np.arcsin(own * time.step / 2) / time.step
+        without, spread = _factor(record, shape, turning if wave.mode.p else None)
+        step = factor - without
+    else:
+        share = record.info.get("error_estimate", {}).get("p")
+        step = factor * (time.tolerance if share is None else share)
+    return factor * predicted, float(np.hypot(step, spread)) * predicted
+
+
+def _factor(record: Record, shape: Floats, fundamental: float | None) -> tuple[float, float]:
+    """Return the factor of a shape in p and its standard error, beside a fundamental of that frequency if any."""
+    columns = [shape]
+    if fundamental is not None:
+        columns += [np.cos(fundamental * record.tau), np.sin(fundamental * record.tau)]
     matrix = np.column_stack(columns)
     solution, *_ = np.linalg.lstsq(matrix, record.p)
     residual = record.p - matrix @ solution
     variance = residual @ residual / (len(record.tau) - len(columns))
-    spread = np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0])
-    return float(solution[0] * predicted), float(spread * predicted)
+    return float(solution[0]), float(np.sqrt(variance * np.linalg.inv(matrix.T @ matrix)[0, 0]))

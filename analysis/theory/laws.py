@@ -9,7 +9,7 @@ and forces in k1Δ0, to second order
 
 In a plane mode x and t of a contact are in phase, so ∫x dt = ½xt + a constant: the incremental law halves g2 and keeps
 a memory of its start. The potential law adds the normal force −¼κt². With X = sin(ξ/2) Q and Y = cos(ξ/2) f the drive
-of the second harmonic of TR and RT (`second_harmonic._source`) becomes, times 2κ+3,
+of the second harmonic of TR and RT (`second_harmonic.source`) becomes, times 2κ+3,
 
     secant       (2κ−1) X² − (4κ/√3) XY
     incremental   (κ−1) X² − (2κ/√3) XY

@@ -12,6 +12,8 @@ The leading error is of phase. A wave of frequency Ω runs (Ωh)²/24 too fast, 
 the finer run's phase error and the next order of its frequency; over a run, in the L2 norm,
 
     single run   e = (Ωh)²Ωτ/(24√3)              pair   E² = (2.68 e₂²)² + (0.113 (Ωh)² e₂)²,  e₂ = e/4
+
+The second harmonic is one oscillator, so it needs no lattice to be stepped (`stepped_second_harmonic`).
 """
 
 from collections.abc import Sequence
@@ -20,8 +22,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
 
-from analysis.second_harmonic import refuse_oblique
+from analysis.second_harmonic import Ratios, doubled_frequency, nonlinearity, refuse_oblique, source, start_wave
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours, at_ends, torus_neighbours, torus_shifts
@@ -79,6 +82,42 @@ def stepped(
                 speeds += step / 2 * acceleration
             record[index] = places[..., 0]
     return np.moveaxis(record, 1, 0) / _amplitudes(waves)
+
+
+def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
+    """p of the second harmonic in D0 at τ, (T,), as steps of `step` make it; `second_harmonic` for the step → 0.
+
+        p_{n+1} − 2p_n + p_{n−1} = h²[(ε/2) sin ξ Re(i g f_n²) − w̃² p_n],   f = e^{i phase}(cos Ω_hτ − ir sin Ω_hτ)
+
+    with sin(Ω_h h/2) = Ωh/2. The start has the velocity of the exact wave, r = Ωh/sin(Ω_h h) times that of one of Ω_h
+    that runs one way. The incremental law adds up its force with the stiffness at the end of each step, half a step
+    late: its shear's part g_S of g then has a share of Ωh/2 in quadrature, less what that is at the start. By the
+    secant law g is larger by just g_S.
+
+    Parameters
+    ----------
+    wave : along y, in contacts without dashpots.
+    tau : times, multiples of the step.
+    step : h in τ.
+    """
+    mode, ratios, phase = wave.mode, wave.ratios, wave.phase
+    angle = 2 * np.arcsin(mode.frequency * step / 2)
+    turns = angle * np.arange(round(tau[-1] / step) + 1)
+    started = np.cos(turns) - 1j * mode.frequency * step / np.sin(angle) * np.sin(turns)
+    drive = _strength(wave, ratios) * np.real(1j * np.exp(2j * phase) * started**2)
+    if wave.contact.incremental:
+        of_shear = _strength(wave, replace(wave.contact, law="secant").ratios_of(mode)) - _strength(wave, ratios)
+        drive += of_shear * mode.frequency * step / 2 * (np.cos(2 * (phase - turns)) - np.cos(2 * phase))
+    drive[0] /= 2
+    free = doubled_frequency(mode, ratios)
+    p = lfilter([0, step**2], [1, (free * step) ** 2 - 2, 1], drive)
+    slower = 2 * np.arcsin(free * step / 2) / (free * step)
+    return p[np.rint(tau / step).astype(int)] + start_wave(mode, ratios, wave.amplitude, slower * tau, 0, phase)
+
+
+def _strength(wave: Wave, ratios: Ratios) -> float:
+    """(ε/2) sin ξ g, the drive of the second harmonic, in D0."""
+    return nonlinearity(ratios, wave.amplitude) / 2 * np.sin(wave.mode.wavenumber) * source(wave.mode, ratios)
 
 
 def _amplitudes(waves: Sequence[Wave]) -> Floats:

@@ -1,9 +1,10 @@
 """The error budget of a run: the time step, the walls, and rounding.
 
 All are relative L2 errors over the run, against the infinite lattice with the same contacts. From one run the error of
-the time step is known only for the signals that a running plane wave along y has by linear theory: it is the phase
-error of velocity Verlet, (ΩΔτ)²Ωτ/(24√3). A wave that decays as e^{−Γτ} has an error of first order in addition,
-because LAMMPS's dashpots have the velocity of half a step before:
+the time step is known of a running plane wave along y: in the signals that it has by linear theory it is the phase
+error of velocity Verlet, (ΩΔτ)²Ωτ/(24√3), and in p what the step changes of its second harmonic
+(`granular_lmp.accuracy.oscillator`), unless p is something else, as near an antiresonance. A wave that decays as
+e^{−Γτ} has an error of first order in addition, because LAMMPS's dashpots have the velocity of half a step before:
 
     u_{n+1} − 2u_n + u_{n−1} = −(ΩΔτ)² u_n − 2ΓΔτ (u_n − u_{n−1})
 
@@ -11,26 +12,29 @@ The error of all other signals takes the several runs of a tolerance. The distan
 of `analysis.measure.budget`.
 """
 
-from collections.abc import Mapping
-from math import ceil, log2, sqrt
+from collections.abc import Callable, Mapping
+from math import ceil, hypot, log2, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.ladder import phase_error
+from granular_lmp.accuracy.oscillator import late_shear, oscillator_of
 from granular_lmp.accuracy.rounding import judged, linear_signals, rounding, walls
 from granular_lmp.effects.effect import Case
 from granular_lmp.effects.selection import order
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.scene import Scene
 
+Floats = NDArray[np.float64]
 Errors = dict[str, float]
+Signals = Mapping[str, Floats]
+
+_OTHER = 0.5  # share of p that is not the second harmonic, from which on its error is not known
 
 
-def error_budget(
-    scene: Scene, signals: Mapping[str, NDArray[np.float64]], estimate: Errors | None = None
-) -> list[dict[str, Any]]:
+def error_budget(scene: Scene, signals: Signals, estimate: Errors | None = None) -> list[dict[str, Any]]:
     """Return the sources of error of a run, as ``run.json`` holds them.
 
     Parameters
@@ -49,7 +53,7 @@ def error_budget(
         error; ``to_halve``, the change that halves the error; of the time step also ``order``, that of the error of a
         run in the step, 0 if it is no series (`granular_lmp.effects.selection.order`).
     """
-    stepped, remedy = _time_step(scene) if estimate is None else (estimate, _tighter(estimate))
+    stepped, remedy = _time_step(scene, signals) if estimate is None else (estimate, _tighter(estimate))
     more = 2 * ceil(0.35 * scene.shape.centre_row ** (1 / 3))  # Ai halves in 0.35 of its width, d^{1/3} rows
     farther = f"packing.rows = {scene.shape.rows + more}"
     farther += f", packing.columns = {scene.shape.columns + more}" if "sides" in scene.shape.faces else ""
@@ -70,15 +74,54 @@ def error_budget(
     return lines
 
 
-def _time_step(scene: Scene) -> tuple[Errors, str]:
-    step = scene.time.step
+def _time_step(scene: Scene, signals: Signals) -> tuple[Errors, str]:
+    """Return the errors of the signals by the step, where they are known, and a step that halves the largest."""
+    step, of_step = scene.time.step, _errors_by_step(scene, signals)
+    errors = of_step(step)
+    if not errors:
+        return {}, f"time.timestep = {step * 0.5 ** (1 / max(order(scene), 1)):.3g}"
+    aim, longer = max(errors.values()) / 2, step
+    while (below := max(of_step(longer / 2).values())) > aim:
+        longer /= 2
+    above = max(of_step(longer).values())
+    return errors, f"time.timestep = {longer * 0.5 ** (log2(above / aim) / log2(above / below)):.3g}"
+
+
+def _errors_by_step(scene: Scene, signals: Signals) -> Callable[[float], Errors]:
+    """Return the errors of the signals of a run, by the step (τ) that it might have had."""
     names = linear_signals(scene)
     if not names:
-        return {}, f"time.timestep = {step * 0.5 ** (1 / max(order(scene), 1)):.3g}"
-    frequency = mode_of(scene).frequency
+        return lambda step: {}
     decay = Case(scene).decay_rate if scene.effects.damping is True else 0.0
-    error, finer = (wave_error(frequency, decay, each, scene.time.duration) for each in (step, step / 2))
-    return dict.fromkeys(names, error), f"time.timestep = {step * 0.5 ** (1 / log2(error / finer)):.3g}"
+    alike = not decay and order(scene) and "p" in judged(scene, signals)
+    harmonic = _harmonic_error(scene, signals["p"], "p" in names) if alike else None
+
+    def errors(step: float) -> Errors:
+        found = dict.fromkeys(names, wave_error(mode_of(scene).frequency, decay, step, scene.time.duration))
+        return found if harmonic is None else found | {"p": hypot(found.get("p", 0.0), harmonic(step))}
+
+    return errors
+
+
+def _harmonic_error(scene: Scene, p: Floats, linear: bool) -> Callable[[float], float] | None:
+    """Return the error of the second harmonic relative to p, by the step (τ); None where p is something else.
+
+    Of L, whose p is `linear`, it is only the part of late shear forces: what else the step changes of it is small.
+    """
+    tau: Floats = scene.time.sample * np.arange(len(p), dtype=float)
+    exact = oscillator_of(scene)
+    shapes, without = exact.shapes(tau), p - late_shear(scene, oscillator_of(scene, scene.time.step), tau)
+    factors = np.zeros(shapes.shape[1]) if linear else np.linalg.lstsq(shapes, without)[0]
+    size = float(np.linalg.norm(without))
+    if not linear and np.linalg.norm(without - shapes @ factors) > _OTHER * size:
+        return None
+
+    def error(step: float) -> float:
+        stepped = oscillator_of(scene, step)
+        changed = (stepped.shapes(tau) - shapes) @ factors + late_shear(scene, stepped, tau)
+        return float(np.linalg.norm(changed)) / size
+
+    return error
 
 
 def wave_error(frequency: float, decay: float, step: float, duration: float) -> float:

@@ -4,21 +4,26 @@ At the wave number 2ξ the lattice is one oscillator of frequency w̃, at rest a
 
     p = B S(τ) + c cos w̃τ + s sin w̃τ  (+ the fundamental, for L),   S'' + w̃²S = sin 2(Ωτ − phase),  S(0) = S'(0) = 0
 
-Ω and w̃ are those of the linear lattice; B, c and s are fitted by least squares. The wave that runs with the fundamental
-has the amplitude A = |B/(w̃² − 4Ω²)|. S stays regular, and apart from the free waves, where w̃ comes near 2Ω; A does not:
-at the resonance the second harmonic grows with time and has no amplitude.
+and a constant at a phase other than 0. Ω and w̃ are those of the linear lattice; the factors are fitted by least
+squares. The wave that runs with the fundamental has the amplitude A = |B/(w̃² − 4Ω²)|. S stays regular, and apart from
+the free waves, where w̃ comes near 2Ω; A does not: at the resonance the second harmonic grows with time and has no
+amplitude.
+
+The time step changes the frequencies and the drive. A second fit has the functions of the stepped lattice
+(`granular_lmp.accuracy.oscillator`), and its A is that without a step: the difference is the error of the step. Of a
+run to a tolerance, whose record is extrapolated, it is the share that the estimate of p says.
 """
 
 from dataclasses import dataclass
-from math import pi
+from math import hypot, pi
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.accuracy.oscillator import Oscillator, late_shear, oscillator_of
 from granular_lmp.runs.readouts import fitted
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
+from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +40,8 @@ class SecondHarmonic:
     amplitude : float
         A, in D0.
     error : float
-        Standard error of the fit, in D0: of white noise. Where other waves are left it measures them and no more.
+        Error of the time step, and the standard error of the second fit, in D0: of white noise. Where other waves are
+        left it measures them and no more.
     frequency : float
         2Ω, in rad/t0.
     """
@@ -56,26 +62,31 @@ def second_harmonic(record: Record) -> SecondHarmonic | None:
     moved = any(getattr(scene.effects, name) is True for name in _MOVED)
     if not scene.plane_along_y or moved or not len(tau) or tau[-1] > scene.echo_time:
         return None
-    own = mode_of(scene).frequency
-    free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene)).frequency
-    columns = [_response(tau, own, free, scene.wave.phase), np.cos(free * tau), np.sin(free * tau)]
+    exact = oscillator_of(scene)
+    seen = scene.time.sample * max(exact.free, 2 * exact.wave) < pi
+    if not seen or exact.detuning == 0 or len(tau) < _FEWEST * _columns(exact, scene, tau).shape[1]:
+        return None
+    amplitude, spread = _fitted(exact, record)
+    if scene.time.tolerance is None:
+        stepped, spread = _fitted(oscillator_of(scene, scene.time.step), record)
+        change = amplitude - stepped
+    else:
+        share = record.info.get("error_estimate", {}).get("p")
+        change = amplitude * (scene.time.tolerance if share is None else share)
+    return SecondHarmonic(amplitude, hypot(change, spread), 2 * exact.wave)
+
+
+def _fitted(oscillator: Oscillator, record: Record) -> tuple[float, float]:
+    """Return the amplitude without a step and its standard error, by the functions of an oscillator."""
+    p = record.p - late_shear(record.scene, oscillator, record.tau)
+    factors, errors = fitted(_columns(oscillator, record.scene, record.tau), p)
+    return float(abs(factors[0] / oscillator.detuning)), float(abs(errors[0] / oscillator.detuning))
+
+
+def _columns(oscillator: Oscillator, scene: Scene, tau: Floats) -> Floats:
+    own, free = oscillator.stepped
+    columns = [*oscillator.shapes(tau).T, np.cos(free * tau), np.sin(free * tau)]
     if scene.wave.mode == "L":  # with the slow drift of the fundamental, of order a² τ
         fundamental = [np.cos(own * tau), np.sin(own * tau)]
         columns += [*fundamental, *(tau * each for each in fundamental)]
-    detuning = (free - 2 * own) * (free + 2 * own)
-    seen = scene.time.sample * max(free, 2 * own) < pi
-    if not seen or detuning == 0 or len(tau) < _FEWEST * len(columns):
-        return None
-    factors, errors = fitted(np.column_stack(columns), record.p)
-    return SecondHarmonic(float(abs(factors[0] / detuning)), float(abs(errors[0] / detuning)), 2 * own)
-
-
-def _response(tau: Floats, own: float, free: float, phase: float) -> Floats:
-    """Return S(τ): cos 2phase times the response to sin 2Ωτ, less sin 2phase times that to cos 2Ωτ.
-
-    With s = Ω + w̃/2 and d = Ω − w̃/2 they are [sin(w̃τ)/w̃ − τ cos(sτ) sin(dτ)/(dτ)]/2s and τ sin(sτ) sin(dτ)/(dτ)/2s.
-    """
-    mean, beat = own + free / 2, tau * np.sinc((own - free / 2) * tau / pi)
-    to_sine = (np.sin(free * tau) / free - np.cos(mean * tau) * beat) / (2 * mean)
-    to_cosine = np.sin(mean * tau) * beat / (2 * mean)
-    return np.cos(2 * phase) * to_sine - np.sin(2 * phase) * to_cosine
+    return np.column_stack(columns)
