@@ -205,6 +205,16 @@ def test_a_checkpoint_of_another_run_is_refused(of: str, other: str, cut: dict[s
 # --- links ---
 
 
+def test_a_changed_status_of_a_stopped_run_is_put_back_or_run_again(cut: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(cut["wave"], tmp_path / "run"))
+    info = json.loads((folder / STATUS).read_text())
+    (folder / STATUS).write_text(json.dumps(info | {"ranks": 2}))
+    with pytest.raises(
+        RunFolderError, match="was changed since .*; put it back, or run the scene again with force=True$"
+    ):
+        resume(folder)  # `accept` takes finished runs only
+
+
 @pytest.mark.parametrize("name", [DUMP, LOG, STATUS, SCENE, "in.stopped.resume", f"{DUMP}.part", "monitor.line.bin"])
 def test_a_continuation_writes_through_no_link(name: str, cut: dict[str, Path], tmp_path: Path) -> None:
     folder = Path(shutil.copytree(cut["wave"], tmp_path / "run"))

@@ -29,7 +29,9 @@ def format_of(info: dict[str, Any]) -> int:
         If the number is none that this release reads, or a finished run of a later release than 0.1.0 has none.
     """
     if info.get("status") == "finished" and "format" not in info and not _is_first(info):
-        raise ValueError("format: missing key; only release 0.1.0 wrote none")
+        raise ValueError(
+            "format: missing key; only release 0.1.0 wrote none; put it back, or run the scene again with force=True"
+        )
     found = info.get("format", 1)
     if type(found) is not int or found < 1:
         raise ValueError(f"format = {found!r}: must be a whole number from 1 to {FORMAT}")

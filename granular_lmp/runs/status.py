@@ -52,7 +52,10 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         raise RunFolderError(f"{path}: {error}") from error
     sealed = info.pop(SEAL, None)
     if number > 1 and not changed and sealed != seal_of(info):
-        raise RunFolderError(f"{path}: was changed since the run wrote it; {how_to_accept(folder)}")
+        cure = (
+            how_to_accept(folder) if info["status"] == "finished" else "put it back, or run the scene with force=True"
+        )
+        raise RunFolderError(f"{path}: was changed since the run wrote it; {cure}")
     return as_today(info)
 
 
