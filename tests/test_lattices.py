@@ -41,7 +41,7 @@ from granular_lmp.crystal.modes import (
 )
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.errors import CrystalError, SceneError
+from granular_lmp.errors import CrystalError, EffectError, SceneError
 from granular_lmp.problem import prepare
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.initial_fields import initial_fields
@@ -542,3 +542,47 @@ def test_a_crystal_of_another_lattice_that_is_not_perfect_is_compared_with_its_n
 
 def test_the_contacts_of_a_scene_are_those_of_its_lattice() -> None:
     assert [len(unit_contacts(scene_of(name, "L"))) for name in LATTICES] == [3, 2, 1]
+
+
+# --- a chain that is pressed together --------------------------------------------------------------------------------
+
+ADHESIVE = scene_of("chain", "L", packing__columns=1, output__particles=1.0)
+PRESSED = ADHESIVE.with_values(
+    {"sphere.work_of_adhesion": 0.0, "packing.contact_force": ADHESIVE.sphere.pull_off_force}
+)
+
+
+def test_a_chain_is_the_same_pressed_together_or_held_together_by_adhesion(tmp_path: Path) -> None:
+    assert PRESSED.sphere.static_overlap == pytest.approx(ADHESIVE.sphere.static_overlap, rel=1e-15)
+    one, other = (run(scene, tmp_path / name) for name, scene in (("adhesive", ADHESIVE), ("pressed", PRESSED)))
+    # Forces differ by a constant, which cancels; positions of 2 µm are rounded to 4e-13 nm of D0 = 0.05 nm
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-9)
+    assert np.abs(one.p).max() > 0.5
+    assert other.info["guards"]["largest_sideways"]["value"] == 0.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"disorder.radius": 1e-5},
+        {"inclusion": [{"rows": [2, 3], "density": 4000.0}]},
+        {"striker": [{"spheres": [[1, 0]], "velocity": 0.05}]},
+    ],
+    ids=["perfect", "radii", "densities", "struck"],
+)
+def test_the_network_judges_a_chain_that_is_pressed_together(changes: dict[str, Any], tmp_path: Path) -> None:
+    found = compare(run(PRESSED.with_values({"time.tolerance": 1e-4} | changes), tmp_path / "run"), theory="network")
+    assert found.error["p"] < 1e-4  # the tolerance
+
+
+def test_a_sphere_that_leaves_the_line_of_a_chain_fails_the_run(tmp_path: Path) -> None:
+    deck = build(PRESSED)
+    wave = deck.data.wave.copy()
+    wave[3, 0] = 1e-4  # sideways
+    with pytest.raises(EffectError, match=r"width triggered its guard at tau = 0: largest_sideways = .*buckles"):
+        run(replace(deck, data=replace(deck.data, wave=wave)), tmp_path / "run")
+    assert restored(unit_contacts(PRESSED)) == ("L",)
+    assert restored(unit_contacts(ADHESIVE)) == ("L", "RT")
+    shaken = PRESSED.with_values({"wave.form": "none", "source": [{"spheres": [[3, 0]], "motion": "y"}]})
+    assert "largest_sideways" in prepare(shaken).judged

@@ -253,13 +253,16 @@ def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
     """Return the names of the waves along y that the contacts of a lattice of one sphere a cell restore.
 
     TR is left out, as its frequency is 0, where the springs of the contacts are fewer than the freedoms of a transverse
-    wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear.
+    wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear. If such a lattice
+    is pressed together, motions across y grow, and L is all there is.
     """
     freedoms = [column for column in (_UX, _F) if column in physics.coordinates]
     along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
     normal, sideways, turn = _stretch_rows(lattice, along_y)
     rows = [normal] + [sideways + turn] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
     floppy = np.linalg.matrix_rank(np.vstack(rows)[:, freedoms]) < len(freedoms)
+    if floppy and lattice.contact_force.any():
+        return ("L",)
     return ("L", *(("TR",) if not floppy else ()), *(("RT",) if physics.rotation else ()))
 
 

@@ -293,6 +293,8 @@ class Effect:
         Scene → order of LAMMPS's error in the time step while the effect is on: 2, 1, or 0 if the error is no series.
     guard : Guard, optional
         Guard that proves that the effect did not occur.
+    instead : (callable, Guard), optional
+        Scene → True if another guard proves it there, and that guard.
     always : bool
         True if the guard also measures, without judging, while the effect is on.
     in_all : bool
@@ -315,6 +317,7 @@ class Effect:
     refuse: Callable[[Case], str] = _nothing_refused
     order: Callable[[Scene], int] = _second_order
     guard: Guard | None = None
+    instead: tuple[Callable[[Scene], bool], Guard] | None = None
     always: bool = False
     in_all: bool = True
     switch: str = ""
@@ -329,10 +332,16 @@ class Effect:
         """Return whether a scene forces the effect on or off, or "auto"."""
         return self.declared(scene) if self.declared else getattr(scene.effects, self.name)
 
-    def guard_name(self, on: Mapping[str, bool]) -> str:
-        """Return the title of the guard in a deck with these effects on, or "" if no guard is needed."""
+    @property
+    def guards(self) -> tuple[Guard, ...]:
+        """All guards of the effect."""
+        return (*((self.guard,) if self.guard else ()), *(self.instead[1:] if self.instead else ()))
+
+    def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
+        """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
+        guard = self.instead[1] if self.instead and self.instead[0](scene) else self.guard
         watched = on.get(self.needs, True) and (self.always or not on[self.name])
-        return self.guard.title if self.guard and watched else ""
+        return guard.title if guard and watched else ""
 
 
 @dataclass(frozen=True)

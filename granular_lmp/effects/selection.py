@@ -29,7 +29,7 @@ EFFECTS: tuple[Effect, ...] = (
 
 def guards() -> dict[str, Guard]:
     """Return the guards of all effects by their titles."""
-    return {effect.guard.title: effect.guard for effect in EFFECTS if effect.guard}
+    return {guard.title: guard for effect in EFFECTS for guard in effect.guards}
 
 
 def select(scene: Scene) -> list[Chosen]:
@@ -49,7 +49,7 @@ def select(scene: Scene) -> list[Chosen]:
         finding = effect.called_for(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
         loss = effect.loss(case) if finding.called_for else "nothing"
-        guard = effect.guard_name(on)
+        guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
     complete = Case(scene, on)
@@ -78,7 +78,7 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
     found = {}
     for effect in EFFECTS:
         on[effect.name] = effect.wanted(scene) is True
-        found[effect.name] = on[effect.name], effect.guard_name(on)
+        found[effect.name] = on[effect.name], effect.guard_name(scene, on)
     return found
 
 

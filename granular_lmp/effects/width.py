@@ -20,6 +20,23 @@ GUARD = Guard(
     cure="set packing.columns to more",
 )
 
+SIDEWAYS = Guard(
+    title="largest_sideways",
+    name="sideways",
+    lines=(
+        "compute      aside inside reduce maxabs c_u[1]",
+        "variable     sideways_looks vector look(c_aside)/v_D0  # in D0",
+    ),
+    limit=BROKEN_SYMMETRY,
+    roundings=ROUNDINGS,
+    meaning="in D0, the distance by which a sphere has left the line of the chain: pressed together, it buckles",
+    cure="set a shorter time.duration, and push along y only",
+)
+
+
+def _is_pressed_chain(scene: Scene) -> bool:
+    return not scene.lattice.sheet and scene.packing.contact_force > 0
+
 
 def called_for(case: Case) -> Finding:
     columns, fewest = float(case.scene.shape.columns), case.scene.lattice.fewest_columns
@@ -37,6 +54,8 @@ def loss(case: Case) -> str:
 
 
 def declared(scene: Scene) -> bool:
+    if _is_pressed_chain(scene):
+        return False
     return scene.shape.columns > scene.lattice.fewest_columns or not scene.uniform_rows
 
 
@@ -46,6 +65,7 @@ WIDTH = Effect(
     cost="columns",
     loss=loss,
     guard=GUARD,
+    instead=(_is_pressed_chain, SIDEWAYS),
     switch="packing.columns",
     declared=declared,
 )

@@ -76,6 +76,7 @@ WAVES: dict[str, Settings] = {
     "free sides": {"packing.sides": "free"},
     "held sides": {"packing.sides": "held"},
     "finite sheet": FIXED | {"packing.first": "free", "packing.last": "free", "packing.sides": "free"},
+    "chirp": source(spheres=[[23, 0]], force="y", signal="chirp"),
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
