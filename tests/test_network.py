@@ -9,9 +9,10 @@ from scipy.special import beta
 
 from analysis import second_harmonic as sh
 from analysis.measure.norms import slope
+from analysis.theory import jkr as johnson
 from analysis.theory import lattice
 from analysis.theory.contact import Contact
-from analysis.theory.network import Material, Network, contacts, forces, searched_again, start
+from analysis.theory.network import Material, Network, contacts, forces, present, searched_again, settled, start
 from analysis.theory.network_ledger import energy, momentum
 from analysis.theory.network_motion import integrate, scales
 from analysis.theory.wave import Wave
@@ -258,6 +259,53 @@ def peak(times, values):
     return b + (c - a) / 4 * shift, times[top] + shift * (times[1] - times[0])
 
 
+# --- adhesion beyond contact ---
+
+
+def two(overlap):
+    """Return two spheres of silica on the x axis at an overlap in Δ0 of the JKR law, at rest, and that Δ0."""
+    law = johnson.Contact(PAPER.effective_radius, PAPER.effective_modulus, PAPER.work_of_adhesion)
+    places = np.array([[0.0, 0.0], [2 * PAPER.radius - overlap * law.rest_overlap, 0.0]])
+    spheres = np.full(2, PAPER.radius), np.full(2, PAPER.density)
+    return Network(places, *spheres, (SILICA,), adhesion="jkr"), law
+
+
+@pytest.mark.parametrize("overlap", [-0.39, -0.2, 0.0, 1.0, 5.0])
+def test_the_force_beyond_contact_is_that_of_johnson_kendall_and_roberts(overlap):
+    network, law = two(overlap)
+    state = start(network, 0.0, 0.0)
+    force = forces(network, state)
+    # What is left of 1e-6 m, rounded to 2e-22 m, is 1e-12 of the overlap
+    expected = float(law.force(law.contact_radius(overlap * law.rest_overlap)))
+    assert force[0] == pytest.approx([-expected, expected], abs=1e-10 * law.pull_off_force)
+    radius = float(law.contact_radius(overlap * law.rest_overlap))
+    assert present(network, state).stiffness == pytest.approx(8 * PAPER.effective_shear_modulus * radius, rel=1e-9)
+
+
+def test_a_contact_ends_at_the_largest_pull_and_begins_where_the_spheres_overlap():
+    network, law = two(0.0)
+    apart = law.pull_off_distance("load") / law.rest_overlap
+    for place, closed in ((0.99 * apart, True), (1.01 * apart, False)):
+        moved = start(network, [[0.0, 0.0], [place * law.rest_overlap, 0.0]], 0.0)
+        assert present(network, moved).closed == [closed]
+        back = replace(moved, motion=moved.motion * 0.5)  # spheres that have parted come back half of the way
+        assert present(network, settled(network, back)).closed == [closed]
+        into = replace(moved, motion=-moved.motion)
+        assert present(network, settled(network, into)).closed == [True]
+
+
+@pytest.mark.parametrize(("speed", "sticks"), [(0.99, True), (1.01, False)])
+def test_spheres_stick_below_the_sticking_speed_of_lammps(speed, sticks):
+    network, law = two(-1e-3)
+    mass = float(network.mass[0]) / 2
+    v = speed * law.sticking_speed(mass, "load")
+    time = 40 * law.rest_overlap / v
+    assert present(network, start(network, 0.0, 0.0)).closed == [True]  # they are within reach, and are let go
+    state = replace(start(network, 0.0, [[v / 2, 0.0], [-v / 2, 0.0]]), begun=np.zeros(1, dtype=bool))
+    run = integrate(network, state, [time], rtol=1e-10)
+    assert bool(run.final.begun[0]) is sticks
+
+
 # --- conservation -----------------------------------------------------------------------------------------------------
 
 
@@ -274,9 +322,9 @@ def test_momentum_and_angular_momentum_are_conserved(law):
     assert after[2] == pytest.approx(before[2], rel=0, abs=1e-6 * size * PAPER.radius)
 
 
-@pytest.mark.parametrize("law", ["secant", "incremental"])
-def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law):
-    network = crystal(6, 4, law=law)
+@pytest.mark.parametrize(("law", "adhesion"), [("secant", "dmt"), ("incremental", "dmt"), ("secant", "jkr")])
+def test_the_ledger_closes_with_the_work_of_the_shear_law_alone(law, adhesion):
+    network = crystal(6, 4, law=law, adhesion=adhesion)
     way = np.random.default_rng(1).normal(0, 0.1 * PAPER.static_overlap, (24, 2))
     state = start(network, way, 0.0)
     run = integrate(network, state, np.linspace(0, 30, 31) * PAPER.time_scale, rtol=1e-10)

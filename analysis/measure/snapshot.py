@@ -20,6 +20,7 @@ from analysis.theory.bloch import frame
 from analysis.theory.catalogue import SLIDING
 from analysis.theory.choice import contact_of, others_of
 from analysis.theory.network import Law, Material, Network, State, start
+from analysis.theory.network_laws import Adhesion
 from analysis.theory.network_motion import Trajectory
 from granular_lmp.runs.record import Record
 
@@ -68,12 +69,9 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     which nothing slides.
 
     Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
-    none of step 0 or lacks a column, as without ``effects.tracking``, and for another adhesion law than DMT's, OSError
-    for a folder without `CENTRE`.
+    none of step 0 or lacks a column, as without ``effects.tracking``, OSError for a folder without `CENTRE`.
     """
     scene, path = record.scene, record.snapshots().path
-    if scene.sphere.adhesion_law != "dmt":
-        raise ValueError(f"sphere.adhesion_law = {scene.sphere.adhesion_law!r}: the network holds 'dmt' only")
     sphere, sliding, contact = scene.sphere, SLIDING in others_of(record), contact_of(record)
     _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
     network, state = read_network(
@@ -86,6 +84,7 @@ def first_snapshot(record: Record) -> FirstSnapshot:
         rotation=contact.rotation,
         viscosity=scene.effects.viscosity / (kilogram / second) if contact.viscosity else 0.0,
         restitution=contact.restitution,
+        adhesion=contact.adhesion_law,
     )
     with _centre_of(path.parent).open(encoding="utf-8") as stream:
         _head(stream)
@@ -128,6 +127,7 @@ def read_network(
     rotation: bool = True,
     viscosity: float = 0.0,
     restitution: float | None = None,
+    adhesion: Adhesion = "dmt",
 ) -> tuple[Network, State]:
     """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
 
@@ -136,7 +136,7 @@ def read_network(
     path : the dump.
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
-    law, friction, shear, rotation, viscosity, restitution : as of `analysis.theory.network.Network`.
+    law, friction, shear, rotation, viscosity, restitution, adhesion : as of `analysis.theory.network.Network`.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
     and where not exactly one of the column mass and `density` is given.
@@ -180,6 +180,7 @@ def read_network(
         rotation=rotation,
         viscosity=viscosity,
         restitution=restitution,
+        adhesion=adhesion,
     )
     return network, start(network, np.stack([ux, uy], axis=1), np.stack([vx, vy], axis=1), angle, spin)
 

@@ -58,7 +58,7 @@ HOLDS: dict[str, frozenset[str]] = {
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
     NETWORK: _ALONG_Y
-    | {STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
+    | {JKR, STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
     | STRUCK
     | FACES
     | _IMPERFECT,

@@ -19,6 +19,10 @@ and with `restitution` e it is √5 ζ (A m')^{1/2} δ^{1/4}, ζ = −ln e/√(�
 coeff_restitution`). A contact that slides keeps the slip with which spring and dashpot together have the limit. Where
 nothing adheres the limit is μ|P| with the dashpot in P, as in LAMMPS.
 
+With adhesion = "jkr" the law is LAMMPS's `jkr` (`analysis.theory.network_laws`): another P, the contact radius over
+√Rc in place of δ^{1/2}, and a limit of friction μ(P + 2F'), F' = (3/4) F being the largest pull. Such a contact begins
+at δ = 0 and holds beyond, until it is pulled with F'; at rest, all spheres that are within that distance touch.
+
 Mixing. Contacts of two kinds of spheres have 1/E* = Σ(1 − ν²)/E, 1/G* = Σ 2(2 − ν)(1 + ν)/E and w = √(w_i w_j), as
 LAMMPS says. It departs from that in one place: where a pair of types has no pair_coeff of its own and the shear
 stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
@@ -41,8 +45,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from analysis.theory.network_laws import LAWS, Adhesion, Dmt, Jkr
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 Law = Literal["secant", "incremental"]
 ShearMixing = Literal["mindlin", "lammps"]
 
@@ -87,6 +94,7 @@ class Network:
     shear, rotation : whether contacts resist shear, and whether spheres turn.
     viscosity : η of a dashpot along the normal and the tangent of every closed contact.
     restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
+    adhesion : law of the normal force.
     """
 
     position: Floats
@@ -103,6 +111,7 @@ class Network:
     rotation: bool = True
     viscosity: float = 0.0
     restitution: float | None = None
+    adhesion: Adhesion = "dmt"
 
     def __post_init__(self) -> None:
         for name in ("position", "radius", "density"):
@@ -119,9 +128,15 @@ class Network:
                 raise ValueError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
         if not np.all((self.kinds >= 0) & (self.kinds < len(self.materials))):
             raise ValueError(f"kind must be from 0 to {len(self.materials) - 1}, an index into materials")
-        for name, allowed in (("law", get_args(Law)), ("shear_mixing", get_args(ShearMixing))):
+        for name, allowed in (
+            ("law", get_args(Law)),
+            ("shear_mixing", get_args(ShearMixing)),
+            ("adhesion", get_args(Adhesion)),
+        ):
             if getattr(self, name) not in allowed:
                 raise ValueError(f"{name} = {getattr(self, name)!r} is none of {allowed}")
+        if self.adhesion == "jkr" and not all(each.work_of_adhesion > 0 for each in self.materials):
+            raise ValueError("adhesion = 'jkr' needs materials with work_of_adhesion above 0")
         if not self.friction >= 0:
             raise ValueError(f"friction = {self.friction} must not be negative; inf is without sliding")
         if not 0 <= self.viscosity < np.inf:
@@ -218,6 +233,7 @@ class Pairs:
     radii : (2, M) of first and second.
     A, B, F : (M,) coefficients of the contacts.
     place : (2, N) displacements at which the search was made.
+    normal : law of the normal forces.
     """
 
     first: Integers
@@ -230,6 +246,7 @@ class Pairs:
     B: Floats
     F: Floats
     place: Floats
+    normal: Dmt | Jkr
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,11 +258,13 @@ class State:
     motion : (6, N): displacement x, y, rotation θ, velocity x, y, spin ω.
     pairs : the candidates for contacts.
     shear : (M,) slip of the pairs, or their shear force under the incremental law; 0 where open.
+    begun : (M,) whether the pairs have touched and not parted since: by the JKR law these hold beyond an overlap of 0.
     """
 
     motion: Floats
     pairs: Pairs
     shear: Floats
+    begun: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +275,9 @@ class Contacts:
     ----------
     overlap : (M,) δ, 0 where open.
     normal : (2, M).
-    stiffness : (M,) k = B δ^{1/2}.
+    closed : (M,) whether they touch.
+    radius : (M,) a/√Rc, δ^{1/2} by the DMT law.
+    stiffness : (M,) k = B a/√Rc.
     repulsion, shear : (M,) P and S.
     spring : (M,) S less its dashpot.
     apart : (6, M) motion of the second sphere less that of the first.
@@ -265,6 +286,8 @@ class Contacts:
 
     overlap: Floats
     normal: Floats
+    closed: Bools
+    radius: Floats
     stiffness: Floats
     repulsion: Floats
     shear: Floats
@@ -293,13 +316,18 @@ def search(network: Network, displacement: Floats) -> Pairs:
     first, second, apart, radii = first[near], second[near], apart[near].T, radii[:, near]
     length = np.hypot(*apart)
     A, B, F = network.coefficients(first, second)
-    return Pairs(
-        first, second, np.ascontiguousarray(apart), length, radii.sum(axis=0) - length, radii, A, B, F, displacement
-    )
+    apart, law = np.ascontiguousarray(apart), LAWS[network.adhesion](A, F)
+    return Pairs(first, second, apart, length, radii.sum(axis=0) - length, radii, A, B, F, displacement, law)
 
 
-def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> Contacts:
-    """Return overlaps, forces and slip rates of the pairs, from the motion (6, N) and `memory`: `State.shear`."""
+def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, begun: Bools | bool = False) -> Contacts:
+    """Return overlaps, forces and slip rates of the pairs.
+
+    Parameters
+    ----------
+    motion : (6, N).
+    memory, begun : `State.shear` and `State.begun`.
+    """
     here, there = motion.take(pairs.first, axis=1), motion.take(pairs.second, axis=1)
     apart = there - here
     turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
@@ -307,18 +335,18 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> 
     distance = np.sqrt(now[0] ** 2 + now[1] ** 2)
     # The distance less the one at rest, written so that no digits cancel
     stretch = ((pairs.apart[0] + now[0]) * apart[0] + (pairs.apart[1] + now[1]) * apart[1]) / (distance + pairs.length)
-    overlap = np.maximum(pairs.overlap - stretch, 0.0)
+    depth = pairs.overlap - stretch
+    closed = (depth > 0) | (begun & (depth > pairs.normal.end))
+    overlap = np.where(closed, depth, 0.0)
     normal = now / distance
-    root = np.sqrt(overlap)
-    stiffness = pairs.B * root
-    elastic = pairs.A * overlap * root
-    closed = overlap > 0
+    radius = pairs.normal.radius(overlap, closed)
+    stiffness = pairs.B * radius
     spring = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
     slip_rate = (normal[0] * apart[4] - normal[1] * apart[3] - turning) * closed
-    repulsion = elastic - pairs.F * closed
-    shear, limit = spring, elastic + pairs.F
+    repulsion = pairs.normal.repulsion(overlap, radius, closed)
+    shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
     if network.viscosity or network.restitution is not None:
-        dashpot = network.dashpots(pairs, root)
+        dashpot = network.dashpots(pairs, radius)
         repulsion = repulsion - dashpot * (normal[0] * apart[3] + normal[1] * apart[4])
         shear = spring + network.shear * dashpot * slip_rate
         limit = limit if network.adheres else np.abs(repulsion)
@@ -326,7 +354,7 @@ def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats) -> 
         wanted, limit = shear, network.friction * limit
         shear = np.clip(wanted, -limit, limit)
         spring = np.where(shear == wanted, spring, shear - (wanted - spring))
-    return Contacts(overlap, normal, stiffness, repulsion, shear, spring, apart, slip_rate)
+    return Contacts(overlap, normal, closed, radius, stiffness, repulsion, shear, spring, apart, slip_rate)
 
 
 def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
@@ -370,11 +398,17 @@ def start(
         raise ValueError("displacement, velocity, rotation and spin must be finite")
     pairs = search(network, motion[:2])
     way = np.concatenate([motion[:3], motion[:3]])  # the way in one unit of time, as a velocity
-    arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)))
+    begun = pairs.overlap > pairs.normal.end
+    arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)), begun)
     sheared = arrived.stiffness * arrived.slip_rate if network.law == "incremental" else arrived.slip_rate
     still = np.concatenate([motion[:3], np.zeros((3, count))])  # so slow a way that no dashpot resists it
-    moved = settled(network, State(still, pairs, sheared))
+    moved = settled(network, State(still, pairs, sheared, begun))
     return settled(network, replace(moved, motion=motion))
+
+
+def present(network: Network, state: State) -> Contacts:
+    """Return the contacts of a state."""
+    return contacts(network, state.motion, state.pairs, state.shear, state.begun)
 
 
 def slip(now: Contacts) -> Floats:
@@ -384,11 +418,12 @@ def slip(now: Contacts) -> Floats:
 
 def settled(network: Network, state: State) -> State:
     """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
-    now = contacts(network, state.motion, state.pairs, state.shear)
+    now = present(network, state)
     if network.law == "incremental":
-        return replace(state, shear=now.spring)
+        return replace(state, shear=now.spring, begun=now.closed)
     sliding = now.spring != now.stiffness * state.shear
-    return replace(state, shear=np.where(now.overlap > 0, np.where(sliding, slip(now), state.shear), 0.0))
+    shear = np.where(now.closed, np.where(sliding, slip(now), state.shear), 0.0)
+    return replace(state, shear=shear, begun=now.closed)
 
 
 def searched_again(network: Network, state: State) -> State:
@@ -401,12 +436,11 @@ def searched_again(network: Network, state: State) -> State:
         assume_unique=True,
         return_indices=True,
     )
-    shear = np.zeros(len(pairs.first))
-    shear[new] = state.shear[old]
-    return replace(state, pairs=pairs, shear=shear)
+    shear, begun = np.zeros(len(pairs.first)), np.zeros(len(pairs.first), dtype=bool)
+    shear[new], begun[new] = state.shear[old], state.begun[old]
+    return replace(state, pairs=pairs, shear=shear, begun=begun)
 
 
 def forces(network: Network, state: State) -> Floats:
     """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
-    now = contacts(network, state.motion, state.pairs, state.shear)
-    return resultants(state.pairs, now, len(network.position))
+    return resultants(state.pairs, present(network, state), len(network.position))

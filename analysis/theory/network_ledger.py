@@ -4,8 +4,8 @@ The laws of `analysis.theory.network` have no potential. With the stiffness k = 
 
     E = Σ ½m v² + ½I ω² + Σ (2/5)A δ^{5/2} − F δ + ½S²/k
 
-changes by the work W of the shear law, + for the secant one and − for the incremental one, and of LAMMPS's lever arm,
-which is R for the slip and R − δ/2 for the torque:
+(with ∫P dδ of `analysis.theory.network_laws` by the JKR law) changes by the work W of the shear law, + for the secant
+one and − for the incremental one, and of LAMMPS's lever arm, which is R for the slip and R − δ/2 for the torque:
 
     dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − S (δ/2)(ω_i + ω_j)
 
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.network import Contacts, Network, Pairs, State, contacts, slip
+from analysis.theory.network import Contacts, Network, Pairs, State, present, slip
 
 Floats = NDArray[np.float64]
 
@@ -41,11 +41,10 @@ class Energy:
 
 def energy(network: Network, state: State) -> Energy:
     """Return the energy of a state; that of held spheres is left out, no force ever changes it."""
-    pairs = state.pairs
-    now = contacts(network, state.motion, pairs, state.shear)
+    now = present(network, state)
     free = network.mobility[0] > 0
     speeds = network.mass * (state.motion[3] ** 2 + state.motion[4] ** 2) + network.inertia * state.motion[5] ** 2
-    normal = 0.4 * pairs.A * now.overlap**2 * np.sqrt(now.overlap) - pairs.F * now.overlap
+    normal = state.pairs.normal.energy(now.overlap, now.radius)
     return Energy(float(speeds[free].sum()) / 2, float(normal.sum()), float((now.spring * slip(now)).sum()) / 2)
 
 
@@ -62,8 +61,8 @@ def momentum(network: Network, state: State) -> Floats:
 def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> float:
     """Return dW/dt of the shear law and of the lever arm: the equation at the top of this module."""
     closing = -(now.normal[0] * now.apart[3] + now.normal[1] * now.apart[4])
-    # ½ (dk/dδ)(S/k)² = S²/(4kδ), as k ∝ δ^{1/2}
-    work = 4 * now.stiffness * now.overlap
+    # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a
+    work = 2 * now.stiffness * pairs.normal.spreading(now.overlap, now.radius)
     law = closing * np.divide(now.spring**2, work, out=np.zeros_like(work), where=work > 0)
     turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
     lever = now.shear * now.overlap / 2 * turning

@@ -16,13 +16,13 @@ closes the force is not smooth, and the error estimate misses up to 1e5 times rt
 second order in the step, which the error estimate does not see: with friction, halve `longest_step` and compare.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
-from analysis.theory.network import Network, Pairs, State, contacts, forces, resultants, searched_again, settled
+from analysis.theory.network import Network, State, contacts, forces, present, resultants, searched_again, settled
 from analysis.theory.network_ledger import energy, work_rate
 
 Floats = NDArray[np.float64]
@@ -79,13 +79,13 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     Raises ValueError for a state at rest without forces, in which nothing will move.
     """
     motion, pairs = state.motion, state.pairs
-    now = contacts(network, motion, pairs, state.shear)
+    now = present(network, state)
     inverse_mass = network.mobility[0]
     pull = np.abs(forces(network, state)) * network.mobility
     acceleration = float(max(pull[:2].max(), (pull[2] * network.radius).max()))
     length = float(max(np.abs(motion[:2]).max(), (np.abs(motion[2]) * network.radius).max()))
     speed = float(max(np.abs(motion[3:5]).max(), (np.abs(motion[5]) * network.radius).max()))
-    stiffness = 1.5 * pairs.A * np.sqrt(now.overlap)
+    stiffness = 1.5 * pairs.A * now.radius  # of a Hertz contact of that radius, above that of one that adheres
     rate = float(np.sqrt(np.max(stiffness * (inverse_mass[pairs.first] + inverse_mass[pairs.second]), initial=0.0)))
     if rate > 0:
         length = max(length, speed / rate, acceleration / rate**2)
@@ -137,7 +137,7 @@ def integrate(
     steps = evaluations = 0
     while time < times[-1]:
         solver = DOP853(
-            lambda _, y, pairs=state.pairs: _rates(network, pairs, y),
+            lambda _, y, start=state: _rates(network, start, y),
             time,
             _packed(state, work),
             times[-1],
@@ -146,25 +146,27 @@ def integrate(
             atol=rtol * _sizes(network, state, length, speed),
             first_step=None if step == np.inf else min(step, longest_step, times[-1] - time),
         )
-        tidy = True
+        tidy, begun = True, state.begun
         while tidy and solver.status == "running":
             message = solver.step()
             if solver.status == "failed":
                 raise RuntimeError(f"integration of the network failed at time {solver.t}: {message}")
-            reached = _unpacked(state.pairs, solver.y)
+            reached = _unpacked(state, solver.y)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
-                state = searched_again(network, _unpacked(state.pairs, solver.y_old))
+                state = searched_again(network, _unpacked(state, solver.y_old))
                 time, work, step = solver.t_old, solver.y_old[-1], (solver.t - solver.t_old) / 2
                 break
             due = times[(times > solver.t_old) & (times <= solver.t)]
             if due.size:
                 for y in solver.dense_output()(due).T:
-                    sample = settled(network, _unpacked(state.pairs, y))
+                    sample = settled(network, _unpacked(state, y))
                     samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
             state = settled(network, reached)
             time, work, step, steps = solver.t, solver.y[-1], 2 * solver.step_size, steps + 1
             tidy = np.array_equal(state.shear, reached.shear)
+            if state.pairs.normal.lasts:
+                tidy &= np.array_equal(state.begun, begun)
         evaluations += solver.nfev
     motion, energies, works = (np.array(values) for values in zip(*samples, strict=True))
     return Trajectory(times, chosen, motion, energies, works, initial_energy, state, steps, evaluations)
@@ -174,9 +176,10 @@ def _packed(state: State, work: float) -> Floats:
     return np.concatenate([state.motion.ravel(), state.shear, [work]])
 
 
-def _unpacked(pairs: Pairs, y: Floats) -> State:
-    cut = y.size - 1 - len(pairs.first)
-    return State(y[:cut].reshape(6, -1).copy(), pairs, y[cut:-1].copy())
+def _unpacked(state: State, y: Floats) -> State:
+    """Return the motion and shear of a packed state, with the pairs of a state and those that had begun then."""
+    cut = y.size - 1 - len(state.shear)
+    return replace(state, motion=y[:cut].reshape(6, -1).copy(), shear=y[cut:-1].copy())
 
 
 def _sizes(network: Network, state: State, length: float, speed: float) -> Floats:
@@ -196,11 +199,12 @@ def _farthest(state: State) -> float:
     return float(np.sqrt(np.max(way[0] ** 2 + way[1] ** 2)))
 
 
-def _rates(network: Network, pairs: Pairs, y: Floats) -> Floats:
+def _rates(network: Network, start: State, y: Floats) -> Floats:
     """Return the time derivative of the packed state: the equations of `analysis.theory.network`."""
     spheres = len(network.position)
     motion = y[: 6 * spheres].reshape(6, spheres)
-    now = contacts(network, motion, pairs, y[6 * spheres : -1])
+    pairs = start.pairs
+    now = contacts(network, motion, pairs, y[6 * spheres : -1], start.begun)
     rate = np.empty_like(y)
     moved = rate[: 6 * spheres].reshape(6, spheres)
     moved[:3] = motion[3:]

@@ -16,13 +16,18 @@ y = (a/a0)^{3/2} the law is that of Hertz, times numbers:
 
 Pulled by F it has y = 1/2 and the overlap δ = −½ 2^{-1/3} δ0 with δ0 = a0²/(3Rc): it parts beyond, as LAMMPS's ``jkr``
 does. (Held by a stiff device it would hang on to y = 1/6, which neither LAMMPS nor this module has.) Spheres that come
-together touch at δ = 0 only, where the contact snaps in.
+together touch at δ = 0 only, where the contact snaps in. A law thus says where its contact ends, `pull_off_overlap`;
+both begin at 0.
+
+Everything follows from the coefficients A = (4/3) E* √Rc, B = 8 G* √Rc and F: a JKR contact that nothing presses has
+δ0 = (4F/A)^{2/3}/3 and a0 = √(3Rc δ0). A law can therefore be had in any consistent units, `scaled`.
 
 https://docs.lammps.org/pair_granular.html
 """
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -30,44 +35,58 @@ Numbers = Any  # a number, or an array with one for each contact
 
 
 @dataclass(frozen=True, eq=False)
-class _Contact:
-    """Contact of two spheres, or of C pairs of spheres with (C,) arrays.
+class _Law:
+    """Law of the contact of two spheres, or of C pairs of spheres with (C,) arrays.
 
     Attributes
     ----------
-    modulus, shear_modulus : E* and G*, Pa.
-    radius : Rc, m.
-    adhesion : w, J/m².
+    normal_coefficient : A = (4/3) E* √Rc of Hertz's law, N/m^{3/2}.
+    shear_coefficient : B = 8 G* √Rc of Mindlin's law for Hertz's contact radius, N/m^{3/2}.
+    pull_off_force : F that parts the spheres, N.
     """
 
-    modulus: Numbers
-    shear_modulus: Numbers
-    radius: Numbers
-    adhesion: Numbers
+    normal_coefficient: Numbers
+    shear_coefficient: Numbers
+    pull_off_force: Numbers
+    pull: ClassVar[float]  # F/(π w Rc)
+
+    @classmethod
+    def between(cls, modulus: Numbers, shear_modulus: Numbers, radius: Numbers, adhesion: Numbers) -> Self:
+        """Return the law of contacts with E* and G* (Pa), Rc (m) and w (J/m²)."""
+        root = np.sqrt(radius)
+        return cls(4 / 3 * modulus * root, 8 * shear_modulus * root, cls.pull * np.pi * adhesion * radius)
+
+    def scaled(self, length: float, force: float) -> Self:
+        """Return the law in other units of length (m) and force (N)."""
+        return replace(
+            self,
+            normal_coefficient=self.normal_coefficient * length**1.5 / force,
+            shear_coefficient=self.shear_coefficient * length**1.5 / force,
+            pull_off_force=self.pull_off_force / force,
+        )
+
+    def closed(self, overlap: Numbers) -> Any:
+        """Return whether spheres that have touched still do, at any overlap."""
+        return overlap > self.pull_off_overlap
+
+    def nearest(self, overlap: Numbers) -> Numbers:
+        """Return overlaps that are not below that at which the contact parts."""
+        return np.maximum(overlap, self.pull_off_overlap)
 
     @property
-    def normal_coefficient(self) -> Numbers:
-        """Coefficient A = (4/3) E* √Rc of Hertz's law, N/m^{3/2}."""
-        return 4 / 3 * self.modulus * np.sqrt(self.radius)
-
-    @property
-    def shear_coefficient(self) -> Numbers:
-        """Coefficient B = 8 G* √Rc of Mindlin's law for Hertz's contact radius, N/m^{3/2}."""
-        return 8 * self.shear_modulus * np.sqrt(self.radius)
+    def pull_off_overlap(self) -> Numbers:
+        """Overlap at which that pull parts the spheres, m."""
+        raise NotImplementedError
 
 
-class Dmt(_Contact):
+class Dmt(_Law):
     """DMT law, and Hertz's where w = 0; forces in N, overlaps δ in m, stiffnesses in N/m.
 
-    An overlap must not be negative.
+    An overlap must not be negative, except for `push_and_energy`.
     """
 
+    pull = 2.0
     pull_off_overlap = 0.0  # m: the contact parts where it ends
-
-    @property
-    def pull_off_force(self) -> Numbers:
-        """Pull F = 2π w Rc that parts the spheres."""
-        return 2 * np.pi * self.adhesion * self.radius
 
     def overlap_under(self, force: Numbers) -> Numbers:
         """Return the overlap ((F + f_N)/A)^{2/3} of a contact that is pressed with the force f_N ≥ −F."""
@@ -76,6 +95,19 @@ class Dmt(_Contact):
     def force(self, overlap: Numbers) -> Numbers:
         """Return f_N = A δ^{3/2} − F."""
         return self.normal_coefficient * overlap**1.5 - self.pull_off_force
+
+    def push_and_energy(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
+        """Return f_N and V = (2/5) A δ^{5/2} − F δ, J, of any overlaps; 0 where spheres do not touch."""
+        # In place: the many steps of a relaxation spend their time here
+        inside = np.maximum(overlap, 0.0)
+        energy = np.sqrt(inside)
+        energy *= inside
+        energy *= self.normal_coefficient
+        push = energy - self.pull_off_force * (overlap > 0)
+        energy *= 0.4
+        energy -= self.pull_off_force
+        energy *= inside
+        return push, energy
 
     def sliding_force(self, overlap: Numbers) -> Numbers:
         """Return the shear force f_N + 2F over the friction coefficient at which the contact slides, as in LAMMPS."""
@@ -98,25 +130,22 @@ class Dmt(_Contact):
         return 0.25, 0.5
 
 
-class Jkr(_Contact):
+class Jkr(_Law):
     """JKR law of a contact that adheres, w > 0; forces in N, overlaps δ in m, stiffnesses in N/m.
 
-    An overlap must not be below `pull_off_overlap`, where the contact parts.
+    An overlap must not be below `pull_off_overlap`, where the contact parts, except for `push_and_energy`.
     """
 
-    @property
-    def _at_rest(self) -> Numbers:
-        """Radius a0 of a contact that nothing presses, m."""
-        return (9 * np.pi * self.adhesion * self.radius**2 / (2 * self.modulus)) ** (1 / 3)
+    pull = 1.5
 
-    @property
-    def pull_off_force(self) -> Numbers:
-        """Pull F = (3/2)π w Rc that parts the spheres."""
-        return 1.5 * np.pi * self.adhesion * self.radius
+    @cached_property
+    def rest_overlap(self) -> Numbers:
+        """Overlap δ0 of a contact that nothing presses, m."""
+        return (4 * self.pull_off_force / self.normal_coefficient) ** (2 / 3) / 3
 
-    @property
+    @cached_property
     def pull_off_overlap(self) -> Numbers:
-        """Overlap −½ 2^{-1/3} δ0 < 0 at which that pull parts them."""
+        """Overlap −½ 2^{-1/3} δ0 < 0 at which the largest pull parts the spheres, m."""
         return self._overlap(0.5)
 
     def overlap_under(self, force: Numbers) -> Numbers:
@@ -125,25 +154,36 @@ class Jkr(_Contact):
 
     def force(self, overlap: Numbers) -> Numbers:
         """Return f_N = (4E*a³/3Rc)(1 − 1/y) = 4F (y² − y)."""
-        y = self._y(overlap)
+        y = self._s(overlap) ** 3
         return 4 * self.pull_off_force * (y * y - y)
+
+    def push_and_energy(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
+        """Return f_N and V, J, of any overlaps; 0 where spheres do not touch.
+
+        V = 4F δ0 [(6/5)s¹⁰ − 2s⁷ + ½s⁴] with s³ = y, less the same where the contact parts.
+        """
+        closed, s = self.closed(overlap), self._s(self.nearest(overlap))
+        y = s**3
+        energy = s**4 * (1.2 * y * y - 2 * y + 0.5) + 0.2 * 2 ** (-4 / 3)  # at y = ½ the bracket is −1/5
+        scale = closed * 4 * self.pull_off_force
+        return scale * (y * y - y), scale * self.rest_overlap * energy
 
     def sliding_force(self, overlap: Numbers) -> Numbers:
         """Return the shear force f_N + 2F over the friction coefficient at which the contact slides, as in LAMMPS."""
         return self.force(overlap) + 2 * self.pull_off_force
 
     def normal_stiffness(self, overlap: Numbers) -> Numbers:
-        """Return ∂f_N/∂δ = 2E*a (6y−3)/(6y−1)."""
-        y = self._y(overlap)
-        return 2 * self.modulus * self._radius(y) * (6 * y - 3) / (6 * y - 1)
+        """Return ∂f_N/∂δ = 2E*a (6y−3)/(6y−1), with 2E*a = (3/2) A √(3δ0) s²."""
+        s = self._s(overlap)
+        return 1.5 * self.normal_coefficient * self._hertzian(s) * (6 * s**3 - 3) / (6 * s**3 - 1)
 
     def shear_stiffness(self, overlap: Numbers) -> Numbers:
-        """Return ∂f_S/∂ξ = 8 G* a."""
-        return 8 * self.shear_modulus * self._radius(self._y(overlap))
+        """Return ∂f_S/∂ξ = 8 G* a = B √(3δ0) s²."""
+        return self.shear_coefficient * self._hertzian(self._s(overlap))
 
     def excess(self, overlap: Numbers) -> Numbers:
         """Return ∂f_S/∂ξ : ∂f_N/∂δ over 4G*/E*, Mindlin's ratio: (6y−1)/(6y−3), 5/3 if nothing presses the contact."""
-        y = self._y(overlap)
+        y = self._s(overlap) ** 3
         return (6 * y - 1) / (6 * y - 3)
 
     def softening(self, overlap: Numbers) -> tuple[Numbers, Numbers]:
@@ -151,27 +191,28 @@ class Jkr(_Contact):
 
         m = (3y−2)/(6y−1),   n = (m/2)[1 + 6y/((2y−1)(6y−1))];   1/5 and 11/50 if nothing presses the contact
         """
-        y = self._y(overlap)
+        y = self._s(overlap) ** 3
         shear = (3 * y - 2) / (6 * y - 1)
         return shear / 2 * (1 + 6 * y / ((2 * y - 1) * (6 * y - 1))), shear
 
-    def _radius(self, y: Numbers) -> Numbers:
-        return self._at_rest * y ** (2 / 3)
+    def _hertzian(self, s: Numbers) -> Numbers:
+        """Return a/√Rc, the root of the overlap that a Hertz contact of the same radius has."""
+        return np.sqrt(3 * self.rest_overlap) * s**2
 
     def _overlap(self, y: Numbers) -> Numbers:
-        return self._radius(y) ** 2 / self.radius * (1 - 2 / (3 * y))
+        return self.rest_overlap * y ** (1 / 3) * (3 * y - 2)
 
-    def _y(self, overlap: Numbers) -> Numbers:
-        """Return y of an overlap, from 3s⁴ − 2s = δ/δ0 with s = y^{1/3}, by Newton's rule.
+    def _s(self, overlap: Numbers) -> Numbers:
+        """Return s = y^{1/3} of an overlap, from 3s⁴ − 2s = δ/δ0, by Newton's rule.
 
         s starts above the root, from where the convex polynomial leads it down without passing; eight steps reach
         rounding for every overlap from `pull_off_overlap` on.
         """
-        depth = overlap * 3 * self.radius / self._at_rest**2
+        depth = overlap / self.rest_overlap
         s = (np.maximum(depth, 0.0) / 3) ** 0.25 + (2 / 3) ** (1 / 3)
         for _ in range(_STEPS):
             s = s - (3 * s**4 - 2 * s - depth) / (12 * s**3 - 2)
-        return s**3
+        return s
 
 
 _STEPS = 8

@@ -115,6 +115,9 @@ class Contacts:
 def find_contacts(crystal: ase.Atoms, materials: Sequence[Sphere], contact_force: float | None = None) -> Contacts:
     """Find the contacts of a crystal at rest, with any cell, basis, radii and materials, periodic or not.
 
+    They are between spheres that overlap. JKR contacts that are stretched beyond are not seen from places alone: those
+    of a crystal that was brought to rest are in its `granular_lmp.crystal.equilibrium.Equilibrium.contacts`.
+
     Parameters
     ----------
     crystal : ase.Atoms
@@ -205,7 +208,7 @@ def law_between(crystal: ase.Atoms, materials: Sequence[Sphere], i: Integers, j:
     radius, material = crystal.arrays["radius"] * materials[0].radius, _material(crystal)
     effective_radius = radius[i] * radius[j] / (radius[i] + radius[j])
     modulus, shear_modulus, adhesion = _mixed(materials, material[i], material[j])
-    return ADHESION_LAWS[names[0]](modulus, shear_modulus, effective_radius, adhesion)
+    return ADHESION_LAWS[names[0]].between(modulus, shear_modulus, effective_radius, adhesion)
 
 
 def equivalent(one: Sphere, other: Sphere) -> Sphere:

@@ -181,7 +181,7 @@ def relax(
 def _record(potential: Potential, pairs: Pairs, state: State, steps: int, protocol: str) -> Equilibrium:
     """Return the record of a crystal at rest, in its units."""
     unit, length = potential.unit, potential.materials[0].static_overlap
-    on = np.flatnonzero(state.overlap > 0)
+    on = np.flatnonzero(pairs.law.closed(state.overlap))
     i, j = pairs.i[on], pairs.j[on]
     vector = np.column_stack([*state.vector[:, on], np.zeros(len(on))]) * length
     contacts = contacts_between(potential.crystal, potential.materials, i, j, vector, state.overlap[on] * length)

@@ -1,9 +1,9 @@
 """Shear springs of contacts between spheres that move and turn in the plane, with Coulomb's limit.
 
 The slip s of a contact, with the normal n from i to j and t = ẑ × n, and its force on i along t are those of the deck
-(LAMMPS's ``tangential mindlin`` with ``dmt``):
+(LAMMPS's ``tangential mindlin``), with the shear stiffness g of the law, B √δ by the DMT law:
 
-    ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),    f_S = B s √δ,    |f_S| ≤ μ (A δ^{3/2} + F)
+    ds/dt = t·(v_j − v_i) − (R_i ω_i + R_j ω_j),    f_S = g s,    |f_S| ≤ μ (f_N + 2F)
 
 A contact that slides keeps the slip of its limit, one that opens forgets its own. The lever arms of the torque are
 R − δ/2, so that no contact turns the pair as a whole. The forces depend on the way, and have no energy.
@@ -21,11 +21,6 @@ from granular_lmp.errors import CrystalError
 Floats = NDArray[np.float64]
 
 
-def shear_stiffness(pairs: Pairs, state: State) -> Floats:
-    """Return df_S/ds = B √δ, (C,), 0 where a pair does not touch."""
-    return pairs.shear * np.sqrt(np.maximum(state.overlap, 0.0))
-
-
 def slipped(
     potential: Potential, pairs: Pairs, slip: Floats, before: State, after: State, turn: Floats, friction: float
 ) -> Floats:
@@ -37,17 +32,17 @@ def slipped(
     # t·(d after − d before) = −t·d before, as t is across the contact after the step
     along = (after.vector[1] * before.vector[0] - after.vector[0] * before.vector[1]) / after.length
     moved = slip + along - radius[pairs.i] * turn[pairs.i] - radius[pairs.j] * turn[pairs.j]
-    stiffness = shear_stiffness(pairs, after)
+    stiffness = pairs.shear_stiffness(after.overlap)
     touching = stiffness > 0
     limit = np.full_like(slip, np.inf)
-    np.divide(friction * (after.contact_force + 2 * pairs.adhesion), stiffness, out=limit, where=touching)
+    np.divide(friction * (after.contact_force + 2 * pairs.law.pull_off_force), stiffness, out=limit, where=touching)
     return np.where(touching, np.clip(moved, -limit, limit), 0.0)
 
 
 def shear_forces(potential: Potential, pairs: Pairs, slip: Floats, state: State) -> tuple[Floats, Floats, Floats]:
     """Return what slips (C,) do to the free spheres and the box: forces (N, 2), torques (N,) and stress (2,)."""
     count, radius = len(state.u), potential.crystal.arrays["radius"]
-    push = shear_stiffness(pairs, state) * slip
+    push = pairs.shear_stiffness(state.overlap) * slip
     across = np.stack([-state.vector[1], state.vector[0]]) * (push / state.length)  # on i; the opposite on j
     force = np.stack([np.bincount(pairs.i, part, count) - np.bincount(pairs.j, part, count) for part in across], axis=1)
     half = state.overlap * potential.unit / 2
@@ -68,7 +63,8 @@ def stiffest(pairs: Pairs, state: State) -> Floats:
     A contact of two free spheres of mass 1 adds at most 2 k to the square of a frequency through its normal spring and
     2 (1 + 1/Ĩ) k through its shear spring.
     """
-    return np.maximum(pairs.contact_stiffness(state.overlap), (1 + 1 / INERTIA_RATIO) * shear_stiffness(pairs, state))
+    across = (1 + 1 / INERTIA_RATIO) * pairs.shear_stiffness(state.overlap)
+    return np.maximum(pairs.contact_stiffness(state.overlap), across)
 
 
 def carried_over(old: Pairs, new: Pairs, slip: Floats) -> Floats:

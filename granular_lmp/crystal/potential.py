@@ -3,11 +3,15 @@
 A sphere whose place in the lattice is X and whose displacement is u sits at x = (1 + e)(X + u), with the strains
 e = (e_x, e_y) of the box. Without friction the energy of the crystal, less the work of the loads T on the box, is
 
-    E(u, e) = Σ_pairs V(δ) + T·e,    V(δ) = (2/5) A δ^{5/2} − F δ where δ > 0, and else 0
+    E(u, e) = Σ_pairs V(δ) + T·e,    V(δ) = ∫ f_N dδ from where the contact ends, and 0 beyond
 
-so that a contact pushes with A δ^{3/2} − F, the law of `granular_lmp.crystal.contacts`. The energy of an adhesive
-contact has a kink at δ = 0, where the DMT force sets in at −F. It is a ridge and not a valley: at rest no pair is just
-about to touch, and which pairs touch depends on the way to the rest.
+with the force f_N of the contact law (`granular_lmp.crystal.adhesion_laws`), A δ^{3/2} − F by the DMT law. The energy
+of an adhesive contact has a kink where it ends, at δ = 0 by the DMT law, as the force sets in at −F there. It is a
+ridge and not a valley: at rest no pair is just about to part, and which pairs touch depends on the way to the rest.
+
+A JKR contact ends beyond δ = 0 and begins there. On the way to rest it begins where it ends: spheres that come to rest
+within the pull-off distance of each other adhere, as if they had been pressed together before. The energy would not be
+a function of the places otherwise, and this is how LAMMPS is told of the contacts (``docs/adhesion-laws.md``).
 
 **Digits.** An overlap is the small rest of a distance, 2.5e-4 of it between microspheres. Displacements are therefore
 kept apart from places, and the stretch of a pair is taken from the displacements, |d + w| − |d| = w·(2d + w)/(|d + w| +
@@ -26,6 +30,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import Sphere
@@ -50,8 +55,10 @@ class Pairs:
         d, from the place of i to that of j or of its image.
     length, overlap : (C,) arrays
         |d|, and δ at these places.
-    stiffness, shear, adhesion : (C,) arrays
-        A, B and F; 0 between two held spheres.
+    law : AdhesionLaw
+        Law of each contact.
+    bearing : (C,) bool array
+        False between two held spheres, which bear all and do not push.
     """
 
     i: Integers
@@ -59,13 +66,20 @@ class Pairs:
     vector: Floats
     length: Floats
     overlap: Floats
-    stiffness: Floats
-    shear: Floats
-    adhesion: Floats
+    law: AdhesionLaw
+    bearing: NDArray[np.bool_]
+
+    def closed(self, overlap: Floats) -> NDArray[np.bool_]:
+        """Return which pairs touch at overlaps (C,), and push."""
+        return np.asarray(self.bearing & self.law.closed(overlap))
 
     def contact_stiffness(self, overlap: Floats) -> Floats:
         """Return d²V/dδ² at overlaps (C,), 0 where a pair does not touch."""
-        return 1.5 * self.stiffness * np.sqrt(np.maximum(overlap, 0.0))
+        return np.asarray(self.closed(overlap) * self.law.normal_stiffness(self.law.nearest(overlap)))
+
+    def shear_stiffness(self, overlap: Floats) -> Floats:
+        """Return df_S/ds at overlaps (C,), 0 where a pair does not touch."""
+        return np.asarray(self.closed(overlap) * self.law.shear_stiffness(self.law.nearest(overlap)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +173,6 @@ class Potential:
         law = law_between(self.crystal, self.materials, i, j)
         unit = self.materials[0].static_overlap
         force = self.materials[0].normal_stiffness * unit
-        bearing = self.free[i] | self.free[j]
         return Pairs(
             i=i,
             j=j,
@@ -167,9 +180,8 @@ class Potential:
             length=length / self.unit,
             # 1 + 1 less the length first: between equal spheres of the lattice this is exact
             overlap=((2 - length) + (radius[i] - 1) + (radius[j] - 1)) / self.unit,
-            stiffness=bearing * law.normal_coefficient * unit**1.5 / force,
-            shear=bearing * law.shear_coefficient * unit**1.5 / force,
-            adhesion=bearing * law.pull_off_force / force,
+            law=law.scaled(unit, force),
+            bearing=self.free[i] | self.free[j],
         )
 
     def state(self, pairs: Pairs, u: Floats, e: Floats) -> State:
@@ -188,11 +200,9 @@ class Potential:
         length = np.sqrt(vector[0] * vector[0] + vector[1] * vector[1])
         overlap = squared / (length + pairs.length)
         np.subtract(pairs.overlap, overlap, out=overlap)
-        inside = np.maximum(overlap, 0.0)
-        repulsion = np.sqrt(inside)
-        repulsion *= inside
-        repulsion *= pairs.stiffness
-        push = repulsion - pairs.adhesion * (overlap > 0)
+        push, energy = pairs.law.push_and_energy(overlap)
+        push *= pairs.bearing
+        energy *= pairs.bearing
         over_length, force, stress = push / length, np.empty_like(u), np.empty(2)
         for axis in range(2):
             along = over_length * vector[axis]
@@ -200,10 +210,7 @@ class Potential:
             stress[axis] = np.einsum("c,c", along, vector[axis]) / (1 + e[axis])
         force *= self.free[:, None] * (1 + e)
         stress = np.where(self.breathing, stress - self.load, 0.0)
-        repulsion *= 0.4
-        repulsion -= pairs.adhesion
-        repulsion *= inside
-        return State(u, e, vector, length, overlap, push, repulsion, force, stress)
+        return State(u, e, vector, length, overlap, push, energy, force, stress)
 
     def stiffness(self, pairs: Pairs, state: State, normal: Floats, across: Floats) -> tuple[Any, Floats, Floats]:
         """Return the second derivatives of the energy: by u (sparse, 2N × 2N), by u and e (2N, 2), and by e (2, 2).
@@ -291,13 +298,10 @@ def potential_of(crystal: ase.Atoms, materials: Sequence[Sphere], load: Floats, 
     Raises
     ------
     CrystalError
-        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, there
-        is a load and no box that could take it, or the contacts are not of the DMT law.
+        When the spheres are not in one plane z = const, the cell is skew, nothing presses the spheres together, or
+        there is a load and no box that could take it.
     """
     first = materials[0]
-    for each in materials:
-        if each.adhesion_law != "dmt":
-            raise CrystalError(f"sphere.adhesion_law = {each.adhesion_law!r}: must be 'dmt' to bring spheres to rest")
     if not first.holding_force > 0:
         raise CrystalError(
             f"sphere.work_of_adhesion = {first.work_of_adhesion!r}, contact_force = {first.contact_force!r}: nothing "

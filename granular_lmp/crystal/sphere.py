@@ -72,8 +72,9 @@ class Sphere:
                 f"work_of_adhesion = {self.work_of_adhesion!r}: must be above 0 with adhesion_law = 'jkr'; take 'dmt', "
                 "which is Hertz's law without adhesion"
             )
-        law = ADHESION_LAWS[self.adhesion_law]
-        return law(self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion)
+        return ADHESION_LAWS[self.adhesion_law].between(
+            self.effective_modulus, self.effective_shear_modulus, self.effective_radius, self.work_of_adhesion
+        )
 
     @property
     def mass(self) -> float:
@@ -124,6 +125,11 @@ class Sphere:
     def static_overlap(self) -> float:
         """Overlap at rest Δ0, m: ((F + F0)/A)^{2/3} by the DMT law."""
         return float(self.contact_law.overlap_under(self.contact_force))
+
+    @property
+    def unpressed_overlap(self) -> float:
+        """Overlap of a contact that nothing presses, m; 0 without adhesion."""
+        return float(self.contact_law.overlap_under(0.0))
 
     @property
     def normal_stiffness(self) -> float:

@@ -8,30 +8,23 @@ from granular_lmp.effects.guard import Guard, bounded
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
-MISSED = (
-    "variable     missed atom abs(f_at_rest-c_touching)  # contacts that a sphere had at rest and has not now, or new",
-    "compute      missing inside reduce sum v_missed",
-)
-
+CHANGED = "<changed>"  # the lines of v_open_looks, contacts that opened or formed: `granular_lmp.lammps.openings`
 GUARD = Guard(
     title="open_contacts",
     name="open",
-    lines=(
-        *MISSED,
-        "variable     changed equal ceil(c_missing/2)",
-        "variable     open_looks vector look(v_changed)<or_nearly>  # one that hardly touches may open between looks",
-    ),
+    lines=(CHANGED,),
     limit=0.0,
     meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
     cure="set effects.contact_opening = true, or take a smaller wave.amplitude",
     of_contacts=True,
-    per_contact=bounded,  # LAMMPS counts them; whether one hardly touches is judged contact by contact
+    # LAMMPS counts them; whether one hardly touches is judged contact by contact, unless it holds beyond
+    per_contact=lambda scene: bounded(scene) and not scene.sphere.pull_off_distance,
 )
 
 
 def called_for(case: Case) -> Finding:
     pulled = np.abs(case.stretches[0])
-    left = float(np.min(case.overlaps + case.hold - pulled))
+    left = float(np.min(case.overlaps - case.ends - pulled))
     if left > 0 and not case.scene.perfect and (meeting := _meeting(case)):
         return Finding(True, float(meeting), "pairs of spheres that do not touch at rest are near enough to meet")
     if left > 0:
@@ -44,7 +37,8 @@ def _most(case: Case) -> str:
     if case.scene.perfect:
         return ""
     pulled = np.abs(case.stretches[0]) / case.scene.wave.amplitude
-    return f"; the weakest contact opens at wave.amplitude = {np.min(case.overlaps / np.maximum(pulled, NOTHING)):.3g}"
+    opens = np.min((case.overlaps - case.ends) / np.maximum(pulled, NOTHING))
+    return f"; the weakest contact opens at wave.amplitude = {opens:.3g}"
 
 
 def _meeting(case: Case) -> int:
@@ -53,7 +47,8 @@ def _meeting(case: Case) -> int:
     near.arrays["radius"] = near.arrays["radius"] + np.abs(case.stretches[0]).max() * (
         sphere.static_overlap / sphere.radius / 2
     )
-    return len(overlapping(near)[0]) - len(case.contacts)
+    known, (i, j, _) = case.contacts, overlapping(near)
+    return int((~np.isin(i * len(near) + j, known.i * len(near) + known.j)).sum())
 
 
 def loss(case: Case) -> str:

@@ -78,6 +78,11 @@ class Case:
         """How far a contact of two spheres of the lattice holds beyond its end, in Δ0: 0 by the DMT law."""
         return self.scene.sphere.pull_off_distance / self.scene.sphere.static_overlap
 
+    @property
+    def ends(self) -> np.ndarray:
+        """Overlaps at which the contacts part, in Δ0: (C,), or one for all; 0 by the DMT law."""
+        return np.asarray(self._law.pull_off_overlap / self.scene.sphere.static_overlap)
+
     @cached_property
     def stretches(self) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes of the normal and the shear displacement of the contacts, (C,) each, in Δ0.

@@ -11,6 +11,7 @@ from math import cos, pi
 
 import numpy as np
 
+from granular_lmp.effects.law_formulas import FORMULAS, Formulas
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
@@ -45,25 +46,34 @@ class Reading:
         True if these forces hold dashpots. Overlaps are then lower bounds: the fastest two spheres may part.
     whole : bool
         True if contacts slide at μ times the whole normal force, with its dashpot: LAMMPS's Hertz contacts.
+    formulas : Formulas
+        Of the adhesion law.
     """
 
     lengths: bool
+    formulas: Formulas
     dashpots: bool = False
     whole: bool = False
 
     @classmethod
     def of(cls, scene: Scene) -> "Reading":
         """Return the reading of a scene with every "auto" decided."""
+        formulas = FORMULAS[scene.sphere.adhesion_law]
         if scene.effects.damping is not True:
-            return cls(scene.perfect)
-        crystal = crystal_of(scene)
-        alike = len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
-        return cls(alike, dashpots=not alike, whole=scene.effects.adhesion is not True)
+            return cls(scene.perfect, formulas)
+        same = alike(scene)
+        return cls(same, formulas, dashpots=not same, whole=scene.effects.adhesion is not True)
 
     @property
     def forces(self) -> bool:
         """True if normal forces are read."""
         return not self.lengths or self.whole
+
+
+def alike(scene: Scene) -> bool:
+    """Return whether all contacts of a crystal are between spheres of one radius and material."""
+    crystal = crystal_of(scene)
+    return len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
 
 
 def bounded(scene: Scene) -> bool:
@@ -82,7 +92,7 @@ def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
         End of the names of the computes: "" for the spheres that are judged, "_all" for all.
     how : Reading
     """
-    forces = " force cutoff radius" if how.forces else ""
+    forces = f" force{how.formulas.mark} cutoff {how.formulas.cutoff}" if how.forces else ""
     lines = [
         f"compute      contact{tag} {group} pair/local dist p4{forces}",
         f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local",
@@ -112,18 +122,19 @@ def overlap_lines(of: str, how: Reading) -> list[str]:
             f"variable     overlap_{of} {style} (2*v_R-{longest})/v_Delta0"
             "  # the smallest, in Delta0, of contacts that touch"
         ]
-    least = f"{weakest}+<adhesive_force>"
+    least, overlap = f"{weakest}+<adhesive_force>", how.formulas.overlap
     if not how.dashpots:
         return [
-            f"variable     overlap_{of} {style} (({least}>0)*({least})/<holding_force>)^(2/3)"
+            f"variable     overlap_{of} {style} {overlap.format(u=f'(({least}>0)*({least})/<holding_force>)')}"
             "  # of the smallest normal force, in Delta0"
         ]
     swift, spring = f"sqrt({read('swift', of, 1)}^2+{read('swift', of, 2)}^2)", f"v_spring_{of}"
+    share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
     # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
     return [
         f"variable     spring_{of} {style} ({least}-2*<dashpot>*{swift})/<holding_force>"
         "  # the smallest normal force, as if the strongest dashpot added the most to it",
-        f"variable     overlap_{of} {style} (1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))^(2/3)"
+        f"variable     overlap_{of} {style} {overlap.format(u=share)}"
         "  # of that force, in Delta0: never above the truth",
     ]
 

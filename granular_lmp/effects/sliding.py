@@ -7,16 +7,9 @@ from math import inf, isfinite
 
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import BETWEEN, Guard, Reading, read
+from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
-
-# f_N + F of two equal spheres by adhesion law, in LAMMPS's syntax and of the overlap <of>: in the DMT law A δ^{3/2}. In
-# the JKR law, where a contact holds to <hold> Δ0 beyond its end, a parabola that touches zero where f_N + F does and is
-# below it for all overlaps up to that at rest (tests/test_adhesion_laws.py)
-_ABOVE_PULL_OFF = {
-    "dmt": "<holding_force>*v_overlap_<of>^1.5",
-    "jkr": "<holding_force>*((v_overlap_<of>+<hold>)/(1+<hold>))^2",
-}
 
 LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
 LINES_OFF = {
@@ -57,7 +50,7 @@ def sliding_force(law: str, of: str, how: Reading | None = None) -> str:
     if how and how.whole:
         force = read("weakest", of)
         return f"(v_mu*(1e-9*<holding_force>+({force}>0)*{force}))"
-    return f"(v_mu*(<adhesive_force>+{_ABOVE_PULL_OFF[law].replace('<of>', of)}))"
+    return f"(v_mu*(<adhesive_force>+{FORMULAS[law].above_pull_off.format(x=f'v_overlap_{of}')}))"
 
 
 def called_for(case: Case) -> Finding:

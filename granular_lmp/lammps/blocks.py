@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps import sources
+from granular_lmp.lammps.openings import begins_wider
 from granular_lmp.lammps.outputs import LOG
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut
@@ -199,7 +200,8 @@ def written(scene: Scene) -> tuple[str, ...]:
     """Return the blocks of the deck of a scene."""
     moves = scene.start.state or scene.wave.form in ("running", "standing")
     start = (*(_STARTED if moves else (_MEASURES,)), *(("<strikers>",) if scene.striker else ()), *_drives(scene))
-    before = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *start, _MOTION, _GUARDS, _RECORD)
+    begin = ("<begin>",) if begins_wider(scene) else ()
+    before = (_HEADING, _VARIABLES, _LATTICE, _CONTACTS, *begin, *start, _MOTION, _GUARDS, _RECORD)
     return (*before, *_monitors(scene), "run ${steps}")
 
 

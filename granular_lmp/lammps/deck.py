@@ -20,8 +20,7 @@ from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.effects.effect import Case
-from granular_lmp.effects.guard import bounded
-from granular_lmp.lammps import blocks, contact, guards, monitors, replicated, sources, strikes
+from granular_lmp.lammps import blocks, contact, guards, monitors, openings, replicated, sources, strikes
 from granular_lmp.lammps.binary_dump import CONTINUED
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
@@ -251,7 +250,8 @@ def _values(problem: Problem, units: Units) -> dict[str, str]:
         "strikers": strikes.lines(problem, units),
         "monitors": monitors.lines(problem),
         "invalid": guards.header(problem.judged, scene),
-        "at_rest": "\n".join(guards.at_rest_lines(scene)),
+        "at_rest": "\n".join(openings.at_rest_lines(scene)),
+        "begin": openings.begin_block(scene),
         "guards": "\n".join(guards.lines(problem.guards, scene, problem.left_out)),
         "append": "",
         "continued": "",
@@ -347,8 +347,10 @@ def _contact_values(problem: Problem, units: Units) -> dict[str, str]:
         "adhesive_force": repr(units.number(weakest, mass=1, length=1, time=-2)),
         "hold": repr(case.hold),
         "nearly_open": f"{guards.nearly_open(scene):.4f}",
-        "or_nearly": "" if bounded(scene) else f"+({guards.nearly_open(scene):.4f}>v_overlap_looks)",
+        "or_nearly": "" if guards.OPEN.per_contact(scene) else f"+({guards.nearly_open(scene):.4f}>v_overlap_looks)",
         "dashpot": repr(units.number(case.strongest_dashpot, mass=1, time=-1)),
+        "pressed": repr(sphere.holding_force / sphere.pull_off_force if sphere.pull_off_force else 0.0),
+        "unpressed_overlap": repr(sphere.unpressed_overlap / sphere.static_overlap),
         "holding_force": repr(units.number(sphere.holding_force, mass=1, length=1, time=-2)),
         "shear_stiffness": repr(units.number(sphere.shear_stiffness, mass=1, time=-2)),
         "centre_row": f"{centre_row[0]}:{centre_row[-1]}",

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.modes import highest_frequency
+from granular_lmp.effects.contact_opening import CHANGED
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import (
     BETWEEN,
@@ -33,6 +34,7 @@ from granular_lmp.effects.guard import (
 from granular_lmp.effects.selection import guards
 from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import sliding_force
+from granular_lmp.lammps.openings import changed_lines, counted_lines
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import crystal_of, swiftness
@@ -41,7 +43,6 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
 
 GUARDS = guards()
-PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 LINE = 10.0  # tau between two lines of the thermo table
 
 
@@ -67,11 +68,7 @@ class Measured:
 # Extremes over all contacts, also those that cannot affect the record: held ends cut a wave off and shear their
 # neighbours strongly
 ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
-_ELSEWHERE_LINES = (
-    "compute      missing_all all reduce sum v_missed",
-    "variable     slip_all equal c_extreme_all[2]/<sliding_force_all>",
-    "variable     open_all equal ceil(c_missing_all/2)",
-)
+_SLIP_ALL = "variable     slip_all equal c_extreme_all[2]/<sliding_force_all>"
 
 
 # --- when a run looks ------------------------------------------------------------------------------------------------
@@ -164,20 +161,6 @@ def _group_interval(scene: Scene) -> int:
 # --- the deck --------------------------------------------------------------------------------------------------------
 
 
-def at_rest_lines(scene: Scene) -> list[str]:
-    """Return the lines that count contacts at rest, before the first run.
-
-    LAMMPS counts them, so that the number is that of the data file. Its ``contact/atom`` knows no contact of spheres
-    that do not overlap; where those adhere, the spheres within the pull-off distance are counted.
-    """
-    sphere, units = scene.sphere, units_for(scene.sphere.radius)
-    count = "contact/atom"
-    if sphere.pull_off_distance:
-        reach = 2 * sphere.radius + sphere.pull_off_distance * (1 - PULL_OFF)
-        count = f"coord/atom cutoff {units.number(reach, length=1)!r}"
-    return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching"]
-
-
 def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     """Return the lines of some guards, each line once, and the thermo output of all.
 
@@ -190,11 +173,13 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     exact : list of str
         Keys of the guards whose effects are off, also where the scene calls for them: contacts are judged one by one.
     """
+    part = watches_part(scene)
     steps, longest, watched = look_interval(scene), _look_time(scene) * (1 + 1e-9), [GUARDS[name] for name in names]
     text: list[str] = []
     for guard in watched:
         of_contacts = _of_contacts("inside", "looks", scene) if guard.of_contacts else []
-        text += [line for line in (*of_contacts, *guard.lines) if line not in text]
+        own = changed_lines(scene, part=part) if CHANGED in guard.lines else guard.lines
+        text += [line for line in (*of_contacts, *own) if line not in text]
     for guard in watched:
         name = guard.name
         text.append(
@@ -206,14 +191,18 @@ def lines(names: list[str], scene: Scene, exact: list[str]) -> list[str]:
     text += [
         f"# {LOOKS} looks in a period of the fastest motion that matters; at every step if -var made steps too long",
         f"variable     look equal $(ternary((v_steps%{steps}==0)*({longest:.6g}>={steps}*v_step/v_t0),{steps},1))",
+        *counted_lines(scene, part=part),
         # Unlimited, it would fill the memory in a long run
         f"fix          looks all vector ${{look}} {' '.join(kept)} nmax {_looks_per_line(scene) + 1}",
     ]
-    if watches_part(scene):
+    if part:
+        *missing, open_all = changed_lines(scene, everywhere=True)
         text += [
             "# for information: the same for all spheres, also those that cannot affect the record; no run fails by it",
             *_of_contacts("all", "all", scene),
-            *_with_sliding_force([line for line in _ELSEWHERE_LINES if _is_there(line, names)], "all", scene),
+            *missing,
+            *(_with_sliding_force([_SLIP_ALL], "all", scene) if "largest_slip" in names else []),
+            open_all,
         ]
     if undecided := [name for name in names if GUARDS[name].per_contact(scene) and name in exact]:
         text += _written_out(undecided, scene)
@@ -267,7 +256,7 @@ def _written_out(names: list[str], scene: Scene) -> list[str]:
         columns, numbers = f"{columns} c_contact[3]", f"{numbers} %.9g"
     if not how.lengths:
         columns, numbers = f"c_ends[1] c_ends[2] {columns}", f"%.0f %.0f {numbers}"
-        ends = ["compute      ends inside property/local patom1 patom2 cutoff radius"]
+        ends = [f"compute      ends inside property/local patom1 patom2 cutoff {how.formulas.cutoff}"]
     force = sliding_force(scene.sphere.adhesion_law, "now", how).replace(
         "v_mu", "$(v_mu:%.17g)"
     )  # parsed at every look

@@ -6,6 +6,7 @@ The motion is a binary dump with the columns of a snapshot of all spheres. Conta
 
 from pathlib import Path
 
+from granular_lmp.effects.law_formulas import FORMULAS
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.blocks import SPHERE_COLUMNS, SPHERE_NAMES
 from granular_lmp.lammps.datafile import id_ranges
@@ -48,8 +49,8 @@ def is_whole(path: Path, records: int, last: int) -> bool:
 
 def lines(problem: Problem) -> str:
     """Return the blocks of all monitors of a problem; their slots are those of `granular_lmp.lammps.blocks`."""
-    # By radii LAMMPS leaves out contacts that adhere beyond an overlap of 0, which only equal spheres have
-    cutoff = "type" if problem.scene.sphere.pull_off_distance else "radius"
+    # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
+    cutoff = FORMULAS[problem.scene.sphere.adhesion_law].cutoff
     rolling = problem.on["rolling"]
     blocks = (_block(number, each, cutoff, rolling=rolling) for number, each in enumerate(problem.monitors, 1))
     return "\n\n".join("\n".join(each) for each in blocks)

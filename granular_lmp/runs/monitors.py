@@ -228,6 +228,7 @@ class MonitorRecord:
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
         own = np.isin(first, self.spheres) | np.isin(second, self.spheres)
+        own &= table[:, 5:7].any(axis=1)  # LAMMPS lists pairs within a pull-off distance that do not touch, as zeros
         time, table, first, second = time[own], table[own], first[own], second[own]
         i, j = np.minimum(first, second), np.maximum(first, second)
         keys, pair = np.unique(i * len(atoms) + j, return_inverse=True)

@@ -415,7 +415,7 @@ class Scene(Document):
         return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
 
     def __post_init__(self) -> None:
-        validation.check_adhesion_law(self.material, self.effects, perfect=self.perfect)
+        validation.check_adhesion_law(self.material, self.effects, self.inclusion)
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
         check_strikes(self.striker, self.start, self.packing, shape, self.absorb, self.sphere, self.strike)

@@ -28,11 +28,8 @@ FEWEST_BETWEEN_SIDES = 3  # columns: a centre column, and one on each side
 FEWEST_RADIANS = 4.0  # phase of the wave in a standard deviation of a packet: 3e-5 of the packet then run backward
 
 
-def check_adhesion_law(material: Sphere, effects: Effects, *, perfect: bool = True) -> None:
-    """Check that spheres whose adhesion acts beyond contact do adhere, and that all are equal.
-
-    Only equal spheres are at rest at once; others are brought to rest with the DMT law.
-    """
+def check_adhesion_law(material: Sphere, effects: Effects, inclusions: Sequence[Inclusion] = ()) -> None:
+    """Check that spheres whose adhesion acts beyond contact do adhere, those of inclusions too."""
     if material.adhesion_law == Sphere.adhesion_law:
         return
     if material.work_of_adhesion == 0 or effects.adhesion is False:
@@ -41,11 +38,12 @@ def check_adhesion_law(material: Sphere, effects: Effects, *, perfect: bool = Tr
             f"effects.adhesion not false, and they are {material.work_of_adhesion!r} and {shown(effects.adhesion)}; "
             "without adhesion the contacts are Hertz's"
         )
-    if not perfect:
-        raise SceneError(
-            f'sphere.adhesion_law = "{material.adhesion_law}": must be "{Sphere.adhesion_law}" where spheres differ or '
-            "are missing; they are brought to rest with that law only"
-        )
+    for number, each in enumerate(inclusions, 1):
+        if each.work_of_adhesion == 0:
+            raise SceneError(
+                f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be above 0 with "
+                f'sphere.adhesion_law = "{material.adhesion_law}", as all contacts of a crystal have one law'
+            )
 
 
 def check_sphere(material: Sphere, sphere: Sphere, effects: Effects, amplitude: float) -> None:

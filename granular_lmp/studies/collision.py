@@ -165,7 +165,7 @@ class Collision(Document):
         sphere, bodies = self.sphere, 2 if self.on_plane else 1
         adhesion = 0.0 if self.contact.normal == "hertz" else sphere.work_of_adhesion
         kind = ADHESION_LAWS["dmt" if self.contact.normal == "hertz" else self.contact.normal]
-        return kind(
+        return kind.between(
             bodies * sphere.effective_modulus, bodies * sphere.effective_shear_modulus, self.effective_radius, adhesion
         )
 

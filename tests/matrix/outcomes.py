@@ -31,7 +31,6 @@ REFUSALS: dict[str, str] = {
     r"effects.sliding = true: .*effects.shear": PHYSICS,
     r"wave.mode = 'TR': .*frequency 0": PHYSICS,
     r'force = "torque": .*effects.rotation, which is off': PHYSICS,
-    r'adhesion_law = "jkr": must be "dmt" where spheres differ': NOT_BUILT,
     r'wave.direction = .*: must be "y" with packing.lattice = "square"': NOT_BUILT,
     r'wave.direction = .*: must be "y" with wave.form = "driven"': NOT_BUILT,
     r'envelope.(length|width) = .*: must be 0 with wave.form = "none"': PHYSICS,

@@ -1,0 +1,150 @@
+"""The lines of a deck that begin contacts at rest, and that count the contacts that have opened or formed since.
+
+Contacts that end at an overlap of 0 LAMMPS begins and counts by itself, sphere by sphere (``contact/atom``). Contacts
+that adhere beyond (`FORMULAS` says of which law) it begins at an overlap of 0, and has no count of. So
+
+* *at rest* all spheres are made wider for a moment, by more than any pull-off distance. All contacts begin, and those
+  that have no contact at rest end again when the spheres have their size back;
+* *equal spheres* are counted within the pull-off distance, sphere by sphere;
+* *of other spheres* LAMMPS counts its own contacts. Of a pair without contact the components ``p10`` and ``p11`` of the
+  vector between the centres are 0, so contacts are the pairs in which one of the two is beyond ±R/2. Those along x,
+  along y or both, as the crystal needs it, are counted in a histogram of three bins, which has LAMMPS compute the
+  contacts once more at a look. All spheres are counted, also those that cannot affect the record. A contact that forms
+  in the look in which another opens makes up for it. One that opens comes back to overlap 0 before it forms again:
+  where that takes more than a look (`_lingers`), no opening is missed, and no contact is suspected of one because it is
+  pulled as hard as the weakest can bear.
+"""
+
+import numpy as np
+
+from granular_lmp.crystal.contacts import law_between
+from granular_lmp.crystal.search import overlapping
+from granular_lmp.effects.guard import LOOKS, alike
+from granular_lmp.effects.law_formulas import FORMULAS
+from granular_lmp.lammps.units import units_for
+from granular_lmp.scene.at_rest import contacts_of, crystal_of
+from granular_lmp.scene.scene import Scene
+
+PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
+WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
+_AXES = ("x", "y")
+_NEAR = 0.2  # R: pairs with a larger gap at rest do not meet
+_MAY = "  # one that hardly touches may open between looks"
+_OPEN_LOOKS = "variable     open_looks vector look(v_changed)"
+
+
+def _by_pairs(scene: Scene) -> bool:
+    """Return whether LAMMPS's own contacts are counted: of unequal spheres that adhere beyond an overlap of 0."""
+    return not scene.perfect and scene.sphere.pull_off_distance > 0 and not alike(scene)
+
+
+def _lingers(scene: Scene) -> bool:
+    """Return whether a contact that oscillates, and is just pulled off, is open for longer than a look.
+
+    About the overlap δ at rest it comes from the pull-off distance h back to 0 in the phase arccos(δ/(δ + h)).
+    """
+    deepest, reach = contacts_of(scene).overlap.max(), scene.sphere.pull_off_distance
+    return bool(np.arccos(deepest / (deepest + reach)) > 2 * np.pi / LOOKS)
+
+
+def begins_wider(scene: Scene) -> bool:
+    """Return whether a contact at rest is one that LAMMPS does not begin by itself."""
+    return _by_pairs(scene) and bool((contacts_of(scene).overlap <= 0).any())
+
+
+def begin_block(scene: Scene) -> str:
+    """Return the block that begins all contacts at rest; "" where LAMMPS does."""
+    if not begins_wider(scene):
+        return ""
+    at_rest = crystal_of(scene)
+    contacts = at_rest.contacts
+    law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
+    reach = float(np.max(-law.pull_off_overlap / contacts.radii))
+    return "\n".join(
+        (
+            "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
+            "fix          own all store/state 0 diameter",
+            "variable     own atom f_own",
+            f"variable     wider atom f_own*{1 + WIDER * reach!r}",
+            "set          group all diameter v_wider",
+            "thermo_style custom step",
+            "run          0 post no",
+            "set          group all diameter v_own",
+            "unfix        own",
+        )
+    )
+
+
+def at_rest_lines(scene: Scene) -> list[str]:
+    """Return the lines that count the contacts of each sphere at rest, before the first run.
+
+    LAMMPS counts them, so that the number is that of the data file.
+    """
+    if _by_pairs(scene):
+        return []
+    sphere, units = scene.sphere, units_for(scene.sphere.radius)
+    count = "contact/atom"
+    if sphere.pull_off_distance:
+        reach = 2 * sphere.radius + sphere.pull_off_distance * (1 - PULL_OFF)
+        count = f"coord/atom cutoff {units.number(reach, length=1)!r}"
+    return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching"]
+
+
+def changed_lines(scene: Scene, *, part: bool = False, everywhere: bool = False) -> list[str]:
+    """Return the lines of v_open_looks, the contacts that have opened or formed, or of v_open_all, of all spheres.
+
+    `part` is True if guards look at a part of the spheres.
+    """
+    if not _by_pairs(scene):
+        group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
+        missed = "variable     missed atom abs(f_at_rest-c_touching)"
+        return [
+            *([] if everywhere else [f"{missed}  # contacts that a sphere had at rest and has not now, or new"]),
+            f"compute      missing{tag} {group} reduce sum v_missed",
+            f"variable     {name} equal ceil(c_missing{tag}/2)",
+            *([] if everywhere else [f"{_OPEN_LOOKS}<or_nearly>{_MAY}"]),
+        ]
+    if everywhere:
+        return ["variable     open_all equal v_changed"]
+    law = FORMULAS[scene.sphere.adhesion_law]
+    axes = _axes(scene)
+    off = [
+        f"variable     off_{_AXES[axis]} equal abs(f_along_{_AXES[axis]}[1][2]+f_along_{_AXES[axis]}[3][2]-{count})"
+        for axis, count in axes.items()
+    ]
+    most = "ternary(v_off_x>v_off_y,v_off_x,v_off_y)" if len(axes) > 1 else f"v_off_{_AXES[next(iter(axes))]}"
+    return [
+        "# contacts that were there at rest and are not now, or new",
+        *([f"compute      pairs all pair/local{law.mark} cutoff {law.cutoff}"] if part else []),
+        *off,
+        f"variable     changed equal {most}",
+        _OPEN_LOOKS if _lingers(scene) else f"{_OPEN_LOOKS}<or_nearly>{_MAY}",
+    ]
+
+
+def counted_lines(scene: Scene, *, part: bool) -> list[str]:
+    """Return the lines that count LAMMPS's own contacts at each look; `part` as of `changed_lines`."""
+    if not _by_pairs(scene):
+        return []
+    # Bins are R wide. Pairs without contact are in the middle one, and those that are farther than 1.5 R in the outer
+    most = repr(1.5 * units_for(scene.sphere.radius).number(scene.sphere.radius, length=1))
+    columns = ("c_pairs[1]", "c_pairs[2]") if part else ("c_contact[4]", "c_contact[5]")  # those of `contact_lines`
+    return [
+        f"fix          along_{_AXES[axis]} all ave/histo ${{look}} 1 ${{look}} -{most} {most} 3 {columns[axis]} "
+        "mode vector kind local beyond end"
+        for axis in _axes(scene)
+    ]
+
+
+def _axes(scene: Scene) -> dict[int, int]:
+    """Return the axes along which contacts are counted, and how many have a component above R/2 along them at rest.
+
+    One axis is enough if all contacts, and all pairs that may form one, have that component: x in a hexagonal lattice,
+    y in a chain.
+    """
+    wider = crystal_of(scene).atoms.copy()
+    wider.arrays["radius"] = wider.arrays["radius"] + _NEAR / 2
+    near = np.abs(overlapping(wider)[2][:, :2]) > 0.5
+    counts = (np.abs(contacts_of(scene).vector[:, :2]) > scene.sphere.radius / 2).sum(axis=0)
+    enough = np.flatnonzero(near.all(axis=0))[:1]
+    return {int(axis): int(counts[axis]) for axis in (enough if len(enough) else range(2))}
