@@ -36,6 +36,7 @@ SHEET = Scene.load("tr_periodic").with_values(
     }
 )
 STRETCHED = {"disorder.radius": 1.5e-4}  # s = 0.9: at rest seven contacts are pulled beyond an overlap of 0
+CHAIN = {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "disorder.radius": 3e-5}
 OTHER = {"rows": [10, 11], "density": 2500.0, "youngs_modulus": 60e9, "work_of_adhesion": 0.05}
 # Relative. Verlet advances a phase by (Ωh)²/24 of itself: at the top of the branches, Ω = 2.2, 8e-5 of the 11 rad until
 # τ = 5, and 3e-6 of 2 rad at the wave's 0.45. A fifth of the former is allowed, as that branch has a part of the motion
@@ -60,7 +61,7 @@ def test_a_crystal_that_is_not_perfect_moves_as_its_network(feature: str, tmp_pa
     "changes",
     [
         {"inclusion": [OTHER]},
-        {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "disorder.radius": 3e-5},
+        CHAIN,
         {"packing.contact_force": 5e-8},
         {"packing.relax_friction": 0.3},
         {"effects.shear_law": "incremental", "wave.form": "standing", "striker": [{"rows": [4, 4], "velocity": 1e-3}]},
@@ -222,17 +223,21 @@ def test_ends_that_are_held_do_not_trigger_the_guards(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "axes"),
+    ("changes", "near", "axes"),
     [
-        (STRETCHED, "x"),
-        ({"packing.lattice": "square", "disorder.density": 0.1}, "xy"),
-        ({"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "disorder.radius": 3e-5}, "y"),
+        (STRETCHED, openings._NEAR, "x"),
+        (STRETCHED, 1.6, "xy"),  # if spheres of every second row could meet, which are along y
+        (CHAIN, openings._NEAR, "y"),
+        ({"disorder.density": 0.1}, openings._NEAR, ""),  # spheres of one size: within the pull-off distance of each
     ],
 )
-def test_the_deck_counts_along_the_axes_that_the_crystal_needs(changes: dict[str, Any], axes: str) -> None:
+def test_the_deck_counts_along_the_axes_that_the_crystal_needs(
+    changes: dict[str, Any], near: float, axes: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(openings, "_NEAR", near)
     scene = SHEET.with_values(changes)
     components = np.abs(crystal_of(scene).contacts.vector[:, :2]).T / scene.sphere.radius
-    assert (components[["xy".index(axis) for axis in axes]] > 0.5).any(axis=0).all()
+    assert not axes or (components[["xy".index(axis) for axis in axes]] > 0.5).any(axis=0).all()
     text = build(scene).input_text
     for axis, component in zip("xy", components, strict=True):
         counted = f"abs(f_along_{axis}[1][2]+f_along_{axis}[3][2]-{np.count_nonzero(component > 0.5)})"
