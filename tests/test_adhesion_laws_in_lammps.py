@@ -208,9 +208,9 @@ def test_theories_that_leave_the_law_out_refuse_it_by_name(tmp_path: Path) -> No
         assert (catalogue.JKR in held) != (catalogue.JKR in catalogue.missing(name, traits(wave)))
     with pytest.raises(TheoryError, match="'three-mode' leaves out sphere.adhesion_law = 'jkr'"):
         trajectory("three-mode", wave, record.tau)
-    # Two theories, of a plane wave and of all spheres; each is integrated to 1e-9
+    # Two theories, of a plane wave and of all spheres, in D0: each step is integrated to 1e-9, and some dozens add up
     network, lattice = Reference.named("network", record, wave).signals, trajectory("exact-lattice", wave, record.tau)
     assert network is not None
     for own, other in zip(network, lattice, strict=True):
-        assert relative_error(own, other) < 1e-6
+        assert np.abs(own - other).max() < 1e-7
     assert point(record).deviation == pytest.approx(0, abs=0.01)  # second order in a: 0.03² times a few, and the step
