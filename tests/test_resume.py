@@ -210,7 +210,7 @@ def test_a_changed_status_of_a_stopped_run_is_put_back_or_run_again(cut: dict[st
     info = json.loads((folder / STATUS).read_text())
     (folder / STATUS).write_text(json.dumps(info | {"ranks": 2}))
     with pytest.raises(
-        RunFolderError, match="was changed since .*; put it back, or run the scene again with force=True$"
+        RunFolderError, match="was changed since .*put it back, or run the scene again with force=True$"
     ):
         resume(folder)  # `accept` takes finished runs only
 

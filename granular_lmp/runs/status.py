@@ -52,9 +52,8 @@ def _status(folder: Path, changed: bool) -> dict[str, Any]:
         raise RunFolderError(f"{path}: {error}") from error
     sealed = info.pop(SEAL, None)
     if number > 1 and not changed and sealed != seal_of(info):
-        cure = (
-            how_to_accept(folder) if info["status"] == "finished" else "put it back, or run the scene with force=True"
-        )
+        finished = info["status"] == "finished"  # others cannot be accepted
+        cure = how_to_accept(folder) if finished else "put it back, or run the scene again with force=True"
         raise RunFolderError(f"{path}: was changed since the run wrote it; {cure}")
     return as_today(info)
 
