@@ -14,7 +14,18 @@ from analysis.figures import effects, figure3
 from analysis.measure import oblique, sheets, spectrum
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue
-from analysis.theory.catalogue import HOLDS, KEYS, KNOWN, NETWORK, OPENING, REFERENCES, SLIDING, missing, script_for
+from analysis.theory.catalogue import (
+    FACES,
+    HOLDS,
+    KEYS,
+    KNOWN,
+    NETWORK,
+    OPENING,
+    REFERENCES,
+    SLIDING,
+    missing,
+    script_for,
+)
 from analysis.theory.choice import THEORIES, TheoryError, best, holding, traits, traits_of, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.disorder import Inclusion
@@ -189,8 +200,8 @@ def test_the_keys_that_are_known_are_those_of_a_scene() -> None:
     tables = {"name": "", **PAPER.with_values({"time.tolerance": 1e-2, "sphere.adhesion_law": "jkr"}).to_dict()}
     keys = {f"{table}.{key}" for table, values in tables.items() if isinstance(values, dict) for key in values}
     # A step excludes a tolerance, the force is of the packing, a table of which nothing is declared is not there, and
-    # monitors change no motion
-    assert keys | {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor"} == KEYS
+    # monitors change no motion; a face that is declared is a trait
+    assert keys - FACES | {"time.timestep", "sphere.contact_force", "disorder.seed", "monitor"} == KEYS
 
 
 def test_departures_are_what_is_not_at_its_default() -> None:
