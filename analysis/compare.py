@@ -6,12 +6,13 @@
 Two references stand side by side. Against a *theory* (a formula) the error says how good the formula is; against the
 *exact lattice* (the same contact laws and geometry, integrated without LAMMPS) it says how good the run is: time step,
 walls, rounding. Where no theory of a plane wave holds a run, as its crystal is not perfect or its contacts slide or
-open, the *network* of its spheres stands in place of the theory and says how good the run is
-(`analysis.measure.reference`). Each run gets a figure ``compare.png`` in its folder, and of several runs it is said
-what differs between their scenes; the finished runs of a sweep are a line each, with what was varied in front, and
-without figures. A theory that leaves out what the scene has is refused, and so is a run with an effect, a form, a key
-of the scene that stands in no line of `analysis.theory.catalogue`. A run that neither a theory nor the network holds is
-compared with nothing; a note says why, and names the script that has a theory of it.
+open, the *network* of its spheres stands in place of the theory and says how good the run is. Without its snapshots,
+runs in other lattices and layers have the second order of their crystal (`analysis.measure.reference`). A note says
+which, why, and which script has a theory of the run. A theory that leaves out what the scene has is refused, and so is
+a run with an effect, a form, a key of the scene that stands in no line of `analysis.theory.catalogue`.
+
+Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
+the finished runs of a sweep are a line each, with what was varied in front, and without figures.
 """
 
 import argparse
@@ -31,11 +32,12 @@ from analysis.measure.runs import load
 from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
 from analysis.measure.swept import Swept
 from analysis.second_harmonic import ALONG_Y
-from analysis.theory.catalogue import NETWORK, REFERENCES, script_for
+from analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
 from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
+INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
 OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
 
@@ -51,7 +53,7 @@ class Comparison:
     direction : float
         Of k, degrees from a close-packed row; 90 is y.
     theory : str or None
-        Reference of the run, a theory or "network"; None if none holds what the run has.
+        Reference of the run (`analysis.theory.catalogue.REFERENCES`); None if none holds what the run has.
     error, lattice_error : dict
         Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
         component is zero by symmetry. Empty without a theory.
@@ -155,7 +157,7 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
         loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
     if not holding(wave):
         script = script_for(traits(wave))
-        instead = "the network of its spheres" if reference.name else f"nothing, as {reference.reason}"
+        instead = INSTEAD[reference.name] + (f", as {reference.reason}" if reference.reason else "")
         loud.append(
             f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}"
             + (f"; `python -m {script}` has a theory of it" if script else "")

@@ -106,7 +106,8 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "figures": {"second_harmonic", "theory", "measure"},
     "compare": {"second_harmonic", "theory", "measure", "figures"},
     "design": {"theory", "figures"},
-    "cli": {"second_harmonic", "theory", "measure", "figures", "compare", "design"},
+    "harmonic": {"measure", "figures"},
+    "cli": {"second_harmonic", "theory", "measure", "figures", "compare", "design", "harmonic"},
 }
 
 

@@ -1,22 +1,26 @@
 """The reference of a run: the trajectory of p, q and φ that its record is compared with.
 
-Most references are theories, functions of a plane wave (`analysis.theory.choice.THEORIES`). The last is the *network*:
-all spheres of the run, from its first snapshot on, integrated without LAMMPS (`analysis.theory.network`). It holds
-crystals that are not perfect, waves of any shape, and contacts that slide, open and form.
+Most references are theories, functions of a plane wave (`analysis.theory.choice.THEORIES`). Two are made from the run:
+
+* the *network*: all its spheres, from its first snapshot on, integrated without LAMMPS (`analysis.theory.network`). It
+  holds crystals that are not perfect, waves of any shape, and contacts that slide, open and form;
+* *crystal-second-order*: first and second order in the crystal of its scene, of any lattice, also of layers, and of
+  running and standing waves (`analysis.theory.scenes`).
 
 The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
-that cannot be, nothing, and the reference says why.
+that cannot be, the second order of its crystal; where that leaves something out, nothing. The reference says why.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from analysis.measure.snapshot import first_snapshot
-from analysis.theory.catalogue import NETWORK, OPENING, REFERENCES, SLIDING, missing
+from analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
 from analysis.theory.choice import TheoryError, Trajectory, best, holding, refuse_less, traits, trajectory
 from analysis.theory.network_motion import integrate
+from analysis.theory.scenes import Setting
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import GranularError, Record
 
@@ -34,9 +38,9 @@ class Reference:
 
     Attributes
     ----------
-    name : of a theory, or "network"; None if there is none.
+    name : one of `analysis.theory.catalogue.REFERENCES`; None if there is none.
     signals : p, q, φ at the times of the record, in D0; None if there is none.
-    reason : why there is none.
+    reason : why it is neither a theory of a plane wave nor the network.
     """
 
     name: str | None
@@ -52,19 +56,23 @@ class Reference:
         """
         if name not in REFERENCES:
             raise TheoryError(f"theory = {name!r} is not one of {', '.join(REFERENCES)}")
-        return cls(name, _network(record, wave) if name == NETWORK else trajectory(name, wave, record.tau))
+        made = {NETWORK: _network, CRYSTAL: _crystal}
+        return cls(name, made[name](record, wave) if name in made else trajectory(name, wave, record.tau))
 
     @classmethod
     def of(cls, record: Record, wave: Wave) -> Self:
         """Return the reference of a run by the rule of this module, one without a name if there is none."""
         if holding(wave):
             return cls.named(best(wave, record.tau), record, wave)
-        if reasons := _against(record, wave):
-            return cls(None, None, ", and ".join(reasons))
-        try:
-            return cls.named(NETWORK, record, wave)
-        except TheoryError as error:
-            return cls(None, None, str(error))
+        reasons = _against(record, wave)
+        for name in [CRYSTAL] if reasons else [NETWORK, CRYSTAL]:
+            if name == CRYSTAL and missing(name, traits(wave)):
+                continue
+            try:
+                return replace(cls.named(name, record, wave), reason=", and ".join(reasons))
+            except TheoryError as error:
+                reasons.append(str(error))
+        return cls(None, None, ", and ".join(reasons))
 
 
 def _against(record: Record, wave: Wave) -> list[str]:
@@ -102,3 +110,14 @@ def _network(record: Record, wave: Wave) -> Trajectory:
     except (ValueError, RuntimeError, OSError, GranularError) as error:
         raise TheoryError(f"theory = 'network': {error}") from error
     return first.signals(run)
+
+
+def _crystal(record: Record, wave: Wave) -> Trajectory:
+    """Return p, q, φ of the centre sphere to second order in the crystal of a run's scene."""
+    refuse_less(CRYSTAL, wave)
+    try:
+        first, second = Setting(record.scene).signals(record.tau)
+    except ValueError as error:
+        raise TheoryError(f"theory = {CRYSTAL!r}: {error}") from error
+    p, q, phi = (one + two for one, two in zip(first, second, strict=True))
+    return p, q, phi

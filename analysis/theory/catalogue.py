@@ -19,6 +19,7 @@ OPENING = "effects.contact_opening"  # a trait of runs whose contacts do part
 NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 NETWORK = "network"
+CRYSTAL = "crystal-second-order"
 JKR = "sphere.adhesion_law = 'jkr'"
 
 
@@ -62,6 +63,10 @@ HOLDS: dict[str, frozenset[str]] = {
     | STRUCK
     | FACES
     | _IMPERFECT,
+    # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern
+    CRYSTAL: _ALONG_Y
+    | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES}
+    | {f"inclusion.{name}" for name in ("rows", "every", "density")},
     "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
     "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},

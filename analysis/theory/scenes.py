@@ -8,6 +8,7 @@ The start may run or stand. Whatever else a scene declares is refused by its key
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import PLANE, Crystal
 from analysis.theory.network import Material
-from analysis.theory.second_order import Wave, second_order, started, wave
+from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
+from analysis.theory.third_order import frequency_shift
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 NAMES = ("L", "TR", "RT")
 # Row spacing, shift of every other row, and whether rows are endless, in lattice constants
 STACKING = {"hexagonal": (np.sqrt(0.75), 0.5, True), "square": (1.0, 0.0, True), "chain": (1.0, 0.0, False)}
@@ -159,6 +162,24 @@ class Setting:
             p, q = frame(scene.direction) @ moved[:, :2].T
             parts.append((p, q, moved[:, 2]))
         return parts[0], parts[1]
+
+    def harmonic(self, tau: ArrayLike) -> tuple[Complexes, Floats]:
+        """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
+
+        Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is what third
+        order turns, 2δω t in rad; nan for more than one wave, which shift each other too, and for the incremental law.
+        """
+        scene = self.scene
+        crystal, waves = self.start()
+        t = np.asarray(tau, dtype=float) * scene.sphere.time_scale
+        moved: Complexes = np.zeros((len(t), 2), dtype=complex)
+        for i, j in combinations_with_replacement(range(len(waves)), 2):
+            field = Mixed(crystal, waves[i], waves[j]).signal(t)[..., :2].mean(axis=1)
+            moved += field * (0.5 if i == j else 1.0)
+        known = len(waves) == 1 and scene.effects.shear_law == "secant"
+        shift = abs(float(frequency_shift(crystal, waves[0]))) if known else np.nan
+        scaled: Complexes = moved @ frame(scene.direction).T / scene.displacement_amplitude
+        return scaled, 2 * shift * t
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:

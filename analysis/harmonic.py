@@ -1,0 +1,133 @@
+"""The coherent second harmonic of a scene's wave, in a crystal that is perfect or not, with its error.
+
+    granular-analysis harmonic SCENE_OR_RUN [--by network] [--csv FILE] [--json FILE]
+    granular-analysis harmonic SWEEP_OVER_PHASES
+
+Of a scene, a file or the name of a shipped one, and of a run in a perfect crystal the theory of second order gives it.
+Of a run in another crystal the network of its spheres does, which needs snapshots (``output.particles``); ``--by
+network`` asks for it in any. Of a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in
+the snapshots by least squares. `analysis.measure.harmonic` says what is meant, and what the errors are.
+"""
+
+import argparse
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.figures.plotting import start, write
+from analysis.measure.harmonic import Harmonic, by_network, by_runs, by_theory
+from analysis.measure.runs import load
+from analysis.measure.swept import Swept
+from granular_lmp.runs.record import STATUS, GranularError, Scene
+
+WAYS = ("along", "across")
+
+
+def harmonic(targets: Sequence[str], by: str | None = None) -> Harmonic:
+    """Return the second harmonic of a scene, a run, a sweep over phases, or the runs of one.
+
+    Raises ValueError or GranularError for what none of the ways holds, SystemExit for a run that cannot be read.
+    """
+    swept = Swept.load(targets[0]) if len(targets) == 1 else None
+    folders = swept.folders if swept else [Path(each) for each in targets]
+    if len(folders) > 1:
+        if by:
+            raise ValueError(f"--by {by} is of one scene or run, not of {len(folders)}")
+        return by_runs([load(folder) for folder in folders])
+    if not (folders[0] / STATUS).is_file():
+        return _of_scene(targets[0], by)
+    record = load(folders[0])
+    if by == "network":
+        return by_network(record)
+    try:
+        return by_theory(record.scene, record.tau)
+    except ValueError:
+        if by:
+            raise
+        return by_network(record)
+
+
+def _of_scene(target: str, by: str | None) -> Harmonic:
+    if by == "network":
+        raise ValueError("the network is that of a run; run the scene with output.particles and give the folder")
+    scene = Scene.load(target)
+    samples = int(scene.time.duration / scene.time.sample + 1e-9)
+    try:
+        return by_theory(scene, scene.time.sample * np.arange(samples + 1))
+    except ValueError as error:
+        raise ValueError(f"{error}; run the scene with output.particles and give the folder") from error
+
+
+def columns(found: Harmonic) -> dict[str, np.ndarray]:
+    """Return τ, and real part, imaginary part and error of C along k and across, by name."""
+    result = {"tau": found.tau}
+    for number, way in enumerate(WAYS):
+        values = found.amplitudes[:, number]
+        result |= {f"{way}_re": values.real, f"{way}_im": values.imag, f"{way}_error": found.errors[:, number]}
+    return result
+
+
+def summary(found: Harmonic) -> dict[str, Any]:
+    """Return the plain values, as the JSON holds them; None for an error that is unknown."""
+    scene = found.scene
+    wave = {"mode": scene.wave.mode, "wavenumber": scene.wavenumber, "direction": scene.direction}
+    strengths = {
+        way: {"strength": float(value), "error": None if np.isnan(error) else float(error)}
+        for way, value, error in zip(WAYS, found.strength, found.strength_error, strict=True)
+    }
+    return {"name": scene.name, "by": found.by} | wave | {"amplitude": scene.wave.amplitude} | strengths
+
+
+def table(found: Harmonic) -> str:
+    """Return the summary as text."""
+    said = summary(found)
+    lines = [
+        f"{said['name']}: {said['mode']} at xi = {said['wavenumber']:.5g}, {said['direction']:.5g} degrees, "
+        f"a = {said['amplitude']:g}; second harmonic by {said['by']}, in D0",
+        f"{'':8}{f'rms to tau = {found.tau[-1]:g}':>22}{'error':>10}{'at the end':>14}{'error':>10}",
+    ]
+    for number, way in enumerate(WAYS):
+        last, error = abs(found.amplitudes[-1, number]), found.errors[-1, number]
+        errors = [f"{'-' if np.isnan(each) else f'{each:.1e}':>10}" for each in (found.strength_error[number], error)]
+        lines.append(f"{way:8}{said[way]['strength']:22.5g}{errors[0]}{last:14.5g}{errors[1]}")
+    return "\n".join(lines)
+
+
+def as_csv(found: Harmonic) -> str:
+    """Return `columns` as CSV, every number with all its digits."""
+    text, held = io.StringIO(), columns(found)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(held)
+    writer.writerows(np.column_stack(list(held.values())).tolist())
+    return text.getvalue()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
+    parser.add_argument("--by", choices=("theory", "network"), help="this one, not the one that suits")
+    parser.add_argument("--csv", metavar="FILE", help="write C over tau as CSV")
+    parser.add_argument("--json", metavar="FILE", help="write the summary as JSON")
+    options = parser.parse_args(arguments)
+    try:
+        found = harmonic(options.targets, options.by)
+    except GranularError as error:
+        raise SystemExit(error.in_options()) from error
+    except ValueError as error:
+        raise SystemExit(f"{', '.join(options.targets)}: {error}") from error
+    print(table(found))
+    if options.csv:
+        write(Path(options.csv), as_csv(found))
+    if options.json:
+        write(Path(options.json), json.dumps(summary(found), indent=2) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,184 @@
+"""The coherent second harmonic of a wave in a crystal, perfect or not, and its error.
+
+A wave Re[U e^{i(k·r + θ)}], running or standing, fills a crystal at the start, r from the recorded sphere. What it has
+made to second order moves the spheres with e^{2iθ}. The coherent part of that is periodic along the wave,
+
+    u(r, τ) = Re[C(τ) e^{2ik·r}] + scattered,        C ∝ e^{2iθ},
+
+with C along k and across in D0. The scattered part has other wave vectors. What disorder scatters to 2k in first order
+turns with e^{iθ}: several phases part the two, and one run cannot. There are three ways:
+
+* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`. Its error is an upper estimate
+  of the next order, (a² + 2δω t)|C| with the shift δω of third order; nan, which is unknown, under the incremental law
+  and where more than one wave starts;
+* **network**, any periodic crystal whose spheres a run has dumped: it starts again with `PHASES` phases, at the
+  amplitude a of the run and at a/2. Of C(a) and C(a/2) follow the second order, which is C, and the fourth, its error;
+* **runs** of one scene that differ in `wave.phase`: C by least squares over the phases, e^{−2iθ} to e^{2iθ}, at each
+  snapshot, with the standard error of the fit. At equal distances six phases keep third order out of C, but not out of
+  the error.
+
+When it breaks: where contacts open or slide, which is refused; at long times, as the error says; for runs whose cell is
+so short that 2k is no wave of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.measure.coherent import project
+from analysis.measure.runs import all_but
+from analysis.measure.snapshot import FirstSnapshot, first_snapshot
+from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, NETWORK, OPENING, SLIDING, STRUCK
+from analysis.theory.choice import traits_of
+from analysis.theory.network import State, start
+from analysis.theory.network_motion import integrate
+from analysis.theory.scenes import Setting
+from granular_lmp.runs.record import Record, Scene
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+PHASES = 2 * np.pi / 6 * np.arange(6)  # the next orders that look like e^{2iθ} on them are the fourth, and higher ones
+ORDERS = np.arange(-2, 3)
+HELD_HERE = HOLDS[NETWORK] - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - HELD - FACES
+RTOL = 1e-9
+# Share of a start that is no plane wave at the places at rest, from which spheres of unequal radii lie overlaps away,
+# 1e-4 of a wavelength; one sphere of a thousand that a striker moves has more
+PLANE_WAVE = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonic:
+    """A coherent second harmonic.
+
+    Attributes
+    ----------
+    by : "theory", "network" or "runs".
+    scene : of the wave.
+    tau : (T,).
+    amplitudes : (T, 2) complex, C along k and across, in D0.
+    errors : (T, 2), in D0; nan where unknown.
+    """
+
+    by: str
+    scene: Scene
+    tau: Floats
+    amplitudes: Complexes
+    errors: Floats
+
+    @property
+    def strength(self) -> Floats:
+        """Return the root mean square of |C| over τ along k and across, (2,)."""
+        return np.sqrt(np.mean(np.abs(self.amplitudes) ** 2, axis=0))
+
+    @property
+    def strength_error(self) -> Floats:
+        """Return the root mean square of the errors, (2,): at most so far is the strength off."""
+        return np.sqrt(np.mean(self.errors**2, axis=0))
+
+
+def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
+    """Return the second harmonic of a scene's perfect crystal or layers at times τ (T,).
+
+    Raises ValueError for a scene that `analysis.theory.scenes` leaves out.
+    """
+    times = np.asarray(tau, dtype=float)
+    amplitudes, turned = Setting(scene).harmonic(times)
+    share = scene.wave.amplitude**2 + turned
+    return Harmonic("theory", scene, times, amplitudes, share[:, None] * np.abs(amplitudes))
+
+
+def by_network(record: Record) -> Harmonic:
+    """Return the second harmonic of a run's crystal at the times of its record.
+
+    Raises ValueError for a run that is no wave which fills a periodic cell, whose contacts may slide or open, or that
+    the network leaves out.
+    """
+    _refuse(record)
+    first = first_snapshot(record)
+    places, k = _places(record, first)
+    wave = _start(first, places, k)
+    whole, half = (_over_starts(first, wave * share, places, k, record.tau) for share in (1.0, 0.5))
+    fourth = 4 / 3 * (whole - 4 * half)  # of C = c a² + d a⁴ at a and a/2
+    return Harmonic("network", record.scene, record.tau, whole - fourth, np.abs(fourth))
+
+
+def by_runs(records: Sequence[Record]) -> Harmonic:
+    """Return the second harmonic of runs that differ in `wave.phase`, at their snapshots; θ is that of the first.
+
+    Raises ValueError for fewer than six phases, and runs that differ in more.
+    """
+    for record in records:
+        _refuse(record)
+    if len({repr(all_but(record, "wave.phase")) for record in records}) > 1:
+        raise ValueError("the runs differ in more than wave.phase")
+    first = first_snapshot(records[0])
+    places, k = _places(records[0], first)
+    phases = np.array([record.scene.wave.phase for record in records])
+    found = [project(places, record.snapshots().stack("displacement"), k.tolist()).amplitudes[1] for record in records]
+    amplitudes, errors = over_phases(phases - phases[0], np.array(found))
+    return Harmonic("runs", records[0].scene, records[0].snapshots().tau, amplitudes, errors)
+
+
+def over_phases(phases: ArrayLike, values: Complexes) -> tuple[Complexes, Floats]:
+    """Return what turns with e^{2iθ} in values (n, ...) at phases θ (n,), and its standard error.
+
+    Raises ValueError where fewer than six phases, or those, do not tell the orders −2 to 2 apart.
+    """
+    angle = np.asarray(phases, dtype=float)
+    basis = np.exp(1j * np.multiply.outer(angle, ORDERS))
+    if len(angle) <= len(ORDERS) or np.linalg.matrix_rank(basis, tol=1e-3) < len(ORDERS):
+        raise ValueError(f"wave.phase has {len(angle)} values that do not part the orders; take six, pi/3 apart")
+    inverse = np.linalg.pinv(basis)
+    flat = values.reshape(len(angle), -1)
+    fitted = inverse @ flat
+    left = np.sum(np.abs(flat - basis @ fitted) ** 2, axis=0) / (len(angle) - len(ORDERS))
+    error = np.sqrt(left * np.sum(np.abs(inverse[-1]) ** 2))
+    return fitted[-1].reshape(values.shape[1:]), error.reshape(values.shape[1:])
+
+
+def _refuse(record: Record) -> None:
+    if other := sorted(traits_of(record) - HELD_HERE):
+        raise ValueError(f"the second harmonic of a cell leaves out {', '.join(other)}")
+
+
+def _places(record: Record, first: FirstSnapshot) -> tuple[Floats, Floats]:
+    """Return places (N, 2) from the recorded sphere, and k (2,) that fits the cell, which rests a little strained."""
+    network = first.network
+    wanted = Setting(record.scene).wavevector() * record.scene.sphere.radius / first.radius
+    cell = np.array(network.cell)
+    periods = np.where(np.isfinite(cell), cell, 1.0)
+    fitting = 2 * np.pi * np.round(wanted * periods / (2 * np.pi)) / periods
+    return network.position - network.position[first.recorded], np.where(np.isfinite(cell), fitting, wanted)
+
+
+def _start(first: FirstSnapshot, places: Floats, k: Floats) -> Complexes:
+    """Return the field Z (6, N) of which the real part is the motion at the start: Re[Z e^{iθ}] is another phase.
+
+    Raises ValueError for a start that is no plane wave.
+    """
+    phase = places @ k
+    motion = first.state.motion
+    basis = np.stack([np.cos(phase), -np.sin(phase)], axis=1)
+    weights = np.linalg.lstsq(basis, motion.T)[0]  # of a wave Re[(a + ib) e^{ik·r}]
+    size = np.array([1, 1, first.radius] * 2)[:, None]
+    for rows in (slice(3), slice(3, 6)):
+        left = (size * (motion - (basis @ weights).T))[rows]
+        if np.linalg.norm(left) > PLANE_WAVE * np.linalg.norm((size * motion)[rows]):
+            raise ValueError("the first snapshot is no plane wave that fills the cell")
+    return np.asarray((weights[0] + 1j * weights[1])[:, None] * np.exp(1j * phase))
+
+
+def _over_starts(first: FirstSnapshot, wave: Complexes, places: Floats, k: Floats, tau: Floats) -> Complexes:
+    """Return C (T, 2) of starts Re[wave e^{iθ}] over `PHASES`, in D0 of the run."""
+    found = []
+    for phase in PHASES:
+        run = integrate(first.network, _state(first, np.real(wave * np.exp(1j * phase))), tau * first.time, rtol=RTOL)
+        found.append(project(places, run.displacement / first.length, k.tolist()).amplitudes[1])
+    return over_phases(PHASES, np.array(found))[0]
+
+
+def _state(first: FirstSnapshot, motion: Floats) -> State:
+    return start(first.network, motion[:2].T, motion[3:5].T, motion[2], motion[5])

@@ -1,0 +1,196 @@
+"""The coherent second harmonic: theory, network and LAMMPS give the same one, in crystals that are perfect and not."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import cli
+from analysis.compare import compare
+from analysis.harmonic import harmonic, table
+from analysis.measure import harmonic as measure
+from analysis.measure.coherent import project
+from analysis.measure.harmonic import PHASES, by_network, by_runs, by_theory, over_phases
+from analysis.measure.snapshot import first_snapshot
+from analysis.second_harmonic import second_harmonic
+from analysis.theory.choice import wave_of
+from granular_lmp import Record, Scene, run
+
+SHORT = {"time.duration": 8.0, "time.sample": 1.0, "output.particles": 8.0}
+ROWS = {"packing.rows": 16, "packing.columns": 3}
+LAYERS = {"rows": [0, 15], "every": 2, "density": 4400.0}
+PERFECT: dict[str, tuple[str, dict[str, Any]]] = {
+    "hexagonal": ("tr_periodic", ROWS),
+    "RT": ("tr_periodic", ROWS | {"wave.mode": "RT"}),
+    "incremental": ("tr_periodic", ROWS | {"effects.shear_law": "incremental"}),
+    "jkr": ("tr_periodic", ROWS | {"sphere.adhesion_law": "jkr"}),
+    "standing": ("tr_periodic", ROWS | {"wave.form": "standing"}),
+    "layers": ("tr_periodic", ROWS | {"inclusion": [LAYERS]}),
+    "square": ("tr_square", {"wave.mode": "L"}),
+    "chain": ("l_chain", {"packing.rows": 16, "packing.ends": "periodic"}),
+    "oblique": ("tr_oblique", {}),
+}
+# Twelve integrations leave RTOL = 1e-9 each of the wave; C is made of sixteen thirds of those at half the amplitude
+FLOOR = 5e-8
+VACANCIES = Scene.load("tr_periodic").with_values(
+    SHORT | {"packing.rows": 16, "packing.columns": 8, "output.particles": 1.0, "disorder.vacancies": 0.02}
+)
+
+
+def scene_of(name: str) -> Scene:
+    shipped, values = PERFECT[name]
+    return Scene.load(shipped).with_values(values | SHORT)
+
+
+@pytest.mark.parametrize("name", PERFECT)
+def test_theory_and_network_give_one_second_harmonic(name: str, tmp_path: Path) -> None:
+    record = run(scene_of(name), tmp_path / "run")
+    network, theory = by_network(record), by_theory(record.scene, record.tau)
+    # Of the network second and fourth order part; what is left is the sixth, a² of the fourth
+    left = record.scene.wave.amplitude**2 * network.errors.max() + FLOOR
+    np.testing.assert_allclose(theory.amplitudes, network.amplitudes, rtol=0, atol=left)
+    assert np.abs(theory.amplitudes).max() > 100 * left
+    known = not np.isnan(theory.errors).any()
+    assert known == (name not in ("incremental", "standing", "layers"))
+    assert not known or np.all(theory.errors + FLOOR > network.errors)
+
+
+def test_another_density_and_another_start_are_seen(tmp_path: Path) -> None:
+    record = run(scene_of("layers"), tmp_path / "run")
+    network = by_network(record)
+    for values in ({"inclusion": [LAYERS | {"density": 4380.0}]}, {"wave.phase": 0.01}):
+        other = by_theory(record.scene.with_values(values), record.tau)
+        assert np.abs(other.amplitudes - network.amplitudes).max() > 1e-3 * np.abs(network.amplitudes).max()
+
+
+def test_it_is_the_closed_form_along_y() -> None:
+    tau = np.arange(0.0, 9.0)
+    still = np.zeros(len(tau))
+    for phase in (0.0, 0.7):
+        scene = scene_of("hexagonal").with_values({"wave.phase": phase})
+        wave = wave_of(Record(tau, still, still, still, scene))
+        closed = second_harmonic(wave.mode, wave.ratios, wave.amplitude, tau, phase=phase)
+        # In TR waves p at the centre is of second order, and all of it turns with 2θ
+        assert np.abs(by_theory(scene, tau).amplitudes[:, 0].real - closed).max() < 1e-12
+
+
+# --- a crystal with vacancies ---
+
+
+@pytest.fixture(scope="module")
+def phases(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
+    """Runs of a crystal with vacancies, with six phases."""
+    folder = tmp_path_factory.mktemp("phases")
+    return [run(VACANCIES.with_values({"wave.phase": float(each)}), folder / f"{each:.2f}") for each in PHASES]
+
+
+def test_with_vacancies_the_network_has_what_lammps_has_over_phases(phases: list[Record]) -> None:
+    network, lammps = by_network(phases[0]), by_runs(phases)
+    # The runs hold fourth order; and their step h leaves (Ωh)²/24 of the phase 2Ωτ, 1.7e-3 of C for Ω = 1, h = 0.05
+    left = network.errors.max() + 2e-3 * np.abs(network.amplitudes).max()
+    np.testing.assert_allclose(lammps.amplitudes, network.amplitudes, rtol=0, atol=left)
+    perfect = by_theory(phases[0].scene.with_values({"disorder.vacancies": 0.0}), network.tau)
+    assert np.abs(perfect.amplitudes - network.amplitudes).max() > 5e-2 * network.strength.max()
+    assert network.errors.max() < 1e-2 * network.strength.max()
+    # One run cannot part the second harmonic from the wave that vacancies scatter to 2k
+    first = first_snapshot(phases[0])
+    places, k = measure._places(phases[0], first)
+    mixed = project(places, phases[0].snapshots().stack("displacement"), k.tolist()).amplitudes[1]
+    assert np.abs(mixed - network.amplitudes).max() > network.strength.max()
+
+
+def test_the_start_of_a_run_is_a_plane_wave_or_refused(phases: list[Record]) -> None:
+    first = first_snapshot(phases[0])
+    places, k = measure._places(phases[0], first)
+    wave = measure._start(first, places, k)
+    motion = first.state.motion
+    assert np.allclose(wave.real, motion, rtol=0, atol=1e-3 * np.abs(motion).max(axis=1)[:, None])
+    bent = motion.copy()
+    bent[1, 3] += 0.5 * first.length
+    with pytest.raises(ValueError, match="no plane wave that fills the cell"):
+        measure._start(replace(first, state=replace(first.state, motion=bent)), places, k)
+
+
+# --- phases ---
+
+
+def test_what_turns_twice_is_found_among_other_orders() -> None:
+    orders = np.array([0.3j, 5.0, 0.2 + 0.1j])
+    made = sum(each * np.exp(1j * number * PHASES) for number, each in enumerate(orders))
+    value, error = over_phases(PHASES, made + 7 * np.exp(-2j * PHASES))
+    assert abs(value - orders[2]) < 1e-13
+    assert error < 1e-13
+    value, error = over_phases(PHASES, made + 1e-3 * np.cos(3 * PHASES))
+    assert abs(value - orders[2]) < 1e-13
+    assert error > 5e-4
+    assert abs(over_phases(PHASES, 1.01 * made)[0] - orders[2]) > 1e-3
+
+
+def test_too_few_phases_and_other_runs_are_refused(phases: list[Record]) -> None:
+    with pytest.raises(ValueError, match="has 5 values that do not part the orders; take six"):
+        by_runs(phases[:5])
+    with pytest.raises(ValueError, match="has 6 values that do not part the orders"):
+        by_runs([*phases[:3], *phases[:3]])
+    other = replace(phases[1], scene=phases[1].scene.with_values({"wave.amplitude": 0.1}))
+    with pytest.raises(ValueError, match="differ in more than wave.phase"):
+        by_runs([phases[0], other, *phases[2:]])
+
+
+def test_what_no_way_holds_is_refused_by_name(phases: list[Record]) -> None:
+    info, scene = phases[0].info, phases[0].scene
+    sliding = info | {"effects": info["effects"] | {"sliding": {"on": True}}}
+    with pytest.raises(ValueError, match=r"leaves out effects\.sliding"):
+        by_network(replace(phases[0], info=sliding))
+    held = scene.with_values({"packing.rows": 17, "packing.ends": "fixed", "time.allow_echo": True})
+    with pytest.raises(ValueError, match=r"leaves out packing\.ends = 'fixed'"):
+        by_network(replace(phases[0], scene=held))
+
+
+# --- the command ---
+
+
+def test_the_command_takes_scenes_runs_and_sweeps_and_writes_what_it_found(
+    phases: list[Record], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = str(phases[0].folder)
+    assert cli.main(["harmonic", folder, "--csv", str(tmp_path / "c.csv"), "--json", str(tmp_path / "c.json")]) == 0
+    assert "second harmonic by network" in capsys.readouterr().out
+    said = json.loads((tmp_path / "c.json").read_text())
+    with (tmp_path / "c.csv").open() as stream:
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(stream)]
+    assert [row["tau"] for row in rows] == phases[0].tau.tolist()
+    mean = np.mean([row["along_re"] ** 2 + row["along_im"] ** 2 for row in rows])
+    assert said["along"]["strength"] == pytest.approx(np.sqrt(mean), rel=1e-12)
+    assert said["by"] == "network"
+    assert "by runs" in table(harmonic([str(each.folder) for each in phases]))
+    assert "by theory" in table(harmonic(["tr_square"]))
+    with pytest.raises(SystemExit, match="leaves out disorder.vacancies = 0.02"):
+        cli.main(["harmonic", folder, "--by", "theory"])
+    (tmp_path / "scene.toml").write_text(VACANCIES.to_toml())
+    with pytest.raises(SystemExit, match="run the scene with output.particles and give the folder"):
+        cli.main(["harmonic", str(tmp_path / "scene.toml")])
+
+
+# --- the same theory as a reference ---
+
+
+@pytest.mark.parametrize("name", ["square", "chain", "layers", "standing"])
+def test_compare_takes_the_second_order_of_a_crystal_where_it_has_no_snapshots(name: str, tmp_path: Path) -> None:
+    record = run(scene_of(name).with_values({"output.particles": 0.0, "wave.amplitude": 0.02}), tmp_path / "run")
+    found = compare(record)
+    assert found.theory == "crystal-second-order"
+    assert "compared with the second order of its crystal, as" in found.notes[0]
+    # Third order and LAMMPS's step h, (Ωh)²/24 of a phase Ωτ: 1e-3 for Ω = 1, h = 0.05 and τ = 8
+    assert all(error is None or error < 2e-3 for error in found.error.values())
+    wrong = compare(replace(record, p=1.01 * record.p, q=1.01 * record.q)).error
+    assert max(wrong["p"] or 0.0, wrong["q"] or 0.0) > 8e-3
+
+
+def test_in_the_papers_crystal_it_is_the_closed_form(tmp_path: Path) -> None:
+    record = run(scene_of("hexagonal"), tmp_path / "run")
+    ours, closed = (compare(record, name).signals for name in ("crystal-second-order", "second-order"))
+    np.testing.assert_allclose(ours, closed, rtol=0, atol=1e-11)  # sums of numbers below 1, of some hundred steps
