@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from granular_lmp import ImpactScene, Scene, run, run_impact
+from granular_lmp.accuracy import noise
+from granular_lmp.errors import ToleranceError
 from granular_lmp.scene.shipped import shipped
 from tests.conftest import PAPER
 
@@ -104,3 +106,15 @@ IMPACTS = [impact(number % 5).with_values({"time.tolerance": TOLERANCE}) for num
 def test_random_impacts_meet_a_tolerance(number: int, tmp_path: Path) -> None:
     record = run_impact(IMPACTS[number], tmp_path / "run")
     assert 0 < max(record.info["error_estimate"].values()) <= TOLERANCE
+
+
+def test_what_no_shorter_step_improves_is_noise_and_what_it_improves_is_not() -> None:
+    weak, strong = (PAPER.with_values({"wave.amplitude": a, "time.duration": 10.0}) for a in (1e-3, 0.2))
+    signals = {"p": np.full(10, 1e-6), "q": np.ones(10)}
+    before, now = {"p": 0.02, "q": 0.02}, {"p": 0.03, "q": 0.03}
+    assert set(noise.stalled(1e-2, weak, signals, before, now)) == {"p"}  # q is a million times its rounding
+    assert not noise.stalled(1e-2, weak, signals, now, before)
+    assert not noise.stalled(1e-2, weak, signals, {"p": 1e-3}, {"p": 5e-3})
+    assert not noise.stalled(1e-2, strong, {"p": np.ones(10)}, {"p": 0.02}, {"p": 0.03})
+    with pytest.raises(ToleranceError, match="rounding keeps all that is recorded above it"):
+        noise.refuse_noise(1e-2, {"p": 0.1, "q": 0.1}, ["p", "q"])

@@ -15,6 +15,8 @@ from granular_lmp.scene.scene import Scene
 # Noise of one run that the estimate sees: twice the distance of the sums of three runs and of two holds 2.6 times that
 # of steps as 2, 3, 4 and 2.8 times that of 4, 5, 8, if it is independent; 0.3 times that of 1, 2, 4
 _SEEN = 3.0
+# Of noise that the law of one run gives: it is good to a factor of three, and sums of uneven steps raise it
+_LAW = 5.0
 _KINDS = (MOTION, RATES, FORCES, ("flux",))
 
 
@@ -69,14 +71,42 @@ def lost(scene: Scene, signals: Signals, finest: Scene) -> dict[str, float]:
     """
     assert scene.time.tolerance is not None
     found = {name: n for name, n in noise_of(finest, signals).items() if _SEEN * n > scene.time.tolerance}
-    if found.keys() >= (names := {*counted(scene, signals)}):
-        least = min((_SEEN * found[name] for name in names), default=inf)
+    refuse_noise(scene.time.tolerance, found, counted(scene, signals))
+    return found
+
+
+def refuse_noise(tolerance: float, noise: Mapping[str, float], names: Sequence[str]) -> None:
+    """Raise ToleranceError if all signals that count, by name, are lost in noise."""
+    if noise.keys() >= {*names}:
+        least = min((_SEEN * noise[name] for name in names), default=inf)
         bound = f"; must be at least {least:.2g}, or" if least < inf else ": nothing moves;"
         raise ToleranceError(
-            f"time.tolerance = {scene.time.tolerance!r}: rounding keeps all that is recorded above it{bound} take a "
+            f"time.tolerance = {tolerance!r}: rounding keeps all that is recorded above it{bound} take a "
             "larger wave.amplitude or fewer packing.rows, or record where and when the wave is there"
         )
-    return found
+
+
+def stalled(
+    tolerance: float, run: Scene, signals: Signals, before: Mapping[str, float], now: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the noise of the signals above the tolerance whose error a shorter step did not lower.
+
+    Parameters
+    ----------
+    tolerance : float
+    run : Scene
+        Scene of the last run, with its step.
+    signals : dict
+        Signals of that run.
+    before, now : dict
+        Estimated errors without that run, and with it.
+    """
+    found = noise_of(run, signals)
+    return {
+        name: found[name]
+        for name, error in now.items()
+        if error > tolerance and error >= before.get(name, inf) and _LAW * _SEEN * found[name] > tolerance
+    }
 
 
 def said(noise: Mapping[str, float], tolerance: float) -> str:

@@ -18,7 +18,7 @@ from granular_lmp.accuracy.budget import error_budget
 from granular_lmp.accuracy.extrapolation import Judgement
 from granular_lmp.accuracy.halving import One, Plan, begun, continued, halved
 from granular_lmp.accuracy.ladder import RUNGS, finest_step, first_step, with_step
-from granular_lmp.accuracy.noise import counted, lost
+from granular_lmp.accuracy.noise import counted, lost, refuse_noise, stalled
 from granular_lmp.accuracy.recorded import Recorded, write_answer
 from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
@@ -38,6 +38,8 @@ from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.scene import Scene
+
+FEWEST = 3  # runs after which an error that does not fall is one of rounding
 
 
 def run(
@@ -206,6 +208,11 @@ def refine(
             noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
         names = [name for name in counted(scene, signals[-1]) if name not in noise]
         judgements.append(judge(signals, [record.scene for record in records], names))
+        if len(records) > FEWEST and scene.time.tolerance is not None:
+            errors = ({name: each.errors[name] for name in names} for each in judgements[-2:])
+            noise.update(stalled(scene.time.tolerance, records[-1].scene, signals[-1], *errors))
+            refuse_noise(scene.time.tolerance, noise, counted(scene, signals[-1]))
+            names = [name for name in names if name not in noise]
         return replace(judgements[-1], errors={name: judgements[-1].errors[name] for name in names})
 
     records, judgement, refinements = halved(scene, folder, plan, one, estimated, progress, info)
