@@ -109,8 +109,9 @@ def test_slips_stay_with_their_pairs_when_the_list_is_made_again() -> None:
     _, pairs, _ = at_places(packed(SILICA, Shape(8, 6, "periodic")))
     slip = np.random.default_rng(1).uniform(-1, 1, len(pairs.i))
     fewer = np.arange(len(pairs.i)) % 5 != 2
-    names = ("i", "j", "length", "overlap", "stiffness", "shear", "adhesion")
-    shorter = Pairs(vector=pairs.vector[:, fewer], **{name: getattr(pairs, name)[fewer] for name in names})
+    names = ("i", "j", "length", "overlap", "bearing")
+    few = {name: getattr(pairs, name)[fewer] for name in names}
+    shorter = Pairs(vector=pairs.vector[:, fewer], law=pairs.law, **few)
     assert (carried_over(pairs, shorter, slip) == slip[fewer]).all()
     assert (carried_over(shorter, pairs, slip[fewer]) == np.where(fewer, slip, 0.0)).all()
 

@@ -119,7 +119,7 @@ def signs(law, inertia):
         for name in ("TR", "RT"):
             for xi in WAVENUMBERS[::3]:
                 mode = sh.mode(name, xi, constants)
-                drives.append(sh._source(mode, Contact(nu, law=law, inertia=inertia).ratios_of(mode)))
+                drives.append(sh.source(mode, Contact(nu, law=law, inertia=inertia).ratios_of(mode)))
     return set(np.sign(drives))
 
 
