@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "granular_lmp"
 DRAWING = ROOT / "figures" / "rooms.svg"
 LEFT_OUT = {"errors"}
-# A record draws itself for a notebook, and imports the room when it is asked to: the one arrow against the data
-LAZY = {("runs", "plot")}
+# A record and a card draw themselves, and import the room when they are asked to: the arrows against the data
+LAZY = {("runs", "plot"), ("card", "plot")}
 Arrows = set[tuple[str, str]]
 
 _WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 860, 130, 30, 52, 150

@@ -13,8 +13,7 @@ An `ImpactScene` declares spheres that just touch and are struck; `run`, `resume
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
 `impact`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
-table). A notebook's view of a scene, from the first of them, is drawn by the last: each asks for `html` here, by this
-package.
+table). A notebook's card of a scene, a deck, a record or a sweep is drawn by `plot.notebook`, which `card` asks for.
 """
 
 from importlib import import_module

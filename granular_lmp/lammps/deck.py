@@ -15,7 +15,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-import granular_lmp
+from granular_lmp.card import HasCard
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
@@ -35,7 +35,7 @@ from granular_lmp.scene.schema import AUTO
 
 
 @dataclass(frozen=True, repr=False)
-class Deck:
+class Deck(HasCard):
     """A LAMMPS deck and the problem that it was made from.
 
     Attributes
@@ -110,10 +110,6 @@ class Deck:
     def edits(self) -> list[str]:
         """Return the lines of ``in.NAME`` that differ from those that this package writes, "+ ..." or "- ..."."""
         return differing_lines(written_text(self.problem), self.input_text)
-
-    def _repr_html_(self) -> str:
-        """Return the view of a notebook."""
-        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         edited = ", edited" if self.edits() else ""

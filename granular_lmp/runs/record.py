@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-import granular_lmp
+from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
@@ -50,7 +50,7 @@ HEADER = [name for name, *_ in _COLUMNS]
 
 
 @dataclass(frozen=True, repr=False)
-class Record:
+class Record(HasCard):
     """Trajectory of the centre sphere with its scene and run folder.
 
     Attributes
@@ -246,10 +246,6 @@ class Record:
             Without xarray.
         """
         self.to_xarray().to_netcdf(path)
-
-    def _repr_html_(self) -> str:
-        """Return the HTML that a notebook shows."""
-        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"

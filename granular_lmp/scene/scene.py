@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
-import granular_lmp
+from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
 from granular_lmp.crystal.scale import Scale
@@ -53,7 +53,7 @@ DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing h
 
 
 @dataclass(frozen=True, repr=False)
-class Scene(Document):
+class Scene(HasCard, Document):
     """One simulation: spheres, packing and its imperfections, wave and its envelope, time, effects and output.
 
     `material` is the table ``[sphere]`` as declared; `sphere` is the sphere of the deck: pressed by
@@ -197,10 +197,6 @@ class Scene(Document):
                 if getattr(value, item.name) != _default(item):
                     found[f"{key}.{item.name}"] = getattr(value, item.name)
         return found
-
-    def _repr_html_(self) -> str:
-        """Return the view of a notebook."""
-        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         shape = self.shape

@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-import granular_lmp
+from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
@@ -50,7 +50,7 @@ _OVERHEAD = 1e5  # spheres times steps in the 20 ms that a warm run takes to sta
 
 
 @dataclass(frozen=True, repr=False)
-class Sweep:
+class Sweep(HasCard):
     """A sweep, finished or not.
 
     Attributes
@@ -162,10 +162,6 @@ class Sweep:
         optional_package("xarray")
         table = self.to_pandas()
         return table[~table[self.axes].astype(str).duplicated()].set_index(self.axes).to_xarray()
-
-    def _repr_html_(self) -> str:
-        """Return the HTML that a notebook shows."""
-        return str(granular_lmp.html(self))
 
     def __repr__(self) -> str:
         asked = " x ".join(f"{key} ({len(values)})" for key, values in self.over.items())
