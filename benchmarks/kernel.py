@@ -26,7 +26,7 @@ from granular_lmp import Scene, build
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import DUMP, read_centre
-from granular_lmp.lammps.units import units_for
+from granular_lmp.units import units_for
 
 KINDS = {"granular": "pair_style granular", "overlay": "gran/hertz/history with a table", "kernel": "the kernel"}
 SHEET = {"packing.rows": 220, "packing.columns": 220, "packing.ends": "periodic", "time.duration": 10.0}

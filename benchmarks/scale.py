@@ -28,8 +28,8 @@ from granular_lmp import Scene, build
 from granular_lmp.errors import LammpsError, LammpsMissingError
 from granular_lmp.lammps.installation import environment, lmp_command
 from granular_lmp.lammps.outputs import DUMP, LOG, read_centre, read_log
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.options import core_count
+from granular_lmp.units import units_for
 
 COLUMNS = 100
 WORK = 5e6  # particle-steps a run: a second or two on one core

@@ -3,16 +3,22 @@
 `prepare` does this once. The deck, the guards, the choice of a time step and the run take the resulting `Problem`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, nextafter
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.contacts import Contacts
+from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
+from granular_lmp.crystal.scale import Scale
+from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
 from granular_lmp.effects.selection import remarks, select, warnings
@@ -26,9 +32,8 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
 from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
-
-# A mode at this share of the limit of stability has an amplitude 1/√(1 − share²) = 1.4 times too large
-COARSEST = 0.7
+from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
+from granular_lmp.units import Units, units_for
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +56,8 @@ class Problem:
     scene: Scene
     mode: Mode
     effects: tuple[Chosen, ...]
+    planes: ClassVar[Mapping[str, float]] = MappingProxyType({})  # no walls, and no forces on ends
+    loads: ClassVar[Mapping[int, float]] = MappingProxyType({})
 
     @cached_property
     def at_rest(self) -> CrystalAtRest:
@@ -61,6 +68,31 @@ class Problem:
     def crystal(self) -> ase.Atoms:
         """Spheres at rest."""
         return self.at_rest.atoms
+
+    @property
+    def materials(self) -> tuple[Sphere, ...]:
+        """Materials by index of the array ``material``, the sphere of the lattice first."""
+        return self.at_rest.materials
+
+    @property
+    def contacts(self) -> Contacts:
+        """Contacts at rest: of all spheres, or of one sphere of a perfect lattice."""
+        return self.at_rest.contacts
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the scene."""
+        return self.scene.scale
+
+    @property
+    def units(self) -> Units:
+        """Units of the deck."""
+        return units_for(self.scene.sphere.radius)
+
+    @property
+    def recorded(self) -> NDArray[np.int64]:
+        """Index of the centre sphere, the one that is always recorded, (1,)."""
+        return np.array([centre(self.crystal)])
 
     @property
     def physics(self) -> Physics:
@@ -108,6 +140,11 @@ class Problem:
     def left_out(self) -> list[str]:
         """Titles of the guards whose effects are off, also where the scene calls for them."""
         return [effect.guard for effect in self.effects if effect.guard and not effect.on]
+
+    @property
+    def step_rules(self) -> list[StepRule]:
+        """Rules for the time step."""
+        return step_rules(self.scene)
 
     @property
     def largest_step(self) -> float:
@@ -163,10 +200,7 @@ def prepare(scene: Scene) -> Problem:
             f"bring the echo of the {shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or set "
             "time.allow_echo = true"
         )
-    if scene.time.tolerance is None:
-        for rule in step_rules(resolved):
-            if scene.time.step > rule.longest:
-                raise SceneError(f"time.timestep = {scene.time.timestep!r}: {rule.sentence}")
+    refuse_step(scene.time, problem.step_rules)
     return problem
 
 
@@ -179,25 +213,6 @@ def _check_strikes(problem: Problem) -> None:
                 f"source {number}: sphere {place_of(problem.crystal, int(both[0]))}: is a striker or of the state too, "
                 "and a sphere that is moved has no velocity of its own"
             )
-
-
-@dataclass(frozen=True)
-class StepRule:
-    """A rule for the time step of a scene.
-
-    Attributes
-    ----------
-    longest : float
-        The longest step that it allows, τ.
-    first : float
-        The longest step with which the runs for a tolerance may begin, τ.
-    sentence : str
-        What is wrong with a longer step, and what to do.
-    """
-
-    longest: float
-    first: float
-    sentence: str
 
 
 def step_rules(scene: Scene) -> list[StepRule]:

@@ -23,8 +23,8 @@ from granular_lmp.accuracy.rounding import noise_floor
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.units import NANO
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.units import NANO
 from tests.instance import silent_lammps
 from tests.validation.test_contact_law import touch
 

@@ -12,8 +12,8 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_centre
-from granular_lmp.lammps.units import MICRO, NANO, SI, Units, units_for
 from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.units import MICRO, NANO, SI, Units, units_for
 
 FOLDERS = sorted(path.parent.name for path in SHIPPED.glob("*/scene.toml"))
 

@@ -21,7 +21,7 @@ from granular_lmp.crystal.potential import Pairs, Potential, box_load, displaced
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.units import NANO
+from granular_lmp.units import NANO
 from tests.instance import silent_lammps
 from tests.test_sphere import SILICA
 

@@ -209,7 +209,7 @@ def test_a_sphere_is_a_striker_or_in_the_state() -> None:
     ):
         prepare(ImpactScene.from_dict(CHAIN.to_dict() | both))
     beside = {"start": {"state": [[3, 0, 0, 0, 0, -0.5, 0]]}}
-    assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).start[3, 3] == -0.5
+    assert prepare(ImpactScene.from_dict(CHAIN.to_dict() | beside)).state[3, 3] == -0.5
 
 
 def test_a_state_in_a_vacancy_is_refused() -> None:

@@ -9,11 +9,11 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.errors import RunFolderError, RunInterrupted
 from granular_lmp.lammps.outputs import mend_dump, read_centre, whole_snapshots
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs import launch
 from granular_lmp.runs.snapshots import Snapshots, Spheres
 from granular_lmp.scene.initial_fields import plane_wave
 from granular_lmp.studies.cost_settings import base
+from granular_lmp.units import units_for
 from tests.stand_in import of_first_format
 
 

@@ -13,7 +13,7 @@ from analysis.theory.scenes import Setting
 from analysis.theory.second_order import second_order, wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.lammps.contact import model, pair
-from granular_lmp.lammps.units import NANO
+from granular_lmp.units import NANO
 from tests.instance import silent_lammps
 
 LAYERS = [{"rows": [0, 23], "every": 2, "density": 4400.0}]

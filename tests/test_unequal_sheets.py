@@ -19,9 +19,7 @@ SMALL = SHEET.with_values({"packing.rows": 7, "packing.columns": 7, "striker.1.s
 
 def gaps(problem: ImpactProblem) -> np.ndarray:
     """Gaps of the neighbours, radii."""
-    i, j, vector, _ = problem.contacts
-    radius = problem.crystal.arrays["radius"]
-    return np.asarray(np.linalg.norm(vector, axis=1) - radius[i] - radius[j])
+    return (problem.contacts.length - problem.contacts.radii) / problem.scene.sphere.radius
 
 
 @pytest.mark.parametrize("lattice", ["hexagonal", "square"])

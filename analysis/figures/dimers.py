@@ -48,7 +48,7 @@ def measured(record: ImpactRecord) -> tuple[float, float, float]:
     the record lacks spheres or is too coarse.
     """
     name, problem = record.scene.name, record.problem
-    mass, stiffness = problem.mass, problem.contacts[3]
+    mass, stiffness = problem.mass, problem.coefficients
     ratio = float(mass[1] / mass[0])
     in_turn = np.allclose(mass, np.where(np.arange(len(mass)) % 2, ratio, 1.0), rtol=1e-12)
     if not in_turn or ratio > 1 or np.ptp(stiffness) > 1e-12 or [each.tolist() for each in problem.strikers] != [[0]]:

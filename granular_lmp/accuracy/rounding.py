@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import GranularError, SceneError
-from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
+from granular_lmp.units import units_for
 
 # Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.sections import PERIODIC
-from granular_lmp.impact.steps import LONGEST_STEP
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile, id_ranges
 from granular_lmp.lammps.deck import types
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, SNAPSHOTS, write_deck
-from granular_lmp.lammps.units import OwnUnits
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.step_rules import LONGEST_STEP
 
 Floats = NDArray[np.float64]
 SKIN = 0.2  # radii
@@ -81,12 +80,6 @@ def look_steps(problem: ImpactProblem) -> int:
     time = problem.scene.time
     most = min(max(int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), 1), time.steps_per_sample)
     return next(steps for steps in range(most, 0, -1) if time.steps_per_sample % steps == 0)
-
-
-def units_of(problem: ImpactProblem) -> OwnUnits:
-    """Return the units of the deck."""
-    scale = problem.scene.scale
-    return OwnUnits(scale.mass, problem.scene.sphere.radius, scale.time)
 
 
 def _data(problem: ImpactProblem) -> DataFile:
@@ -210,7 +203,7 @@ def _variables(problem: ImpactProblem) -> list[str]:
 
 def _laws(problem: ImpactProblem) -> list[str]:
     """Return the lines of the contact law, between spheres and with walls."""
-    effects, units, materials = problem.scene.effects, units_of(problem), problem.materials
+    effects, units, materials = problem.scene.effects, problem.units, problem.materials
     law: dict[str, Any] = {
         "normal": "hertz",
         "shear": effects.shear_law if effects.friction else "none",
@@ -279,10 +272,10 @@ def _fields(problem: ImpactProblem) -> tuple[str, ...]:
 
 def _started(problem: ImpactProblem) -> Floats:
     """Return the section ``wave``: displacements, velocities and spin at the beginning, in the units of the deck."""
-    units, names = units_of(problem), _fields(problem)
+    units, names = problem.units, _fields(problem)
     length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
     factors = np.array([length, length, velocity, velocity, units.number(1.0, time=-1)])
-    return np.asarray(problem.start * factors)[:, : len(names)]
+    return np.asarray(problem.state * factors)[:, : len(names)]
 
 
 def _start(fields: tuple[str, ...]) -> list[str]:
@@ -303,7 +296,7 @@ def _strikers(problem: ImpactProblem) -> list[str]:
     """Return the lines that give each striker its velocity: one group after the other, as LAMMPS has 32 at most."""
     lines = ["# --- strikers"] if problem.strikers else []
     for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
-        vx, vy = (units_of(problem).number(v, length=1, time=-1) for v in striker.components)
+        vx, vy = (problem.units.number(v, length=1, time=-1) for v in striker.components)
         lines += [
             f"group        striker id {id_ranges(spheres)}",
             f"velocity     striker set {vx!r} {vy!r} 0.0 units box",
@@ -338,9 +331,9 @@ def _guards(problem: ImpactProblem) -> list[str]:
     The largest force of a contact F makes no overlap above (F/A)^{2/3} of the softest pair of spheres, and no contact
     is stiffer than one of the stiffest pair, or with a wall, at that overlap.
     """
-    softest, walls = float(problem.contacts[3].min(initial=1.0)), problem.planes
+    softest, walls = float(problem.coefficients.min(initial=1.0)), problem.planes
     smallest = float(problem.crystal.arrays["radius"].min())
-    length = units_of(problem).number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
+    length = problem.units.number(problem.scene.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
         "compute      contact all pair/local force",
         "compute      largest all reduce max c_contact inputs local",

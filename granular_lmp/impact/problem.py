@@ -1,17 +1,18 @@
 """The problem of an impact: its spheres, what moves and what is recorded, and what its deck holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, inf, pi, sqrt
+from typing import ClassVar
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import law_between
+from granular_lmp.crystal.contacts import Contacts, contacts_between, law_between
 from granular_lmp.crystal.lattices import CHAIN
-from granular_lmp.crystal.scale import collision_time
+from granular_lmp.crystal.scale import Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.effects.effect import Chosen
@@ -19,11 +20,15 @@ from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output
-from granular_lmp.impact.steps import step_rules
+from granular_lmp.scene.monitors import PlacedMonitor
 from granular_lmp.scene.places import place_of, spheres_at
+from granular_lmp.scene.remarks import on_step
+from granular_lmp.scene.sources import PlacedSource
 from granular_lmp.scene.start import refuse_motion, state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.step_rules import StepRule, refuse_step, rules_of_collisions
+from granular_lmp.units import OwnUnits
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -37,7 +42,8 @@ class ImpactProblem:
 
     Attributes
     ----------
-    scene : ImpactScene
+    declared, scene : ImpactScene
+        As declared, and with the time step of a run to a tolerance.
     crystal : ase.Atoms
         Spheres at rest, in radii R of ``[sphere]``.
     materials : tuple of Sphere
@@ -46,16 +52,30 @@ class ImpactProblem:
         Indices of the spheres of each striker.
     recorded : array
         Indices of the recorded spheres, ascending.
-    start : array
+    state : array
         Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers.
     """
 
+    declared: ImpactScene
     scene: ImpactScene
     crystal: ase.Atoms
     materials: tuple[Sphere, ...]
     strikers: tuple[Integers, ...]
     recorded: Integers
-    start: Floats
+    state: Floats
+    mode: ClassVar[None] = None
+    sources: ClassVar[tuple[PlacedSource, ...]] = ()
+    monitors: ClassVar[tuple[PlacedMonitor, ...]] = ()
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the impact."""
+        return self.scene.scale
+
+    @property
+    def units(self) -> OwnUnits:
+        """Units of the deck: R, m and t0."""
+        return OwnUnits(self.scale.mass, self.scene.sphere.radius, self.scale.time)
 
     @cached_property
     def mass(self) -> Floats:
@@ -64,12 +84,20 @@ class ImpactProblem:
         return np.asarray(radius**3 * density / self.scene.sphere.density)
 
     @cached_property
-    def contacts(self) -> tuple[Integers, Integers, Floats, Floats]:
-        """Contacts i, j, (C,) each, their vectors (C, 2), radii, and coefficients (C,), in A."""
+    def contacts(self) -> Contacts:
+        """Contacts of neighbours, of which those that a gap parts have no overlap."""
         i, j, vector = neighbours(self.crystal)
-        law = law_between(self.crystal, self.materials, i, j)
-        stiffness = law.normal_coefficient / self.scene.sphere.normal_coefficient
-        return i, j, vector, stiffness
+        radius, unit = self.crystal.arrays["radius"], self.scene.sphere.radius
+        overlap = np.zeros(len(i))
+        if self.scene.packing.contact_force:
+            overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) * unit
+        return contacts_between(self.crystal, self.materials, i, j, vector * unit, overlap)
+
+    @cached_property
+    def coefficients(self) -> Floats:
+        """Coefficient of the normal force of each contact, (C,), in A."""
+        law = law_between(self.crystal, self.materials, self.contacts.i, self.contacts.j)
+        return np.asarray(law.normal_coefficient / self.scene.sphere.normal_coefficient)
 
     def kinetic_energy(self, velocity: Floats, spin: Floats, spheres: Integers) -> Floats:
         """Return ½mv² + ½(I/mR²)m(Rω)² of n spheres, in m v², of velocities (…, n, 2), in v, and R ω/v (…, n)."""
@@ -79,7 +107,7 @@ class ImpactProblem:
     @property
     def given_energy(self) -> float:
         """Kinetic energy of all spheres at the beginning, in m v²."""
-        velocity, spin = self.start[:, 2:4].copy(), self.start[:, 4] * self.scene.sphere.radius
+        velocity, spin = self.state[:, 2:4].copy(), self.state[:, 4] * self.scene.sphere.radius
         for striker, spheres in zip(self.scene.striker, self.strikers, strict=True):
             velocity[spheres] = striker.components
         unit, everyone = self.scene.scale.velocity, np.arange(len(self.crystal))
@@ -88,12 +116,7 @@ class ImpactProblem:
     @cached_property
     def rest_overlap(self) -> Floats:
         """Overlap of each contact at rest, (C,), in ℓ; 0 where no force presses the spheres together."""
-        i, j, vector, stiffness = self.contacts
-        if not self.scene.packing.contact_force:
-            return np.zeros_like(stiffness)
-        radius = self.crystal.arrays["radius"]
-        overlap = radius[i] + radius[j] - np.linalg.norm(vector, axis=1)
-        return np.asarray(overlap * self.scene.sphere.radius / self.scene.scale.length)
+        return np.asarray(self.contacts.overlap / self.scale.length)
 
     @cached_property
     def shortest_collision(self) -> float:
@@ -102,24 +125,24 @@ class ImpactProblem:
         Of neighbours that are pressed together it is half a period of their vibration, π/ω. Between the two limits
         1/T² is taken as the sum of both squares, which makes T too short, by 17 % at most.
         """
-        i, j, _, stiffness = self.contacts
-        light = self.mass[i] * self.mass[j] / (self.mass[i] + self.mass[j])
+        one, other = self.mass[self.contacts.i], self.mass[self.contacts.j]
+        light = one * other / (one + other)
         rate = np.sqrt(self.rest_stiffness / light)
-        pairs = {*zip(light.tolist(), stiffness.tolist(), rate.tolist(), strict=True)}
+        pairs = {*zip(light.tolist(), self.coefficients.tolist(), rate.tolist(), strict=True)}
         return min((1 / hypot(1 / collision_time(m, s), w / pi) for m, s, w in pairs), default=inf)
 
     @cached_property
     def started(self) -> ase.Atoms:
         """Spheres at the beginning, displaced by ``[start]``, in radii."""
         moved = self.crystal.copy()
-        moved.positions[:, :2] += self.start[:, :2] / self.scene.sphere.radius
+        moved.positions[:, :2] += self.state[:, :2] / self.scene.sphere.radius
         return moved
 
     @cached_property
     def square_rate(self) -> float:
         """ω² of the stiffest contact at an overlap of ℓ, 1/t0²: k (1/m + 1/m) with k = (3/2) A √ℓ."""
         lightest, largest = float(self.mass.min()), float(self.crystal.arrays["radius"].max())
-        square = 3 * float(self.contacts[3].max(initial=1.0)) / lightest
+        square = 3 * float(self.coefficients.max(initial=1.0)) / lightest
         own = [each.effective_modulus / self.scene.sphere.effective_modulus for each in self.materials]
         return max(square, 3 * sqrt(2 * largest) * max(own) / lightest) if self.planes else square
 
@@ -127,8 +150,8 @@ class ImpactProblem:
     def first_depth(self) -> float:
         """Deepest overlap at the beginning, in ℓ; of contacts of unlike spheres that of the softest at their force."""
         if not self.scene.start.state:
-            return float(self.rest_force.max(initial=0.0) / self.contacts[3].min(initial=1.0)) ** (2 / 3)
-        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.contacts[3].min()
+            return float(self.rest_force.max(initial=0.0) / self.coefficients.min(initial=1.0)) ** (2 / 3)
+        radius, places, softest = self.crystal.arrays["radius"], self.started.positions, self.coefficients.min()
         i, j, vector = overlapping(self.started)
         law = law_between(self.crystal, self.materials, i, j)
         relative = (law.normal_coefficient / self.scene.sphere.normal_coefficient / softest) ** (2 / 3)
@@ -140,16 +163,16 @@ class ImpactProblem:
         return float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scene.scale.length
 
     @property
-    def step_rules(self) -> list[tuple[float, str]]:
-        """The longest step, t0, of each rule for the time step, and what is wrong with a longer one."""
-        return step_rules(self.shortest_collision, sqrt(self.square_rate * sqrt(self.first_depth)))
+    def step_rules(self) -> list[StepRule]:
+        """Rules for the time step."""
+        return rules_of_collisions(self.shortest_collision, sqrt(self.square_rate * sqrt(self.first_depth)))
 
     # --- a chain that is pressed together ---
 
     @cached_property
     def rest_force(self) -> Floats:
         """Force of each contact at rest, (C,), in m v/t0."""
-        return np.asarray(self.contacts[3] * self.rest_overlap**1.5)
+        return np.asarray(self.coefficients * self.rest_overlap**1.5)
 
     @cached_property
     def loads(self) -> dict[int, float]:
@@ -203,7 +226,7 @@ class ImpactProblem:
     @cached_property
     def rest_stiffness(self) -> Floats:
         """Stiffness (3/2) A √d of each contact at rest, (C,), in m/t0²."""
-        return np.asarray(1.5 * self.contacts[3] * np.sqrt(self.rest_overlap))
+        return np.asarray(1.5 * self.coefficients * np.sqrt(self.rest_overlap))
 
     @cached_property
     def cell(self) -> tuple[Floats, Floats]:
@@ -230,7 +253,7 @@ class ImpactProblem:
         """Speed of long waves along a chain, m/s: its mean spacing over √(mean mass · mean compliance); 0 if none."""
         if not self.scene.packing.contact_force:
             return 0.0
-        spacing = np.mean(np.abs(self.contacts[2][:, 1])) * self.scene.sphere.radius
+        spacing = np.mean(np.abs(self.contacts.vector[:, 1]))
         inertia = np.mean(self.mass) * np.mean(1 / self.rest_stiffness)
         return float(spacing / np.sqrt(inertia) / self.scene.scale.time)
 
@@ -277,6 +300,24 @@ class ImpactProblem:
             for name, key, on, value, reason, guard in table
         )
 
+    @property
+    def guards(self) -> list[str]:
+        """Titles of the guards in the deck."""
+        return [effect.guard for effect in self.effects if effect.guard]
+
+    @property
+    def judged(self) -> list[str]:
+        """Titles of the guards that fail the run if they trigger."""
+        return [effect.guard for effect in self.effects if effect.guard and effect.judged]
+
+    def warnings(self) -> list[str]:
+        """Return a sentence for each change that made the scene fit."""
+        return on_step(self.declared.time)
+
+    def stepped(self, scene: ImpactScene) -> "ImpactProblem":
+        """Return the problem of the same scene with another time step."""
+        return replace(self, scene=scene)
+
     @cached_property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
@@ -312,9 +353,9 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
         recorded = _recorded(scene.output, crystal)
     turns = scene.effects.friction > 0 and scene.effects.rotation
     state = state_in(scene.start, crystal, scene.sphere.radius, strikers, turns=turns)
-    problem = ImpactProblem(scene, crystal, materials, strikers, recorded, state)
-    i, j, _, _ = problem.contacts
-    smaller = np.minimum(crystal.arrays["radius"][i], crystal.arrays["radius"][j]) * scene.sphere.radius
+    problem = ImpactProblem(scene, scene, crystal, materials, strikers, recorded, state)
+    contacts = problem.contacts
+    smaller = np.minimum(contacts.radius[contacts.i], contacts.radius[contacts.j])
     rest = float((problem.rest_overlap * scene.scale.length / (2 * smaller)).max(initial=0.0))
     if rest > LARGEST_OVERLAP_RATIO:
         raise SceneError(
@@ -330,9 +371,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     if scene.start.state:
         _check_start(problem)
     if scene.time.tolerance is None:
-        for longest, sentence in problem.step_rules:
-            if scene.time.step > longest:
-                raise SceneError(f"time.timestep = {scene.time.timestep!r}: {sentence}")
+        refuse_step(scene.time, problem.step_rules)
     return problem
 
 
@@ -340,7 +379,7 @@ def _check_start(problem: ImpactProblem) -> None:
     """Raise a SceneError if the state at the beginning displaces spheres that rub, or presses them into a wall."""
     crystal, everyone = problem.crystal, np.ones(len(problem.crystal), dtype=bool)
     if problem.on["shear"]:
-        refuse_motion(problem.start, [0, 1], crystal, everyone, "whose contacts rub: a state lacks their shear at rest")
+        refuse_motion(problem.state, [0, 1], crystal, everyone, "whose contacts rub: a state lacks their shear at rest")
     radius = crystal.arrays["radius"]
     for name, plane in problem.planes.items():
         inward = (problem.started.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)

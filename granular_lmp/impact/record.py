@@ -13,7 +13,7 @@ from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import RunFolderError
-from granular_lmp.impact.deck import dump_columns, units_of
+from granular_lmp.impact.deck import dump_columns
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.impact.sections import WALL
@@ -89,7 +89,7 @@ class ImpactRecord:
         """Make the record of a run folder from its dump."""
         table = read_dump(folder / SNAPSHOTS, len(problem.recorded), dump_columns(problem))
         scene = problem.scene
-        length = units_of(problem).number(scene.scale.length, length=1)
+        length = problem.units.number(scene.scale.length, length=1)
         still = np.zeros_like(table["vx"])
         if scene.time.tolerance is None:
             step = scene.time.step
@@ -150,11 +150,12 @@ class ImpactRecord:
                 "effects.friction = 0 and no walls of a sheet"
             )
         self._refuse_new_contacts()
-        i, j, vector, stiffness = problem.contacts
+        i, j = problem.contacts.i, problem.contacts.j
+        vector = problem.contacts.vector[:, :2] / scene.sphere.radius
         radius = problem.crystal.arrays["radius"]
         unit = self.scale.length / scene.sphere.radius
         distance = np.linalg.norm(vector + (self.displacement[:, j] - self.displacement[:, i]) * unit, axis=-1)
-        stored = _stored(stiffness, (radius[i] + radius[j] - distance) / unit, problem.rest_overlap)
+        stored = _stored(problem.coefficients, (radius[i] + radius[j] - distance) / unit, problem.rest_overlap)
         moves = ~problem.crystal.arrays["fixed"]
         shares = stored / np.maximum(1 * moves[i] + moves[j], 1)
         each = self.kinetic_energy.T.copy()
@@ -171,7 +172,7 @@ class ImpactRecord:
             return
         crystal = self.problem.crystal
         moved, places, count = crystal.copy(), crystal.positions[:, :2], len(crystal)
-        known = np.unique(self.problem.contacts[0] * count + self.problem.contacts[1])
+        known = np.unique(self.problem.contacts.i * count + self.problem.contacts.j)
         displacement = self.displacement * (self.scale.length / self.scene.sphere.radius)
         for moment in np.flatnonzero(np.linalg.norm(displacement, axis=-1).max(axis=1) > _AMONG_NEIGHBOURS):
             moved.positions[:, :2] = places + displacement[moment]

@@ -23,7 +23,6 @@ from granular_lmp.impact.deck import (
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.steps import LONGEST_STEP
 from granular_lmp.impact.tolerance import answer, estimate, order, plan
 from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.lammps.outputs import (
@@ -45,6 +44,7 @@ from granular_lmp.runs.record import write_status
 from granular_lmp.runs.routes import Job, log_tail
 from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.step_rules import LONGEST_STEP
 
 # Title of a guard → column of the thermo table, limit, what a larger value means, and what to do
 LIMITS = {

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
@@ -21,6 +21,7 @@ from granular_lmp.errors import SceneError
 from granular_lmp.impact.sections import FREE, PERIODIC, Effects, Output, Packing, Time
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import file_text, first_file, toml_tables
+from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.places import place_troubles
 from granular_lmp.scene.remarks import used_step
 from granular_lmp.scene.sections import (
@@ -31,6 +32,7 @@ from granular_lmp.scene.sections import (
     refuse_step_beside_tolerance,
 )
 from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.scene.sources import Source
 from granular_lmp.scene.start import Start, located
 from granular_lmp.scene.strikers import Striker, striker_troubles
 from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
@@ -80,6 +82,9 @@ class ImpactScene(Document):
     marks = ("striker", "start")
     rules = {"sphere": SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     named = "the files of the run"
+    wave: ClassVar[None] = None
+    source: ClassVar[tuple[Source, ...]] = ()
+    monitor: ClassVar[tuple[Monitor, ...]] = ()
 
     sphere: Sphere
     packing: Packing
@@ -142,6 +147,16 @@ class ImpactScene(Document):
         return tables
 
     # --- derived values ---
+
+    @property
+    def material(self) -> Sphere:
+        """Spheres as declared."""
+        return self.sphere
+
+    @property
+    def struck(self) -> bool:
+        """True: strikers or a state move spheres at the beginning."""
+        return True
 
     @property
     def lattice(self) -> Lattice:

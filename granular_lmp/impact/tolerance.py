@@ -32,7 +32,6 @@ MOST_STEPS = 10**9
 # Steps in the shortest collision of the first run: at a tolerance of 1e-4, and the fewest
 _STEPS_AT = (24.0, 1e-4)
 _FEWEST = 11.0
-_SHARE = 0.7  # of the longest step that a rule allows: spheres may come to press each other deeper on their way
 _POWER = 2.5  # power of the step in the error of the answer
 
 
@@ -47,7 +46,7 @@ def plan(problem: ImpactProblem) -> Plan:
     time = problem.scene.time
     assert time.tolerance is not None
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
-    longest = min(problem.shortest_collision / steps, *(each * _SHARE for each, _ in problem.step_rules))
+    longest = min(problem.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
     found = Plan(max(1, ceil(time.sample / longest)), RUNS)
     if found.steps_per_sample * time.samples > MOST_STEPS:
         raise SceneError(f"time.tolerance = {time.tolerance!r}: would take more than {MOST_STEPS} steps in this scene")
@@ -60,7 +59,7 @@ def planned(problem: ImpactProblem) -> ImpactProblem:
     if scene.time.tolerance is None:
         return problem
     step = scene.time.sample / (plan(problem).per_sample << RUNS - 1)
-    return replace(problem, scene=scene.with_values({"time.timestep": step}))
+    return problem.stepped(scene.with_values({"time.timestep": step}))
 
 
 def planned_steps(problem: ImpactProblem) -> int:

@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.lammps.units import AnyUnits
+from granular_lmp.units import AnyUnits
 
 NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # The laws differ in the effect of the overlap on the shear force (docs/choosing-a-shear-law.md). "rescaled" is

@@ -26,12 +26,12 @@ from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.lammps.edits import differing_lines, places, with_lines
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, SNAPSHOTS, write_deck
-from granular_lmp.lammps.units import Units, units_for
 from granular_lmp.problem import Problem
 from granular_lmp.scene.absorption import quiet_end_of, quiet_side
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
+from granular_lmp.units import Units, units_for
 
 
 @dataclass(frozen=True, repr=False)

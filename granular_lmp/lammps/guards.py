@@ -36,11 +36,11 @@ from granular_lmp.effects.sliding import GUARD as SLIP
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.lammps.openings import changed_lines, counted_lines
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
-from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import crystal_of, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import quiet_rows
+from granular_lmp.units import units_for
 
 GUARDS = guards()
 LINE = 10.0  # tau between two lines of the thermo table

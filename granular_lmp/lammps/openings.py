@@ -21,9 +21,9 @@ from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects.guard import LOOKS, alike
 from granular_lmp.effects.law_formulas import FORMULAS
-from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.at_rest import contacts_of, crystal_of
 from granular_lmp.scene.scene import Scene
+from granular_lmp.units import units_for
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import lattice_constant
 from granular_lmp.lammps.blocks import FIELD
 from granular_lmp.lammps.datafile import DataFile
-from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
+from granular_lmp.units import Units
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
 LARGE = 100_000

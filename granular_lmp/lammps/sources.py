@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.datafile import id_ranges
-from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
 from granular_lmp.scene.samples import pieces
 from granular_lmp.scene.signals import SAMPLES
 from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
+from granular_lmp.units import Units
 
 _RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
 _CARRIER = "cos(v_Omega<t>*v_<time>-<phase>)"

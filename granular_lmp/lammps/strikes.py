@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.lammps.datafile import id_ranges
-from granular_lmp.lammps.units import Units
 from granular_lmp.problem import Problem
+from granular_lmp.units import Units
 
 # Slots of a deck whose spheres begin in a state: beside the displacements, velocities and spins of the wave
 STATE = {

@@ -31,7 +31,6 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import CONTACT_COLUMNS, ROLLING_COLUMNS
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
@@ -40,6 +39,7 @@ from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
+from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

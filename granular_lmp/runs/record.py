@@ -19,7 +19,6 @@ from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
     refuse_other_physics,
@@ -34,6 +33,7 @@ from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
 from granular_lmp.scene.scene import Scene
+from granular_lmp.units import units_for
 
 if TYPE_CHECKING:
     from granular_lmp.plot.signals import Picture

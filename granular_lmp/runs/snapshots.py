@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.scene.at_rest import crystal_of, sphere_count
 from granular_lmp.scene.scene import Scene
+from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 

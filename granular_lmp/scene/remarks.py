@@ -10,7 +10,7 @@ from typing import Any
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene.schema import AUTO
-from granular_lmp.scene.sections import Packing, Sampled, Time, Wave
+from granular_lmp.scene.sections import Packing, Sampled, Wave
 from granular_lmp.scene.shape import EXACT
 
 FAR = 0.1  # relative change of the wave vector by snapping, beyond which the remark warns that it is another wave
@@ -80,7 +80,7 @@ def on_vector(wave: Wave, shape: Shape, used: WaveVector) -> list[str]:
     return [snapped + (f"; that is {share:.0%} away: take more rows or columns" if share > FAR else "")]
 
 
-def on_step(time: Time) -> list[str]:
+def on_step(time: Sampled) -> list[str]:
     """Return how a time step was rounded down to fit a sample."""
     if not used_step(time):
         return []

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import LammpsError, SceneError
 from granular_lmp.lammps.outputs import SCENE, read_dump, writable
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.launch import run_files
 from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
+from granular_lmp.units import units_for
 
 COURSE = "collision.csv"
 RESULT = "collision.json"

@@ -18,13 +18,13 @@ from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS, AdhesionLaw
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.units import units_for
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.scene import LARGEST_OVERLAP_RATIO
 from granular_lmp.scene.schema import choice, count, number
 from granular_lmp.scene.sections import SPHERE_RULES
 from granular_lmp.scene.shipped import SHIPPED
+from granular_lmp.units import units_for
 
 COLLISION_DUMP = "dump.collision"
 COLLISION_COLUMNS = ("id", "x", "y", "vx", "vy", "omegaz", "fx", "fy")  # columns of the dump

@@ -17,10 +17,10 @@ from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.launch import run_files
 from granular_lmp.scene.scene import Scene
+from granular_lmp.units import units_for
 
 INPUT = "in.sheet"
 SHEET_DUMP = "dump.sheet"

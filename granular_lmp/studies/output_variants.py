@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
+from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 

@@ -93,6 +93,6 @@ def _of_energy(record: ImpactRecord) -> dict[str, Any]:
         energy = record.energy()
         given, kept["energy_kept"] = float(energy[0]), float(energy[-1])
     except RunFolderError:  # the energy of shear forces, walls or spheres that are not recorded is not known
-        displaced = record.problem.start[:, :2].any()
+        displaced = record.problem.state[:, :2].any()
         given = 0.0 if displaced else record.problem.given_energy
     return {name: energy / given for name, energy in kept.items()} if given > _STILL else {}

@@ -18,7 +18,7 @@ STEPS = (0.02, 0.01, 0.005, 0.0025)
 
 def chain_of(problem: ImpactProblem) -> tuple[Chain, float]:
     """Return the chain of the theory in the units of the scene, and the period of its breather."""
-    stiffness = np.concatenate([[0.0], problem.contacts[3], [0.0]])
+    stiffness = np.concatenate([[0.0], problem.coefficients, [0.0]])
     chain = compressed(problem.mass, stiffness, float(np.mean(problem.rest_force)))
     light = bands((float(problem.mass[0]), float(problem.mass[1])), float(problem.rest_stiffness[0]))[1]
     return chain, 2 * np.pi / (SHARE * light)
@@ -63,7 +63,7 @@ def order(edits: Edits = ()) -> Cases:
     """Order in the step of the error of all velocities of a breather after two periods, against DOP853."""
     problem = prepare(BREATHER)
     chain, period = chain_of(problem)
-    u, end = problem.start[:, 1] / BREATHER.scale.length, 2 * period
+    u, end = problem.state[:, 1] / BREATHER.scale.length, 2 * period
     _, (exact,) = integrate(chain, u, 0 * u, [end], 1e-12)
     found = [breathing(step, end, end, edits).velocity[-1, :, 1] for step in STEPS]
     errors = [float(np.sqrt(np.mean((each - exact) ** 2))) for each in found]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from granular_lmp import Scene, build
 from granular_lmp.effects.selection import with_all
-from granular_lmp.lammps.units import units_for
+from granular_lmp.units import units_for
 from tests.hard.case import Edits
 from tests.instance import silent_lammps
 

@@ -30,9 +30,9 @@ from granular_lmp.errors import EffectError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.guards import GUARDS
-from granular_lmp.lammps.units import units_for
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
+from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 BEGIN, END = "<!-- guards: begin -->", "<!-- guards: end -->"

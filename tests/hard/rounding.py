@@ -5,7 +5,7 @@ import numpy as np
 from analysis.theory import lattice
 from granular_lmp import Scene
 from granular_lmp.accuracy.rounding import grain, noise_floor
-from granular_lmp.lammps.units import units_for
+from granular_lmp.units import units_for
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.cell import Floats, running
 from tests.hard.waves import exact, phases, scene

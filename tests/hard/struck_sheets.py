@@ -114,10 +114,10 @@ def mirrored(changes: dict[str, Any], duration: float, edits: Edits = ()) -> Cas
 def energy(duration: float, edits: Edits = ()) -> Cases:
     """Error of the energy of a sheet between held rows, at 49 steps to a collision with the velocity of the striker."""
     record = struck({"time.duration": duration, "time.sample": 1.0}, edits, BOX)
-    step, (i, j, *_) = record.scene.time.step, record.problem.contacts
-    closing = np.linalg.norm(record.velocity[:, j] - record.velocity[:, i], axis=-1)
+    step, contacts = record.scene.time.step, record.problem.contacts
+    closing = np.linalg.norm(record.velocity[:, contacts.j] - record.velocity[:, contacts.i], axis=-1)
     # Slower spheres touch for longer: a contact closes and opens at most once in the shortest collision
-    events = 2 * len(i) * duration / COLLISION * np.mean(closing**5)
+    events = 2 * len(contacts) * duration / COLLISION * np.mean(closing**5)
     return [
         Case(
             f"energy, sheet between held rows, {record.scene.time.steps:.0e} steps",

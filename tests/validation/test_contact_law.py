@@ -15,7 +15,7 @@ from granular_lmp import Scene, build
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.installation import lammps_module
-from granular_lmp.lammps.units import MICRO, NANO, SI, Units, units_for
+from granular_lmp.units import MICRO, NANO, SI, Units, units_for
 
 PAPER = Scene.load("tr_resonant")
 SILICA = PAPER.sphere

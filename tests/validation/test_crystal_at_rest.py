@@ -16,7 +16,7 @@ import pytest
 
 from granular_lmp import Scene, build
 from granular_lmp.lammps.installation import lammps_module
-from granular_lmp.lammps.units import units_for
+from granular_lmp.units import units_for
 from tests.conftest import PAPER
 
 ROWS, COLUMNS = 9, 4

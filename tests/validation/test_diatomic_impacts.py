@@ -90,7 +90,7 @@ def test_a_breather_lives_for_a_hundred_periods_in_lammps(
 
 def test_the_shipped_scene_is_the_breather_of_the_theory() -> None:
     chain, u, period = found("hollow", 0.75)
-    motion = prepare(SHIPPED).start
+    motion = prepare(SHIPPED).state
     # Ten digits are written
     assert motion[:, 1] == pytest.approx(u, abs=1e-9 * float(np.max(np.abs(u))))
     assert not motion[:, [0, 2, 3, 4]].any()

@@ -20,11 +20,11 @@ from analysis.theory.jkr import Contact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps import contact
-from granular_lmp.lammps.units import NANO
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.routes import run_input
 from granular_lmp.studies.collide import Result, _course, run
 from granular_lmp.studies.collision import SKIN, Collision, deck_text
+from granular_lmp.units import NANO
 from tests.validation.test_contact_law import FRICTION, SILICA, SILICA_AT, same, touch
 
 SNAP = Collision.load("jkr_pull_off")

@@ -10,7 +10,10 @@ Value = TypeVar("Value", float, NDArray[np.float64])
 
 
 class AnyUnits(Protocol):
-    """Units of a deck."""
+    """Units of a deck, of which `style` is the argument of the command ``units``."""
+
+    @property
+    def style(self) -> str: ...
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity of dimension kg^mass m^length s^time in these units."""
@@ -52,6 +55,11 @@ class OwnUnits:
     mass: float
     length: float
     time: float
+
+    @property
+    def style(self) -> str:
+        """Argument of the command ``units``."""
+        return "lj"
 
     def number(self, value: Value, *, mass: int = 0, length: int = 0, time: int = 0) -> Value:
         """Return an SI quantity, a number or an array, of dimension kg^mass m^length s^time in these units."""
