@@ -55,10 +55,10 @@ runs/paper/compare.txt: $(RUNS)
 	$(BIN)/python -m analysis.compare $(RUNS) --json runs/paper/compare.json > $@
 
 runs/paper/figure2.png: .venv/ready
-	$(BIN)/python -m analysis.figures.figure2 -o $@
+	$(BIN)/granular-analysis figure2 -o $@
 
 runs/paper/figure3.png: $(RUNS)
-	$(BIN)/python -m analysis.figures.figure3 $(RUNS) -o $@
+	$(BIN)/granular-analysis figure3 $(RUNS) -o $@
 
 # The second harmonic over wave number, by what the scene leaves out or adds
 EFFECTS = paper no_rotation incremental compressed damped
@@ -76,12 +76,12 @@ $(EFFECTS:%=runs/effects/%): runs/effects/%: .venv/ready
 figures: paper $(EFFECTS:%=runs/effects/%)
 	cp runs/paper/figure2.png figures/figure2.png
 	cp runs/paper/figure3.png figures/figure3.png
-	$(BIN)/python -m analysis.figures.effects $(EFFECTS:%=runs/effects/%) -o figures/effects.png
-	$(BIN)/python -m analysis.figures.convergence -o figures/convergence.png
-	$(BIN)/python -m analysis.figures.laws -o figures/laws.png
-	$(BIN)/python -m analysis.figures.map -o figures/map.png
-	$(BIN)/python -m analysis.figures.mixing -o figures/mixing.png
-	$(BIN)/python -m analysis.figures.timestep -o figures/timestep.png
+	$(BIN)/granular-analysis effects $(EFFECTS:%=runs/effects/%) -o figures/effects.png
+	$(BIN)/granular-analysis convergence -o figures/convergence.png
+	$(BIN)/granular-analysis laws -o figures/laws.png
+	$(BIN)/granular-analysis map -o figures/map.png
+	$(BIN)/granular-analysis mixing -o figures/mixing.png
+	$(BIN)/granular-analysis timestep -o figures/timestep.png
 
 # The paper's figure 2 (b, c) by simulation, from pairs of runs. The cell of 128 rows carries 2π·4/128 to 2π·63/128; that
 # of 400 the wave numbers around resonance, 2π·91/400 to 2π·97/400, and antiresonance, 2π·133/400 to 2π·138/400.
@@ -92,7 +92,7 @@ spectrum: .venv/ready
 	    --over wave.mode=TR,RT,L --over wave.wavenumber=0.1963495408:3.0925052684:60
 	$(BIN)/granular-lmp sweep tr_periodic $(SPECTRUM) --set packing.rows=400 -o runs/spectrum/close \
 	    --over wave.wavenumber=1.4294246574:1.5236724369:7,2.0891591146:2.1676989309:6
-	$(BIN)/python -m analysis.figures.spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
+	$(BIN)/granular-analysis spectrum runs/spectrum/zone runs/spectrum/close -o figures/spectrum.png
 
 gallery: .venv/ready
 	sed -n 's/^\$$ //p' docs/gallery.md | PATH="$(CURDIR)/$(BIN):$$PATH" sh -ex
@@ -101,7 +101,7 @@ gallery: .venv/ready
 dispersion: .venv/ready
 	$(BIN)/granular-lmp kick tr_periodic --set packing.rows=48 --set packing.columns=48 --set wave.amplitude=0.01 \
 	    --set time.duration=512 --set time.sample=1.5 -o runs/dispersion --force
-	$(BIN)/python -m analysis.figures.dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
+	$(BIN)/granular-analysis dispersion runs/dispersion/sheet.npz -o figures/dispersion.png
 
 # Waves of other directions, over pairs of steps for Richardson's extrapolation; and finite ones, beside their theories
 waves: .venv/ready
@@ -109,13 +109,13 @@ waves: .venv/ready
 	    --set packing.rows=48 --set packing.columns=48 --set wave.wavenumber=1.0472 --set wave.amplitude=0.02 \
 	    --set output.particles=4.0 --over wave.mode=TR,RT,L --over time.timestep=0.05,0.025 \
 	    --over wave.direction=0,14.4,22,30,39.5,49.1,63.7,77.8,83.8,90
-	$(BIN)/python -m analysis.figures.oblique runs/waves/oblique -o figures/oblique.png
+	$(BIN)/granular-analysis oblique runs/waves/oblique -o figures/oblique.png
 	for scene in tr_grating tr_driven tr_pulse; do $(BIN)/granular-lmp run $$scene -o runs/waves/$$scene --force || exit 1; done
-	$(BIN)/python -m analysis.figures.standing runs/waves/tr_grating -o figures/grating.png
-	$(BIN)/python -m analysis.figures.driven runs/waves/tr_driven -o figures/driven.png
-	$(BIN)/python -m analysis.figures.sheets runs/waves/tr_pulse -o figures/pulse.png
+	$(BIN)/granular-analysis standing runs/waves/tr_grating -o figures/grating.png
+	$(BIN)/granular-analysis driven runs/waves/tr_driven -o figures/driven.png
+	$(BIN)/granular-analysis sheets runs/waves/tr_pulse -o figures/pulse.png
 	$(BIN)/granular-lmp run two_tones -o runs/waves/two_tones --force
-	$(BIN)/python -m analysis.figures.tones runs/waves/two_tones -o figures/two_tones.png
+	$(BIN)/granular-analysis tones runs/waves/two_tones -o figures/two_tones.png
 	$(BIN)/granular-lmp run point_source -o runs/waves/point_source --force
 	$(BIN)/granular-lmp view runs/waves/point_source -o figures/point_source.png --rows 31 --tau 26 --colour q
 	$(BIN)/granular-lmp run corner_source -o runs/waves/corner_source --force
@@ -149,14 +149,14 @@ scattering: .venv/ready
 	$(SCATTER) -o runs/scattering/rt --set name=rt --set wave.mode=RT --set wave.wavenumber=1.9 \
 	    --set source.1.cycles=16.0 --set time.timestep=0.05 --set time.sample=0.5 \
 	    --set output.particles=0.5 --set time.duration=460
-	$(BIN)/python -m analysis.figures.scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
+	$(BIN)/granular-analysis scatter $(SCATTERED:%=runs/scattering/%) -o figures/scattering.png
 	rm -rf runs/scattering/behind
 	$(BIN)/granular-lmp sweep tr_burst_scattering -o runs/scattering/behind --workers $(CORES) \
 	    --set packing.rows=151 --set wave.wavenumber=0.802 --set wave.amplitude=0.1 --set absorb.reflection=1e-3 \
 	    --set time.duration=620 --set 'source=[{rows=[40,40],force="x",signal="tone",ramp=60.0}]' \
 	    --set 'inclusion=[{rows=[52,150],youngs_modulus=219e9,work_of_adhesion=0.189}]' \
 	    --over 'inclusion.1.rows=[52,150],[56,150],[60,150],[64,150],[68,150],[72,150]'
-	$(BIN)/python -m analysis.figures.behind runs/scattering/behind -o figures/behind.png
+	$(BIN)/granular-analysis behind runs/scattering/behind -o figures/behind.png
 
 # What disorder does, over seeds, by kinds of runs: docs/imperfect.md. Waves of both signs part the second harmonic from
 # what disorder scatters into 2k. Wave numbers are 2πn/68 and 2πn/136, near the resonance, 1.475, and the antiresonance,
@@ -198,13 +198,13 @@ disorder: .venv/ready
 	    --set wave.wavenumber=0.19635 --set wave.amplitude=0.001 --set time.duration=64 --set time.timestep=0.2 \
 	    --set time.sample=4 --set output.particles=8 --set effects.contact_opening=true $(SLIDING) \
 	    --set disorder.radius=2e-5 --over disorder.seed=1:4:4 --over packing.contact_force=0.3,0.5,1,2,5,10,30,100
-	$(BIN)/python -m analysis.figures.disorder $(SWEPT:%=runs/disorder/%) -o figures/disorder.png
+	$(BIN)/granular-analysis disorder $(SWEPT:%=runs/disorder/%) -o figures/disorder.png
 	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/whole --force
 	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/vacancy --force \
 	    --set 'inclusion=[{spheres=[[30,24]],vacancy=true}]'
 	$(BIN)/granular-lmp run $(DEFECT) -o runs/disorder/heavy --force \
 	    --set 'inclusion=[{spheres=[[30,24]],density=22000.0}]'
-	$(BIN)/python -m analysis.figures.defects runs/disorder/whole runs/disorder/vacancy runs/disorder/heavy \
+	$(BIN)/granular-analysis defects runs/disorder/whole runs/disorder/vacancy runs/disorder/heavy \
 	    -o figures/defects.png
 
 test: .venv/ready
@@ -236,11 +236,11 @@ PRESSED = --set packing.rows=300 --set packing.last=free --set time.duration=340
 impact: .venv/ready
 	$(BIN)/granular-lmp run point_impact $(FRONTS) -o runs/impact/smooth --force
 	$(BIN)/granular-lmp run point_impact $(FRONTS) --set effects.friction=0.3 -o runs/impact/rough --force
-	$(BIN)/python -m analysis.figures.fronts runs/impact/smooth runs/impact/rough -o figures/fronts.png
+	$(BIN)/granular-analysis fronts runs/impact/smooth runs/impact/rough -o figures/fronts.png
 	for force in $(FORCES); do $(BIN)/granular-lmp run compressed_chain $(PRESSED) --set packing.contact_force=$$force \
 	    -o runs/impact/force-$$force --force || exit 1; done
-	$(BIN)/python -m analysis.figures.solitary $(FORCES:%=runs/impact/force-%) -o figures/solitary.png
-	$(BIN)/python -m analysis.figures.impact -o figures/impact.png
+	$(BIN)/granular-analysis solitary $(FORCES:%=runs/impact/force-%) -o figures/solitary.png
+	$(BIN)/granular-analysis impact -o figures/impact.png
 
 # Published cases of impacts: docs/published-impacts.md. Densities of light spheres beside heavy ones of 10000 kg/m3: the
 # resonances, the antiresonances and some between
@@ -258,16 +258,16 @@ POINT = $(BIN)/granular-lmp run point_impact --force $(FRONTS) --set time.durati
 published: .venv/ready
 	for density in $(DIMERS); do $(BIN)/granular-lmp run dimer_chain -o runs/published/dimer_$$density --force \
 	    --set inclusion.1.density=$$density --set time.sample=0.15 --set time.duration=110 --set output.rows=[30,76] || exit 1; done
-	$(BIN)/python -m analysis.figures.dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
+	$(BIN)/granular-analysis dimers $(DIMERS:%=runs/published/dimer_%) -o figures/dimers.png
 	rm -rf runs/published/refraction
 	for each in $(INTERFACES); do $(SHEET) -o runs/published/refraction/$$(echo $$each | tr : _) \
 	    --set inclusion.1.half_plane=[50,20,$${each%:*}] --set inclusion.1.density=$${each#*:} || exit 1; done
-	$(BIN)/python -m analysis.figures.refraction runs/published/refraction/* -o figures/refraction.png
+	$(BIN)/granular-analysis refraction runs/published/refraction/* -o figures/refraction.png
 	rm -rf runs/published/unequal
 	$(POINT) -o runs/published/unequal/equal
 	for spread in $(LOOSE); do for seed in 1 2 3 4 5 6; do $(POINT) -o runs/published/unequal/$${spread}_$$seed \
 	    --set disorder.radius=$$spread --set disorder.seed=$$seed || exit 1; done; done
-	$(BIN)/python -m analysis.figures.unequal runs/published/unequal/* -o figures/unequal.png
+	$(BIN)/granular-analysis unequal runs/published/unequal/* -o figures/unequal.png
 
 # Two spheres that meet with 0.2 to 4 m/s. They stick below 0.438 m/s
 SNAPS = 0.1 0.15 0.2 0.217 0.22 0.23 0.25 0.3 0.4 0.5 0.7 1.0 1.5 2.0
@@ -275,7 +275,7 @@ SNAPS = 0.1 0.15 0.2 0.217 0.22 0.23 0.25 0.3 0.4 0.5 0.7 1.0 1.5 2.0
 pull-off: .venv/ready
 	for law in jkr dmt; do for speed in $(SNAPS); do $(BIN)/granular-lmp collide jkr_pull_off --force \
 	    --set contact.normal=$$law --set collision.normal_velocity=$$speed -o runs/pull_off/$${law}_$$speed || exit 1; done; done
-	$(BIN)/python -m analysis.figures.pull_off $(foreach law,jkr dmt,$(SNAPS:%=runs/pull_off/$(law)_%)) -o figures/pull_off.png
+	$(BIN)/granular-analysis pull_off $(foreach law,jkr dmt,$(SNAPS:%=runs/pull_off/$(law)_%)) -o figures/pull_off.png
 
 # Where contacts of the paper's wave open and slide: docs/strongly-nonlinear.md. Wave numbers are 2πn/32
 ENDS = $(BIN)/granular-lmp sweep tr_periodic --workers $(CORES) --set time.duration=60 --set packing.rows=32 \
@@ -290,7 +290,7 @@ onset: .venv/ready
 	    --over wave.wavenumber=0.7853981633974483:2.356194490192345:3
 	$(ENDS) --set effects.sliding=true --set wave.amplitude=1 -o runs/onset/friction \
 	    --over effects.friction=0.01,0.02,0.03,0.05,0.07,0.1,0.15,0.2,0.25,0.3,0.35,0.4,0.5,0.7,1
-	$(BIN)/python -m analysis.figures.onset runs/onset/plane runs/onset/pulse runs/onset/friction -o figures/onset.png
+	$(BIN)/granular-analysis onset runs/onset/plane runs/onset/pulse runs/onset/friction -o figures/onset.png
 
 # The same crystal by either law, from pairs of runs. The cell of 400 rows carries the wave numbers around both resonances,
 # 2π·80/400 to 2π·97/400, and both antiresonances, 2π·133/400 to 2π·138/400 and 2π·159/400 to 2π·164/400
@@ -301,11 +301,11 @@ adhesion: .venv/ready
 	    --over wave.wavenumber=0.1570796327:3.0630528372:38
 	$(BIN)/granular-lmp sweep tr_periodic $(LAWS) --set packing.rows=400 -o runs/adhesion/close \
 	    --over wave.wavenumber=1.2566370614:1.5236724369:18,2.0891591146:2.1676989309:6,2.4975661596:2.5761059759:6
-	$(BIN)/python -m analysis.figures.adhesion_laws runs/adhesion/zone runs/adhesion/close -o figures/adhesion_laws.png
+	$(BIN)/granular-analysis adhesion_laws runs/adhesion/zone runs/adhesion/close -o figures/adhesion_laws.png
 
 cost: .venv/ready
 	$(BIN)/granular-lmp cost tr_nonresonant --repeats 9 -o runs/cost
-	$(BIN)/python -m analysis.figures.accuracy runs/cost -o figures/accuracy.png
+	$(BIN)/granular-analysis accuracy runs/cost -o figures/accuracy.png
 
 bench: .venv/ready
 	-$(BIN)/granular-lmp build-kernel  # without a compiler it takes no part
@@ -358,5 +358,5 @@ witness: .venv/ready
 	    --set packing.rows=100 --set packing.columns=100 --set wave.wavenumber=0.8168140899 --set wave.amplitude=0.05 \
 	    --set disorder.radius=5e-5 --set disorder.density=0.1 --set disorder.vacancies=0.01 \
 	    --set time.duration=20 --set time.sample=10 --set output.particles=10
-	$(BIN)/python -m analysis.figures.witness runs/witness -o figures/witness.png
+	$(BIN)/granular-analysis witness runs/witness -o figures/witness.png
 	$(BIN)/python -m benchmarks.network

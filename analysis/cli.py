@@ -57,9 +57,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def program() -> NoReturn:
-    """Run one script as a program, whose errors are one line (`analysis.figures.plotting.start`)."""
+    """Run one script as a program, whose errors are one line (`analysis.plotting.start`)."""
     script = _script(None)
-    from analysis.figures.plotting import start  # matplotlib would slow --help down
+    from analysis.plotting import start  # matplotlib would slow --help down
 
     start(script)
 
@@ -78,5 +78,5 @@ def _script(argv: list[str] | None) -> Callable[[], int | None]:
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
     chosen = parser.parse_args(argv)
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
-    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.figures.{chosen.script}"
+    module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.cases.{chosen.script}.case"
     return partial(import_module(module).main, chosen.arguments)

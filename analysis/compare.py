@@ -25,12 +25,12 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from analysis.figures.plotting import save, start, write
 from analysis.measure.budget import Source, budget_lines, error_budget
 from analysis.measure.reference import Reference
 from analysis.measure.runs import load
 from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
 from analysis.measure.swept import Swept
+from analysis.plotting import save, start, write
 from analysis.second_harmonic import ALONG_Y
 from analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
 from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
@@ -160,7 +160,7 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
         instead = INSTEAD[reference.name] + (f", as {reference.reason}" if reference.reason else "")
         loud.append(
             f"no theory of a plane wave holds {', '.join(beyond(wave))}: the run is compared with {instead}"
-            + (f"; `python -m {script}` has a theory of it" if script else "")
+            + (f"; `{script}` has a theory of it" if script else "")
         )
     echo = record.scene.echo_time
     if record.tau[-1] > echo and reference.name != NETWORK:

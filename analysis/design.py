@@ -32,7 +32,7 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from analysis.figures.plotting import start
+from analysis.plotting import start
 from analysis.theory.bloch import frame, real_modes
 from analysis.theory.contact import Contact
 from analysis.theory.directions import branch_index

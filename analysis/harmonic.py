@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.figures.plotting import start, write
 from analysis.measure.harmonic import Harmonic, by_network, by_runs, by_theory
 from analysis.measure.runs import load
 from analysis.measure.swept import Swept
+from analysis.plotting import start, write
 from granular_lmp.runs.record import STATUS, GranularError, Scene
 
 WAYS = ("along", "across")

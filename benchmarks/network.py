@@ -5,7 +5,7 @@
 The scene is a TR wave in a sheet of spheres of unequal densities and radii, τ ≤ 6. LAMMPS takes a pair of steps, 0.1
 and 0.05, on one rank. Its seconds are the processor time of both time loops without the writing of snapshots, and of
 these the contacts (LAMMPS's section Pair), without guards and integration. The network takes the fastest tolerance
-that is no less accurate, and its seconds are processor time. Errors are those of `analysis.figures.witness`: root mean
+that is no less accurate, and its seconds are processor time. Errors are those of `granular-analysis witness`: root mean
 square over all spheres, in D0, from the network with rtol = 1e-11. What came out is in RESULTS.md.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.figures.witness import NETWORK, PAIR, Point, measure
+from analysis.cases.witness.case import NETWORK, PAIR, Point, measure
 from benchmarks.timing import both_ratios, interleave, machine, spread, table
 from granular_lmp import Scene, run
 from granular_lmp.lammps.outputs import LOG, read_log

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as closed
+from analysis.cases.adhesion_laws import case as figure
+from analysis.cases.effects import case as effects_figure
 from analysis.design import design
-from analysis.figures import adhesion_laws as figure
-from analysis.figures import effects as effects_figure
 from analysis.measure.norms import relative_error, slope
 from analysis.second_harmonic import ModeName
 from analysis.theory import directions

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import adhesion_laws as figure
+from analysis.cases.adhesion_laws import case as figure
 from analysis.measure.norms import relative_error
 from analysis.measure.reference import Reference
 from analysis.measure.spectrum import point

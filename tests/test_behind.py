@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import behind
-from analysis.figures.behind import Behind, Parts
+from analysis.cases.behind import case as behind
+from analysis.cases.behind.case import Behind, Parts
 from analysis.measure.rows import waves
 from analysis.second_harmonic import mode, ratios
 from analysis.theory.contact import Contact

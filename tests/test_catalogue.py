@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from analysis import compare
-from analysis.figures import effects, figure3
+from analysis.cases.effects import case as effects
+from analysis.cases.figure3 import case as figure3
 from analysis.measure import oblique, sheets, spectrum
 from analysis.measure.rows import load_form
 from analysis.theory import catalogue

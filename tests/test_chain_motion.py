@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from analysis.figures.impact import collision_error, energy_errors
+from analysis.cases.impact.case import collision_error, energy_errors
 from analysis.theory.chain import Chain, compressed, energies, uniform
 from analysis.theory.chain_motion import (
     SIXTH,

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from analysis import compare
-from analysis.figures import figure2, figure3
+from analysis.cases.figure2 import case as figure2
+from analysis.cases.figure3 import case as figure3
 from analysis.measure import signals
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
 from analysis.theory.choice import THEORIES, best, cancellation, linear_mode, trajectory, wave_of

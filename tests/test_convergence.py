@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.figures import convergence as cv
+from analysis.cases.convergence import case as cv
 
 SILICA = sh.ratios(cv.POISSON_RATIO)
 

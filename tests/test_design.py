@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from analysis import design as design_module
 from analysis import second_harmonic
+from analysis.cases.mixing import case as mixing_map
+from analysis.cases.mixing.case import partners, width
 from analysis.cli import main as analysis_main
 from analysis.design import SILICA, Resonance, compressed, contact_of, design, main, table
-from analysis.figures import mixing as mixing_map
-from analysis.figures.mixing import partners, width
 from analysis.theory import lattice
 from analysis.theory.bloch import BONDS
 from analysis.theory.contact import Contact

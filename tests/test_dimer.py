@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import dimers
+from analysis.cases.dimers import case as dimers
 from analysis.theory.dimer import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
 from analysis import second_harmonic
-from analysis.figures import map as zone_map
+from analysis.cases.map import case as zone_map
 from analysis.second_harmonic import SOLID_SPHERE
 from analysis.theory import bloch, bonds, crystal, directions, lattice, mixing
 from analysis.theory.contact import Contact

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import defects, disorder
-from analysis.figures.plotting import save
+from analysis.cases.defects import case as defects
+from analysis.cases.disorder import case as disorder
 from analysis.measure.disordered import (
     CUT_VARIANCE,
     Value,
@@ -23,6 +23,7 @@ from analysis.measure.disordered import (
     whole_strength,
 )
 from analysis.measure.runs import load
+from analysis.plotting import save
 from analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep

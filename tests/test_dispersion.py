@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import dispersion as dispersion_figure
+from analysis.cases.dispersion import case as dispersion_figure
 from analysis.measure import dispersion
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes

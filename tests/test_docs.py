@@ -180,7 +180,7 @@ def test_prose_that_is_not_as_it_should_be_is_found() -> None:
 # ---------------------------------------------------------------- commands
 
 TARGETS = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
-SHARED = (ROOT / "analysis" / "figures" / "plotting.py").read_text("utf-8")
+SHARED = (ROOT / "analysis" / "plotting.py").read_text("utf-8")
 
 
 def commands(page: str) -> list[list[str]]:
@@ -207,8 +207,8 @@ def judge_analysis(words: list[str]) -> None:
     """Refuse a script that is not there, and an option whose name is neither in the script nor in what all share."""
     script, *rest = words
     assert script in SCRIPTS, script
-    folder = ROOT / "analysis" / ("" if script in DOORS else "figures")
-    text = (folder / f"{script}.py").read_text("utf-8") + SHARED
+    file = f"{script}.py" if script in DOORS else f"cases/{script}/case.py"
+    text = (ROOT / "analysis" / file).read_text("utf-8") + SHARED
     assert [word for word in rest if word.startswith("-") and f'"{word}"' not in text] == []
 
 
@@ -252,7 +252,7 @@ def test_every_command_of_a_page_is_one_that_the_programs_take(page: Path) -> No
         "granular-lmp check tr_periodic --set wave.colour=1 > file",
         "granular-analysis specturm sweeps",
         "granular-analysis spectrum sweeps --svc points.csv",
-        "python -m analysis.figures.mapp",
+        "granular-analysis mapp",
         "make paperr  # a target",
     ],
 )

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from analysis import second_harmonic as sh
-from analysis.figures import driven as driven_figure
+from analysis.cases.driven import case as driven_figure
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import amplitudes_at, rows_of
 from analysis.theory import driven, lattice

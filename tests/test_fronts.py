@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import fronts
+from analysis.cases.fronts import case as fronts
 from analysis.measure.front import Front, crest, front
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 

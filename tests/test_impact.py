@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import impact, solitary
-from analysis.figures.impact import Run, errors, stepped, table
+from analysis.cases.impact import case as impact
+from analysis.cases.impact.case import Run, errors, stepped, table
+from analysis.cases.solitary import case as solitary
 from analysis.theory.chain_motion import SIXTH, VERLET
 
 

@@ -107,11 +107,12 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "second_harmonic": set(),
     "theory": {"second_harmonic"},
     "measure": {"second_harmonic", "theory"},
-    "figures": {"second_harmonic", "theory", "measure"},
-    "compare": {"second_harmonic", "theory", "measure", "figures"},
-    "design": {"theory", "figures"},
-    "harmonic": {"measure", "figures"},
-    "cli": {"second_harmonic", "theory", "measure", "figures", "compare", "design", "harmonic"},
+    "plotting": {"theory"},
+    "compare": {"second_harmonic", "theory", "measure", "plotting"},
+    "design": {"theory", "plotting"},
+    "harmonic": {"measure", "plotting"},
+    "cases": {"second_harmonic", "theory", "measure", "plotting"},
+    "cli": {"plotting", "compare", "design", "harmonic", "cases"},
 }
 
 

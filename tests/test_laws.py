@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.figures import laws as laws_figure
+from analysis.cases.laws import case as laws_figure
 from analysis.measure.norms import relative_error, slope
 from analysis.theory import lattice, laws
 from analysis.theory.contact import LAWS, Contact
@@ -133,7 +133,7 @@ def test_the_scan_of_signs_finds_an_antiresonance():
 
 
 def test_the_form_of_the_potential_law_is_definite():
-    # The proof of analysis.figures.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
+    # The proof of analysis.cases.laws: κ ≤ 4/3 on −1 ≤ ν, and the discriminant in X, Y is 16κ(κ/3 − 1).
     kappa = np.array([sh.ratios(nu).kappa for nu in NUS])
     discriminant = (8 * kappa / np.sqrt(3)) ** 2 - 16 * kappa * (kappa + 1)
     assert discriminant == pytest.approx(16 * kappa * (kappa / 3 - 1), rel=1e-13)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.cases.spectrum.case import main as spectrum_main
 from analysis.compare import main as compare_main
-from analysis.figures.spectrum import main as spectrum_main
 from analysis.measure.swept import Swept
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.second_harmonic import second_harmonic

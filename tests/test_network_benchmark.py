@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.figures.witness import LAMMPS, NETWORK, PAIR, Point
+from analysis.cases.witness.case import LAMMPS, NETWORK, PAIR, Point
 from benchmarks import network
 from granular_lmp import run
 from granular_lmp.lammps.outputs import read_log

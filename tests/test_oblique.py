@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import effects, spectrum
-from analysis.figures import oblique as oblique_figure
+from analysis.cases.effects import case as effects
+from analysis.cases.oblique import case as oblique_figure
+from analysis.cases.spectrum import case as spectrum
 from analysis.measure import oblique
 from analysis.second_harmonic import second_harmonic
 from analysis.theory import directions, quasilinear
@@ -165,4 +166,4 @@ def test_the_scripts_of_waves_along_y_refuse_the_runs_in_one_line(
     for script in (effects, spectrum):
         with pytest.raises(SystemExit):
             script.main([str(runs[0].folder.parents[1])])
-        assert "analysis.figures.oblique takes it" in capsys.readouterr().err.splitlines()[-1]
+        assert "granular-analysis oblique takes it" in capsys.readouterr().err.splitlines()[-1]

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import onset as figure
-from analysis.figures.plotting import save
+from analysis.cases.onset import case as figure
 from analysis.measure.onset import crossing, onset
 from analysis.measure.snapshot import first_snapshot
+from analysis.plotting import save
 from analysis.theory.network_ledger import energy
 from analysis.theory.network_motion import integrate
 from granular_lmp import Record, Scene, run

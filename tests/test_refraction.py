@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import refraction as figure
+from analysis.cases.refraction import case as figure
 from analysis.measure.refraction import fronts_at_interface, plane_front
 from analysis.theory import scattering
 from analysis.theory.chain import compressed, uniform

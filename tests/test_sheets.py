@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis import second_harmonic
-from analysis.figures.sheets import draw, main
+from analysis.cases.sheets.case import draw, main
 from analysis.measure.norms import slope
 from analysis.measure.sheets import Comparison, carrier, compare, fields_of, relative
 from analysis.theory import directions

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as closed
-from analysis.figures import spectrum as spectrum_figure
+from analysis.cases.spectrum import case as spectrum_figure
 from analysis.measure import spectrum
 from analysis.measure.runs import by_wave, sweep
 from analysis.theory.choice import wave_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.figures import standing as standing_figure
+from analysis.cases.standing import case as standing_figure
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import rows_of
 from analysis.theory import lattice, standing

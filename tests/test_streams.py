@@ -12,21 +12,21 @@ from pathlib import Path
 
 import pytest
 
-from analysis.figures.plotting import start
+from analysis.plotting import start
 from granular_lmp.runs.routes import FEWEST_FILES
 
 SCRIPTS = (
-    "figures.accuracy",
+    "cases.accuracy.case",
     "compare",
-    "figures.disorder",
-    "figures.dispersion",
-    "figures.driven",
-    "figures.effects",
-    "figures.figure3",
-    "figures.oblique",
-    "figures.sheets",
-    "figures.spectrum",
-    "figures.standing",
+    "cases.disorder.case",
+    "cases.dispersion.case",
+    "cases.driven.case",
+    "cases.effects.case",
+    "cases.figure3.case",
+    "cases.oblique.case",
+    "cases.sheets.case",
+    "cases.spectrum.case",
+    "cases.standing.case",
 )
 GRANULAR = f"{sys.executable} -m granular_lmp"
 

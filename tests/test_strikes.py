@@ -6,7 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import dimers, fronts, refraction, solitary, unequal
+from analysis.cases.dimers import case as dimers
+from analysis.cases.fronts import case as fronts
+from analysis.cases.refraction import case as refraction
+from analysis.cases.solitary import case as solitary
+from analysis.cases.unequal import case as unequal
 from analysis.measure.strikes import require
 from granular_lmp import ImpactRecord, ImpactScene
 from granular_lmp.impact.problem import prepare

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis import compare
-from analysis.figures import figure3
+from analysis.cases.figure3 import case as figure3
 from analysis.measure import signals
 from analysis.theory import catalogue, choice, directions
 from analysis.theory.choice import (
@@ -279,10 +279,10 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
 
 
 NO_PLANE_RUNNING_WAVE = [
-    ({"form": "standing", "finite": True}, "analysis.figures.sheets"),
-    ({"form": "driven"}, "analysis.figures.driven"),
+    ({"form": "standing", "finite": True}, "granular-analysis sheets"),
+    ({"form": "driven"}, "granular-analysis driven"),
     ({"form": "driven", "finite": True}, None),
-    ({"finite": True}, "analysis.figures.sheets"),
+    ({"finite": True}, "granular-analysis sheets"),
     ({"finite": True, "ends": "fixed"}, None),
     ({"finite": True, "viscosity": 1e-3}, None),
 ]
@@ -299,8 +299,8 @@ def test_what_is_no_running_plane_wave_is_left_to_its_script(
     result = compare.compare(PLAIN)
     assert (result.theory, result.error, result.lattice_error, result.predicted) == (None, {}, {}, None)
     assert "the run is compared with nothing" in result.notes[-1]
-    assert ("; `python -m" in result.notes[-1]) == bool(script)
-    assert result.notes[-1].endswith(f"; `python -m {script}` has a theory of it" if script else "")
+    assert ("; `granular-analysis" in result.notes[-1]) == bool(script)
+    assert result.notes[-1].endswith(f"; `{script}` has a theory of it" if script else "")
     assert holding(wave) == []
     named = f"wave.form = '{changes['form']}'" if "form" in changes else "an envelope"
     assert named in result.notes[-1]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import tones
+from analysis.cases.tones import case as tones
 from analysis.measure.rows import amplitudes_at, rows_of
 from analysis.theory.contact import Contact
 from granular_lmp import Record, Scene, run

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import unequal
+from analysis.cases.unequal import case as unequal
 from analysis.theory.network import Material, Network, start
 from analysis.theory.network_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene, run_impact

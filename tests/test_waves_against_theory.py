@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import driven, standing
+from analysis.cases.driven import case as driven
+from analysis.cases.standing import case as standing
 from analysis.measure import sheets
 from analysis.measure.rows import load_form
 from granular_lmp import Scene, build, run

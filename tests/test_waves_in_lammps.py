@@ -165,10 +165,10 @@ def test_compare_names_a_script_that_takes_the_run(scene: Scene, tmp_path: Path)
     (note,) = (note for note in compare.compare(record).notes if "compared" in note)
     script = catalogue.script_for(traits_of(record))
     assert script is None or script in note
-    if script == "analysis.figures.sheets":
+    if script == "granular-analysis sheets":
         sheets.refuse(record)
     elif script:
-        load_form(tmp_path / "run", script.removeprefix("analysis.figures."))
+        load_form(tmp_path / "run", script.removeprefix("granular-analysis "))
     else:
         assert record.scene.wave.form == "driven"
         assert record.scene.envelope.finite

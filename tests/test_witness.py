@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.figures import witness
+from analysis.cases.witness import case as witness
 from analysis.theory.choice import TheoryError
 from granular_lmp import Record, Scene, run
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import accuracy
-from analysis.figures.accuracy import (
+from analysis.cases.accuracy import case as accuracy
+from analysis.cases.accuracy.case import (
     FORMULA,
     LAMMPS,
     LATTICE,

@@ -40,7 +40,7 @@ Complexes = NDArray[np.complex128]
 
 _DISORDER = {"disorder.radius", "disorder.density", "disorder.seed"}
 MEASURED = (
-    catalogue.HOLDS["analysis.figures.oblique"]
+    catalogue.HOLDS["granular-analysis oblique"]
     | {catalogue.SLIDING, catalogue.OPENING, catalogue.COMPRESSED}
     | _DISORDER
 ) - {catalogue.OBLIQUE}

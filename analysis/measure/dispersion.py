@@ -61,7 +61,7 @@ class Sheet:
         if len(sheet.tau) < FEWEST:
             raise ValueError(f"{len(sheet.tau)} records; a spectrum takes at least {FEWEST}, kick it for longer")
         traits = {f"effects.{name}" for name in sheet.effects} | ({COMPRESSED} if sheet.contact_force else set())
-        left_out = missing("analysis.figures.dispersion", traits)
+        left_out = missing("granular-analysis dispersion", traits)
         if left_out:
             raise ValueError(f"the linear theory here leaves out {', '.join(left_out)}")
         return sheet

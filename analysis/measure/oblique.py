@@ -93,7 +93,7 @@ def predicted_along(angles: ArrayLike, wavenumber: float, wave: Wave, tau: Float
 
 def refusal(record: Record) -> str | None:
     """Return the reason why a run is not one of these, or None."""
-    left_out = missing("analysis.figures.oblique", traits_of(record))
+    left_out = missing("granular-analysis oblique", traits_of(record))
     return f"the general formula leaves out {', '.join(left_out)}" if left_out else None
 
 

@@ -43,7 +43,7 @@ def load_form(folder: str | Path, form: str) -> tuple[Record, Rows]:
     found = record.scene.wave.form
     if found != form:
         raise SystemExit(f"{folder}: its wave has the form '{found}'; this script reads runs of the form '{form}'")
-    left_out = missing(f"analysis.figures.{form}", traits_of(record))
+    left_out = missing(f"granular-analysis {form}", traits_of(record))
     if left_out:
         raise SystemExit(f"{folder}: the theory leaves out {', '.join(left_out)}, which this run has")
     try:

@@ -102,7 +102,7 @@ def compare(record: Record) -> Comparison:
 
 def refuse(record: Record) -> None:
     """ValueError for a run whose lattice or contacts are not those of the theory, which names them."""
-    left_out = missing("analysis.figures.sheets", traits_of(record))
+    left_out = missing("granular-analysis sheets", traits_of(record))
     if left_out:
         raise ValueError(f"{', '.join(left_out)}: the theory of sheets leaves that out")
 

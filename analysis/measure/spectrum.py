@@ -230,7 +230,7 @@ def refusal(record: Record) -> str | None:
     """Return the reason why a run is not one of the spectrum's, or None."""
     if record.scene.wave.phase:
         return f"wave.phase = {record.scene.wave.phase!r}: the amplitude has its sign at phase 0 only"
-    left_out = missing("analysis.figures.spectrum", traits_of(record))
+    left_out = missing("granular-analysis spectrum", traits_of(record))
     if OBLIQUE in left_out:
-        return "its wave is not along y, as those of the closed form are; analysis.figures.oblique takes it"
+        return "its wave is not along y, as those of the closed form are; granular-analysis oblique takes it"
     return f"the closed form leaves out {', '.join(left_out)}" if left_out else None

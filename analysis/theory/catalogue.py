@@ -20,6 +20,7 @@ NO_SHEAR, NO_ROTATION = "effects.shear = false", "effects.rotation = false"
 DAMPING = "effects.damping"
 NETWORK = "network"
 CRYSTAL = "crystal-second-order"
+SCRIPT = "granular-analysis "  # in front of the name of a script that has a theory of its own
 JKR = "sphere.adhesion_law = 'jkr'"
 
 
@@ -67,16 +68,16 @@ HOLDS: dict[str, frozenset[str]] = {
     CRYSTAL: _ALONG_Y
     | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES}
     | {f"inclusion.{name}" for name in ("rows", "every", "density")},
-    "analysis.figures.spectrum": _ALONG_Y | {INCREMENTAL, JKR},
-    "analysis.figures.oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
-    "analysis.figures.standing": _LATTICE | {STANDING, INCREMENTAL},
-    "analysis.figures.driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
-    "analysis.figures.dispersion": _CONTACTS,
-    "analysis.figures.sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
+    SCRIPT + "spectrum": _ALONG_Y | {INCREMENTAL, JKR},
+    SCRIPT + "oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},
+    SCRIPT + "standing": _LATTICE | {STANDING, INCREMENTAL},
+    SCRIPT + "driven": _LATTICE | {DRIVEN, INCREMENTAL} | QUIET,
+    SCRIPT + "dispersion": _CONTACTS,
+    SCRIPT + "sheets": _SHEET | {RUNNING, STANDING, OBLIQUE, ENVELOPE},
 }
 
 KNOWN = frozenset().union(*HOLDS.values())
-REFERENCES = tuple(name for name in HOLDS if not name.startswith("analysis."))  # what a record is compared with
+REFERENCES = tuple(name for name in HOLDS if not name.startswith(SCRIPT))  # what a record is compared with
 
 # Keys of a scene whose values theories are given, or that change no motion. Any other is a trait by its mere presence.
 KEYS = frozenset({"monitor"}).union(
@@ -119,4 +120,4 @@ def missing(theory: str, traits: Iterable[str]) -> list[str]:
 def script_for(traits: Iterable[str]) -> str | None:
     """Return the script whose theory holds a run, None if there is none."""
     wanted = frozenset(traits)
-    return next((name for name in HOLDS if name.startswith("analysis.") and not missing(name, wanted)), None)
+    return next((name for name in HOLDS if name.startswith(SCRIPT) and not missing(name, wanted)), None)

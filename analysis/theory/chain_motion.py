@@ -17,7 +17,7 @@ has no such event: its overlap comes and goes faster than any power.
 
 Good values: a step of `collision_time` / 80 for VERLET (1.4e-4 of the velocities after 12 collision times), / 20 for
 SIXTH (3e-6), rtol = 1e-10 for DOP853 (2e-8). An evaluation of all forces takes 5 to 10 µs of processor time for up to a
-hundred spheres. `analysis.figures.impact` draws error over cost.
+hundred spheres. `granular-analysis impact` draws error over cost.
 """
 
 from math import gamma, pi, sqrt

@@ -2,7 +2,7 @@
 
 The deck is that of the scene; in place of the wave its data file holds random velocities, small enough to stay linear.
 A second input includes the deck with a duration of 0, which makes the sheet and kicks it, then records and runs: the
-deck itself is not touched. ``analysis.figures.dispersion`` reads what comes out.
+deck itself is not touched. ``granular-analysis dispersion`` reads what comes out.
 """
 
 from dataclasses import replace

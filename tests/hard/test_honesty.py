@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from analysis import compare
-from analysis.figures import figure3
+from analysis.cases.figure3 import case as figure3
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import run as run_any
 from granular_lmp.cli import main

@@ -1,7 +1,7 @@
 """The names that users import: a golden list, from which a name goes only if the changelog says so.
 
 They are those of `granular_lmp`, with the attributes of its classes, all that docs/reference/python.md documents, and
-the modules of `analysis` that the pages name, with their functions and classes; of figures, which are commands, only
+the modules of `analysis` that the pages name, with their functions and classes; of cases, which are commands, only
 the modules.
 """
 
@@ -29,7 +29,7 @@ def public_names() -> set[str]:
         names |= {name, *_attributes(name, at(name))}
     for name in _modules_of_analysis():
         names.add(name)
-        if name.startswith("analysis.figures"):
+        if name.startswith("analysis.cases"):
             continue
         module = import_module(name)
         own = (key for key, value in vars(module).items() if getattr(value, "__module__", "") == name)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.figures import solitary as figure
+from analysis.cases.solitary import case as figure
 from analysis.measure.norms import slope
 from analysis.theory.chain import Chain, End, compressed, energies, spheres
 from analysis.theory.chain_motion import integrate, march, peak

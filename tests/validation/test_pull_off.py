@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.figures import pull_off
+from analysis.cases.pull_off import case as pull_off
 from analysis.theory.integrator import dop853
 from analysis.theory.jkr import Contact
 from granular_lmp.cli import main

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from analysis.figures.impact import lammps
+from analysis.cases.impact.case import lammps
 from analysis.theory.chain import uniform
 from analysis.theory.chain_motion import march, peak
 from analysis.theory.solitary import solitary_wave

@@ -1,0 +1,350 @@
+"""The cost of accuracy: every setting that `granular-lmp cost` has measured, beside the theories, error against time.
+
+    granular-analysis accuracy runs/cost [-o FILE] [--wanted 1e-3] [--json FILE]
+
+prints which setting gives which accuracy in how many seconds, and draws error over time, a marker for each knob.
+
+Two references. A setting of a run is measured against LAMMPS extrapolated from two fine steps: what it lacks is its own
+fault. The level of model, a formula, the exact lattice at some tolerance of its integrator, LAMMPS, is measured against
+the exact lattice, integrated with 1e-12. The two references are one thing as far as LAMMPS's row of that table says.
+
+The Pareto front joins the settings that none beats in both (by a tenth in the error; less is not worth a word). What
+is recommended is the tolerance that was asked for, on the fewest spheres, although some other setting may be cheaper:
+it says by itself how good it is.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby
+from math import inf
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from analysis.measure.runs import load
+from analysis.measure.signals import errors
+from analysis.plotting import parser, save, start, write
+from analysis.theory.catalogue import missing
+from analysis.theory.choice import THEORIES, Trajectory, holding, traits_of, wave_of
+from analysis.theory.lattice import torus
+from analysis.theory.wave import Wave
+from granular_lmp.runs.record import Record
+
+COMPONENTS = ("p", "q", "phi")
+WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+RTOL = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)  # tolerances of the integrator of the exact lattice
+FINEST = 1e-12
+REPEATS = 9
+GAIN = 0.9  # an error must fall by that to count as better
+FORMULA, LATTICE, LAMMPS = "closed form", "exact lattice", "LAMMPS"
+NOT_CLOSED = ("exact-lattice", "hierarchy")
+TOLERANCE = "tolerance, strip"  # the knob whose settings say how good they are
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One point: its family (a knob, or a level of model), seconds of several rounds, relative errors of p, q, φ.
+
+    An error that is None is of a component that is not there, by symmetry or because nothing recorded it.
+    """
+
+    family: str
+    name: str
+    seconds: float
+    fastest: float
+    slowest: float
+    error: dict[str, float | None]
+
+    @property
+    def worst(self) -> float:
+        """The largest error."""
+        return max((value for value in self.error.values() if value is not None), default=inf)
+
+
+@dataclass(frozen=True)
+class Study:
+    """The settings of a study folder, and their reference: its errors as they are estimated, and its record."""
+
+    settings: list[Setting]
+    reference: Setting
+    record: Record
+
+    @classmethod
+    def load(cls, folder: str | Path) -> "Study":
+        """Read ``cost.json`` and the record of the reference; SystemExit with one line when that cannot be done."""
+        path = Path(folder) / "cost.json"
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            best, rows = content["reference"], content["points"]
+            if best is None:
+                raise ValueError("the reference has not been run; let granular-lmp cost go on")
+            settings, reference = [_setting(row) for row in rows if row["repeats"]], _setting(best)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise SystemExit(f"{path}: not the result of a finished granular-lmp cost: {error}") from error
+        return cls(settings, reference, load(Path(folder) / "reference"))
+
+    @property
+    def floor(self) -> dict[str, float | None]:
+        """The error that is left in the reference: none below it is known."""
+        return self.reference.error
+
+    @property
+    def complete(self) -> list[Setting]:
+        """Settings that have an error in each component that the reference has."""
+        there = [name for name, value in self.floor.items() if value is not None]
+        return [setting for setting in self.settings if all(setting.error[name] is not None for name in there)]
+
+
+def _setting(row: dict[str, Any]) -> Setting:
+    times = (row["seconds"], row["seconds_min"], row["seconds_max"])
+    return Setting(row["knob"], row["setting"], *times, {name: row[f"error_{name}"] for name in COMPONENTS})
+
+
+# --- level of model --------------------------------------------------------------------------------------------------
+
+
+def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
+    """Formulas, the exact lattice, and LAMMPS at its best, measured against the exact lattice.
+
+    There is nothing for a run with what the exact lattice does not hold (`unheld`).
+    """
+    record = study.record
+    if unheld(record):
+        return []
+    wave, tau = wave_of(record), record.tau
+    theories: dict[tuple[str, str], Callable[[], Trajectory]] = {}
+    for name in holding(wave):
+        if name not in NOT_CLOSED:
+            theories[FORMULA, name] = lambda name=name: THEORIES[name](wave, tau)  # type: ignore[misc]
+    for rtol in RTOL:
+        theories[LATTICE, f"rtol {rtol:.0e}"] = lambda rtol=rtol: lattice(wave, tau, rtol)  # type: ignore[misc]
+    exact = lattice(wave, tau, FINEST)
+    spent: dict[tuple[str, str], list[float]] = {key: [] for key in theories}
+    found: dict[tuple[str, str], Trajectory] = {}
+    for _ in range(repeats):  # in turn, as whatever else the machine does then falls on all
+        for key, theory in theories.items():
+            started = time.perf_counter()
+            found[key] = theory()
+            spent[key].append(time.perf_counter() - started)
+    made = []
+    for (family, name), values in found.items():
+        known = errors(Record(tau, *values, record.scene), exact)
+        times = spent[family, name]
+        made.append(Setting(family, name, median(times), min(times), max(times), known))
+    return [*made, replace(study.reference, family=LAMMPS, error=errors(record, exact))]
+
+
+def unheld(record: Record) -> list[str]:
+    """Return what a run has that the exact lattice, which holds more than the formulas, does not hold."""
+    return missing("exact-lattice", traits_of(record))
+
+
+def lattice(wave: Wave, tau: NDArray[np.float64], rtol: float) -> Trajectory:
+    """p, q, φ of the exact lattice, the tolerance of the integrator given."""
+    return torus(wave, tau, rtol=rtol)
+
+
+# --- what to take ----------------------------------------------------------------------------------------------------
+
+
+def front(settings: Iterable[Setting], component: str | None = None) -> list[Setting]:
+    """The settings that no other beats in both time and error (of one component, or the largest), in order of time."""
+    best: list[Setting] = []
+    for setting in sorted(settings, key=lambda setting: (setting.seconds, _error(setting, component))):
+        if _error(setting, component) < (GAIN * _error(best[-1], component) if best else inf):
+            best.append(setting)
+    return best
+
+
+def _error(setting: Setting, component: str | None) -> float:
+    if component is None:
+        return setting.worst
+    value = setting.error[component]
+    return inf if value is None else value
+
+
+def cheapest(settings: Iterable[Setting], wanted: float) -> Setting | None:
+    """The fastest of the settings whose p, q and φ are all as good as wanted; None if there is none."""
+    return min((s for s in settings if s.worst <= wanted), key=lambda setting: setting.seconds, default=None)
+
+
+def recommended(study: Study, wanted: float) -> Setting | None:
+    """The tolerance that is wanted, or where it was not measured or not met the fastest setting that is as good."""
+    asked = [s for s in study.complete if s.family == TOLERANCE and np.isclose(float(s.name), wanted)]
+    # A looser tolerance that happens to be as good has not promised it
+    others = [s for s in study.complete if s.family != TOLERANCE or float(s.name) < wanted]
+    return cheapest(asked, wanted) or cheapest(others, wanted)
+
+
+def table(study: Study, levels: Sequence[Setting]) -> str:
+    """Accuracy wanted → what gives it, in seconds: recommended, one plain run, any setting, exact lattice, formula."""
+    plain = [s for s in study.complete if s.family == "time step"]
+    columns: dict[str, Callable[[float], Setting | None]] = {
+        "recommended": lambda wanted: recommended(study, wanted),
+        "one plain run": lambda wanted: cheapest(plain, wanted),
+        "fastest": lambda wanted: cheapest(study.complete, wanted),
+        LATTICE: lambda wanted: cheapest([s for s in levels if s.family == LATTICE], wanted),
+        FORMULA: lambda wanted: cheapest([s for s in levels if s.family == FORMULA], wanted),
+    }
+    cells = [["wanted", *columns]]
+    cells += [[f"{wanted:.0e}", *(_cell(choose(wanted)) for choose in columns.values())] for wanted in WANTED]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in cells]
+    lines += ["", f"{'level of model':16}{'':18}{'s, median':>10}" + "".join(f"{name:>10}" for name in COMPONENTS)]
+    for s in levels:
+        found = ("-" if value is None else f"{value:.1e}" for value in s.error.values())
+        lines.append(f"{s.family:16}{s.name:18}{s.seconds:10.2g}" + "".join(f"{error:>10}" for error in found))
+    known = ", ".join(f"{name} {value:.1e}" for name, value in study.floor.items() if value is not None)
+    return "\n".join([*lines, "", f"error of the reference of the settings, estimated: {known}"])
+
+
+def _cell(setting: Setting | None) -> str:
+    return "-" if setting is None else f"{setting.name} ({setting.family}) {setting.seconds:.2g} s"
+
+
+# --- figure ----------------------------------------------------------------------------------------------------------
+
+# Okabe and Ito's colours, and a shape of its own for each family, which is known by it in grey
+STYLES = {
+    "time step": ("o", "#0072b2"),
+    "Richardson pair": ("s", "#d55e00"),
+    TOLERANCE: ("D", "#000000"),
+    "columns": ("|", "#009e73"),
+    "ends": ("^", "#cc79a7"),
+    "output": ("v", "#e69f00"),
+    "effects": ("X", "#56b4e9"),
+    "ranks": ("P", "#999999"),
+    "strip or sheet": (">", "#ffffff"),
+    FORMULA: ("$f$", "#000000"),
+    LATTICE: ("h", "#ffffff"),
+}
+JOINED = ("time step", "Richardson pair", TOLERANCE, "columns", LATTICE)  # their settings are in an order
+BEYOND = 1.5  # times the error of most settings of its family, a setting is named in the figure
+# Where the name stands, in points from the marker, and which of its ends is there
+NAMES: dict[str, tuple[tuple[float, float], str]] = {
+    "ends": ((8, 2), "left"),
+    "output": ((4, 9), "left"),
+    "effects": ((6, -9), "left"),
+    "strip or sheet": ((0, 10), "center"),
+    "second-order": ((0, 9), "left"),
+    "frequency-shift": ((0, -9), "left"),
+    "three-mode": ((-2, -9), "right"),
+}
+TITLES = {"p": "$p$ (second harmonic)", "q": "$q$ (fundamental)", "phi": r"$\phi$ (rotation)"}
+
+
+def draw(study: Study, levels: Sequence[Setting], wanted: float) -> Figure:
+    """Error of p and of q over the seconds; bars from the fastest to the slowest round.
+
+    Settings that are the scene as it is declared share one run, and one marker. Grey below: what the reference of the
+    settings cannot tell; theories have another.
+    """
+    shown = [name for name in COMPONENTS if study.floor[name] is not None][:2]
+    figure = Figure(figsize=(5.2 * len(shown), 6.4), layout="constrained")
+    panels = figure.subplots(1, len(shown), sharex=True, squeeze=False)[0]
+    star = recommended(study, wanted)
+    for axes, name in zip(panels, shown, strict=True):
+        axes.set(xscale="log", yscale="log", xlabel="seconds, median", title=f"error of {TITLES[name]}")
+        _panel(axes, study, [s for s in levels if s.family != LAMMPS], name)
+        if star is not None:
+            axes.plot(star.seconds, _error(star, name), zorder=2.5, **STAR)
+        axes.margins(x=0.08)
+        axes.grid(alpha=0.25, linewidth=0.5)
+    panels[0].set_ylabel(rf"relative $L_2$ error, $\tau \leq {study.record.tau[-1]:g}$")
+    there = {s.family for s in [*study.settings, *levels]}
+    handles: list[Artist] = [Line2D([], [], label=name, **_look(name)) for name in STYLES if name in there]
+    handles.append(Line2D([], [], label="Pareto front of the settings", **FRONT))
+    if star is not None:
+        handles.append(Line2D([], [], label=f"recommended for {wanted:g}: {star.family}, {star.name}", **STAR))
+    handles.append(Patch(label="below the error of the reference", **BELOW))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+    return figure
+
+
+FRONT: dict[str, Any] = {"color": "black", "alpha": 0.2, "linewidth": 6}
+BELOW: dict[str, Any] = {"color": "black", "alpha": 0.1, "linewidth": 0}
+STAR: dict[str, Any] = {
+    "linestyle": "", "marker": "*", "markersize": 20, "color": "white", "markeredgecolor": "black",
+}  # fmt: skip
+
+
+def _panel(axes: Axes, study: Study, levels: Sequence[Setting], name: str) -> None:
+    best = [s for s in front(study.complete, name) if _error(s, name) < inf]
+    axes.plot([s.seconds for s in best], [_error(s, name) for s in best], zorder=1, **FRONT)
+    drawn: set[tuple[float, float]] = set()
+    for family, settings in groupby([*study.settings, *levels], key=lambda s: s.family):
+        points = [(s, _error(s, name)) for s in settings if 0 < _error(s, name) < inf]
+        look = _look(family)
+        line: dict[str, Any] = {"color": look["markeredgecolor"], "linewidth": 0.7, "zorder": 2}
+        if family in JOINED:
+            axes.plot([s.seconds for s, _ in points], [error for _, error in points], linestyle=":", **line)
+        usual = median(error for _, error in points) if points else inf
+        for s, error in points:
+            if (s.seconds, error) in drawn:
+                continue
+            drawn.add((s.seconds, error))
+            axes.plot([s.fastest, s.slowest], [error, error], **line)
+            axes.plot(s.seconds, error, zorder=3, **look)
+            beside = NAMES.get(s.name) or NAMES.get(family)
+            if beside and (family == FORMULA or not 1 / BEYOND < error / usual < BEYOND):
+                axes.annotate(
+                    s.name, (s.seconds, error), xytext=beside[0], textcoords="offset points",
+                    ha=beside[1], va="center", fontsize="x-small",
+                )  # fmt: skip
+    low, high = axes.get_ylim()
+    if (study.floor[name] or 0.0) > low:
+        axes.axhspan(low, study.floor[name] or 0.0, zorder=0, **BELOW)
+    axes.set_ylim(low, high)
+
+
+def _look(family: str) -> dict[str, Any]:
+    marker, colour = STYLES.get(family, (".", "black"))
+    stroke = marker == "|"
+    return {
+        "linestyle": "", "marker": marker, "color": colour, "markersize": 9 if stroke else 7,
+        "markeredgecolor": colour if stroke else "black", "markeredgewidth": 2.0 if stroke else 0.6,
+    }  # fmt: skip
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = parser(__doc__, "figures/accuracy.png")
+    options.add_argument("study", metavar="DIR", help="folder of granular-lmp cost")
+    options.add_argument("--wanted", type=_accuracy, default=1e-3, metavar="ERROR", help="marked (default: 1e-3)")
+    options.add_argument("--json", metavar="FILE", help="write the level of model as JSON")
+    chosen = options.parse_args(argv)
+    study = Study.load(chosen.study)
+    levels = models(study)
+    print(table(study, levels))
+    if left_out := unheld(study.record):
+        print(f"no theory here holds {', '.join(left_out)}: LAMMPS stands alone")
+    save(draw(study, levels, chosen.wanted), chosen.output)
+    print(chosen.output)
+    if chosen.json:
+        write(Path(chosen.json), json.dumps([asdict(level) for level in levels], indent=2) + "\n")
+    return 0
+
+
+def _accuracy(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a number between 0 and 1")
+    return value
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,150 @@
+"""The same crystal with either adhesion law, DMT and JKR: forces, second harmonic, resonance and antiresonance.
+
+    granular-analysis adhesion_laws SWEEP... [-o FILE]
+
+Each SWEEP is the folder of a sweep of TR waves over ``sphere.adhesion_law`` and wave number, and over two time steps h
+and h/2 if Richardson's extrapolation is wanted; ``make adhesion`` makes them. The table has the second harmonic of the
+runs beside theory, and where resonance and antiresonance are, by theory and by the runs (`analysis.measure.spectrum`).
+The two panels below are theory alone, in the paper's geometry.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import second_harmonic as closed
+from analysis.cases.spectrum.case import one_crystal
+from analysis.measure.runs import sweep
+from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
+from analysis.plotting import SILICA, letter, parser, show, start
+from analysis.theory.adhesion import Adhesion
+from analysis.theory.choice import wave_of
+from analysis.theory.contact import Contact
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "tab:red"}
+# Of a contact that nothing presses: k1Δ0 in πwRc, and Δ0 in that of the DMT law
+UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
+
+
+def force(law: Adhesion, overlap: Floats) -> Floats:
+    """Force, in πwRc, that pushes two spheres at overlaps in Δ0 of the DMT law; nan where they do not touch."""
+    adhesion = Contact(SILICA, adhesion_law=law).adhesion
+    size, length = UNITS[law]
+    own = overlap / length
+    inside = np.maximum(own, adhesion.least_overlap)
+    return np.where(own < adhesion.least_overlap, np.nan, -size * adhesion.pull(inside, adhesion.radius(inside)))
+
+
+def by_law(records: Sequence[Record]) -> dict[Adhesion, list[Record]]:
+    """Return the runs of each law by wave number, pairs of steps extrapolated; of two cells with one wave the last.
+
+    Raises
+    ------
+    ValueError
+        If runs of one law have different contacts, waves other than TR, or are none of the spectrum's.
+    """
+    groups: dict[Adhesion, list[Record]] = {}
+    for record in records:
+        if reason := refusal(record):
+            raise ValueError(f"{record.folder}: {reason}")
+        if record.scene.wave.mode != "TR":
+            raise ValueError(f"{record.folder}: wave.mode = {record.scene.wave.mode!r}: must be 'TR'")
+        groups.setdefault(wave_of(record).contact.adhesion_law, []).append(record)
+    for runs in groups.values():
+        one_crystal(runs)
+    return {
+        law: sorted({round(each.scene.wavenumber, 9): each for each in extrapolated(runs)}.values(), key=_wavenumber)
+        for law, runs in sorted(groups.items())
+    }
+
+
+def _wavenumber(record: Record) -> float:
+    return record.scene.wavenumber
+
+
+def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
+    """Deviation of the runs from theory by law, and both locations, of runs and theory."""
+    lines = [f"{'law':5}{'kappa':>10}{'runs':>6}{'deviation, median':>19}{'largest':>10}"]
+    for law, records in groups.items():
+        off = np.abs([point(record).deviation for record in records])
+        kappa = wave_of(records[0]).contact.kappa
+        lines.append(f"{law:5}{kappa:10.6f}{len(off):6}{np.median(off):19.1e}{off.max():10.1e}")
+    lines.append(f"\n{'law':5}{'':15}{'from the runs':>21}{'theory':>12}{'difference':>12}")
+    for law, records in groups.items():
+        constants = wave_of(records[0]).ratios
+        found = {
+            "resonance": (locate_resonance(records), closed.resonance(constants)),
+            "antiresonance": (locate_antiresonance(map(point, records)), closed.antiresonance(constants) or np.nan),
+        }
+        for name, ((place, error), expected) in found.items():
+            lines.append(f"{law:5}{name:15}{place:11.6f} ±{error:8.1e}{expected:12.6f}{place - expected:12.1e}")
+    return "\n".join(lines)
+
+
+def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
+    """Return the figure: forces, spectrum with the runs on theory, and where theory has resonance and antiresonance."""
+    figure = Figure(figsize=(9.5, 7.5), layout="constrained")
+    (forces, spectrum), (ratios, pressed) = figure.subplots(2, 2)
+    _draw_forces(forces)
+    for law, records in groups.items():
+        _draw_spectrum(spectrum, law, [point(record) for record in records], wave_of(records[0]).ratios)
+    spectrum.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi), ylim=(3e-6, 300))
+    spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", title="second harmonic of TR waves")
+    spectrum.legend(frameon=False, fontsize="small", loc="upper left")
+
+    nu = np.linspace(-0.99, 0.5, 150)
+    _draw_places(ratios, nu, {law: [Contact(each, adhesion_law=law) for each in nu] for law in COLOURS})
+    ratios.set(xlabel=r"Poisson's ratio $\nu$", title="without an outer force")
+    share = np.linspace(0, 0.9999, 150)
+    contacts = {law: [Contact(SILICA, adhesion_law=law, prestress=each) for each in share] for law in COLOURS}
+    _draw_places(pressed, share, contacts)
+    pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
+    ratios.legend(frameon=False, fontsize="small", loc="upper left")
+    letter((forces, spectrum, ratios, pressed))
+    return figure
+
+
+def _draw_forces(axes: Axes) -> None:
+    overlap = np.linspace(-0.45, 2.0, 2001)
+    for law, colour in COLOURS.items():
+        axes.plot(overlap, force(law, overlap), color=colour, label=law.upper())
+        axes.plot(UNITS[law][1], 0.0, "o", color=colour)
+    axes.axhline(0, color="0.7", linewidth=0.8, zorder=0)
+    axes.set(xlabel=r"overlap, in $\Delta_0$ of DMT", ylabel=r"force ($\pi w R_c$)", title="contact forces; o: at rest")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _draw_spectrum(axes: Axes, law: Adhesion, points: Sequence[Point], constants: closed.Ratios) -> None:
+    grid = np.linspace(0.02, np.pi - 0.02, 4000)
+    curve = [abs(closed.generated_amplitude(closed.mode("TR", float(xi), constants), constants)) / 2 for xi in grid]
+    axes.semilogy(grid, curve, color=COLOURS[law], linewidth=1, label=f"{law.upper()}, theory")
+    marks = {"markersize": 4, "color": COLOURS[law], "markerfacecolor": "white", "label": f"{law.upper()}, LAMMPS"}
+    axes.semilogy([each.wavenumber for each in points], [abs(each.value) for each in points], "o", **marks)
+
+
+def _draw_places(axes: Axes, over: Floats, contacts: Mapping[Adhesion, Sequence[Contact]]) -> None:
+    for law, these in contacts.items():
+        places = {
+            ("resonance", "-"): [closed.resonance(each.ratios) for each in these],
+            ("antiresonance", "--"): [closed.antiresonance(each.ratios) or np.nan for each in these],
+        }
+        for (name, dashes), values in places.items():
+            axes.plot(over, values, dashes, color=COLOURS[law], label=f"{law.upper()}, {name}")
+    axes.set(ylabel=r"$\xi$ (rad per row)", ylim=(1, np.pi))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/adhesion_laws.png", sweeps="folders of sweeps over sphere.adhesion_law")
+    chosen = options.parse_args(arguments)
+    return show(lambda: by_law([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,237 @@
+"""The second harmonic behind an interface: how much was made before it, and how much at it and behind.
+
+    granular-analysis behind SWEEP [-o FILE]
+
+SWEEP is a sweep of a tone of TR waves over the first row of an inclusion that reaches the upper end: runs of one
+interface at several distances from the source, with snapshots; ``make scattering`` makes one. A TR wave of the
+frequency Ω drives p at 2Ω. With the rows n counted from the interface, and a, b the amplitudes of u there, behind
+
+    p_n(2Ω) = F b² e^{2iξn} + B a² e^{ikn} + (what comes back from the end) e^{−ikn},    ξ of TR at Ω, k of L at 2Ω
+
+F is forced: it is made all along, behind. B is a free wave, and so is P, its like in front with the wave numbers there.
+P starts at the source, and arrives with a phase that turns with the distance. What is made at the interface, where the
+forced waves of both sides meet, does not:
+
+    B = τ P + H
+
+τ and H are fitted to the runs. τ P was made before, H at the interface. |τ| is known from the linear lattice,
+`analysis.theory.transfer`, which the fit knows nothing of.
+
+Breaks where L waves do not run at 2Ω on both sides, and for distances that are all one beat, 2π/(2ξ − k), apart.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.cases.scatter.case import rows_at_rest
+from analysis.measure.rows import waves
+from analysis.measure.runs import all_but, sweep
+from analysis.measure.sheets import fields_of
+from analysis.plotting import parser, show, start
+from analysis.theory.transfer import Rows, running, scattering
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complexfloating]
+PERIODS = 10  # amplitudes are taken over as many periods of Ω at the end of a run
+PER_PERIOD = 4  # fewest samples in a period of 2Ω
+NEAR = 3  # rows beside source, interface and quiet end that are left out: near fields have decayed there
+FEWEST = 4  # runs
+
+
+@dataclass(frozen=True)
+class Behind:
+    """One run, amplitudes in u(Ω)² at the interface on their side; complex.
+
+    Attributes
+    ----------
+    distance : rows from the source to the interface.
+    forced_before, forced : of the waves with 2ξ in front and behind.
+    free_before, free : P and B; both over a².
+    passed : b²/a².
+    residual : what the waves behind leave of p at 2Ω, relative.
+    """
+
+    distance: float
+    forced_before: complex
+    forced: complex
+    free_before: complex
+    free: complex
+    passed: complex
+    residual: float
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The free wave behind, by where it is made.
+
+    Attributes
+    ----------
+    runs : by distance.
+    passes : τ.
+    passes_in_theory : |τ| of the linear lattice.
+    interface : H.
+    residual : what τP + H leaves of B, root mean square over that of B.
+    """
+
+    runs: list[Behind]
+    passes: complex
+    passes_in_theory: float
+    interface: complex
+    residual: float
+
+
+def amplitudes(tau: Floats, rate: Floats, frequency: float) -> tuple[Complexes, Complexes]:
+    """Return the displacements at Ω and at 2Ω, X of Re[X e^{−iΩτ}], from velocities (T, …) over the last periods.
+
+    Raises ValueError for fewer than twice as many periods, and fewer than `PER_PERIOD` samples in a period of 2Ω.
+    """
+    if np.diff(tau).max(initial=0.0) > np.pi / frequency / PER_PERIOD:
+        raise ValueError(f"samples every tau = {np.diff(tau).max():.4g}: must be {PER_PERIOD} in a period of 2Ω")
+    length = PERIODS * 2 * np.pi / frequency
+    if tau[-1] < 2 * length:
+        raise ValueError(f"tau = {tau[-1]:.6g} at the end: must be at least {2 * length:.6g}, {2 * PERIODS} periods")
+    late = tau > tau[-1] - length
+    angle = frequency * tau[late]
+    basis = np.column_stack([np.ones_like(angle), *(f(k * angle) for k in (1, 2) for f in (np.cos, np.sin))])
+    found = np.linalg.lstsq(basis, rate[late].reshape(len(angle), -1), rcond=None)[0]
+    first, second = ((found[2 * k - 1] + 1j * found[2 * k]) / (-1j * k * frequency) for k in (1, 2))
+    return first.reshape(rate.shape[1:]), second.reshape(rate.shape[1:])
+
+
+def measure(record: Record) -> tuple[Behind, Rows, float]:
+    """Return what a run has behind its interface, its rows at rest, and Ω in their unit.
+
+    Raises ValueError for a run that is no TR tone before one interface, or that theory does not hold.
+    """
+    scene = record.scene
+    rows, unit = rows_at_rest(record)
+    (source,) = scene.source
+    last = scene.shape.rows - 1
+    if source.signal != "tone" or scene.wave.mode != "TR" or source.force != "x":
+        raise ValueError(f"{record.folder}: must have a tone of force along x, and wave.mode = TR")
+    if len(scene.inclusion) != 1 or list(scene.inclusion[0].rows)[1:] != [last]:
+        raise ValueError(f"{record.folder}: must have one inclusion, of rows up to the last, {last}")
+    frequency = source.pulsation(scene.sphere, float(record.info["frequency"]))
+    first, top, quiet = scene.inclusion[0].rows[0], source.rows[1], int(scene.absorb.rows)
+    sides = [running(each, f * frequency / unit) for each in (rows, rows.reversed) for f in (1, 2)]
+    if any(name not in side for name, side in zip(("TR", "L", "TR", "L"), sides, strict=True)):
+        raise ValueError(
+            f"{record.folder}: TR must run at {frequency:.6g} rad per t0, and L at twice that, on both sides"
+        )
+    before, before_twice, after, after_twice = (
+        side[name].wavenumber for name, side in zip(("TR", "L", "TR", "L"), sides, strict=True)
+    )
+    snapshots = record.snapshots()
+    shape = (len(snapshots.tau), scene.shape.rows, scene.shape.columns, 3)
+    rate = fields_of(snapshots, "velocity", "spin").reshape(shape).mean(axis=2)
+    at_once, at_twice = amplitudes(snapshots.tau, rate, frequency)
+    front, back = np.arange(top + 1 + NEAR, first - NEAR), np.arange(first + NEAR, last - quiet - NEAR)
+    n, m = front - (first - 0.5), back - (first - 0.5)
+    (a, _), _ = waves(at_once[front, 0], n, (before, -before))
+    (b, _), _ = waves(at_once[back, 0], m, (after, -after))
+    # The reflected wave drives p too, alone and with the incident one
+    ahead, _ = waves(at_twice[front, 1], n, (2 * before, before_twice, -before_twice, -2 * before, 0.0))
+    (forced, free, _), left = waves(at_twice[back, 1], m, (2 * after, after_twice, -after_twice))
+    distance = first - 0.5 - top
+    return (
+        Behind(distance, ahead[0] / a**2, forced / b**2, ahead[1] / a**2, free / a**2, b**2 / a**2, left),
+        rows,
+        frequency / unit,
+    )
+
+
+def parts(records: Sequence[Record]) -> Parts:
+    """Return what makes the free wave behind an interface, from runs with several distances of the source.
+
+    Raises ValueError for fewer than `FEWEST` runs, for runs that differ in more than that, and as `measure`.
+    """
+    if len(records) < FEWEST:
+        raise ValueError(f"{len(records)} runs: must be {FEWEST} at least, with the interface in other rows")
+    kinds = {repr(all_but(record, "inclusion.rows")) for record in records}
+    if len(kinds) > 1:
+        raise ValueError(f"{len(kinds)} kinds of runs: must be of one interface, and differ in its first row alone")
+    measured = [measure(record) for record in records]
+    found = sorted((each for each, _, _ in measured), key=lambda each: each.distance)
+    _, rows, frequency = measured[0]
+    passes, interface, residual = split(found)
+    return Parts(found, passes, passage(rows, 2 * frequency), interface, residual)
+
+
+def split(found: Sequence[Behind]) -> tuple[complex, complex, float]:
+    """Return τ and H of the free waves of several runs, and what τP + H leaves of B, relative."""
+    before, behind = (np.array([getattr(each, name) for each in found]) for name in ("free_before", "free"))
+    basis = np.column_stack([before, np.ones_like(before)])
+    (passes, interface), *_ = np.linalg.lstsq(basis, behind, rcond=None)
+    left = np.linalg.norm(basis @ [passes, interface] - behind) / np.linalg.norm(behind)
+    return complex(passes), complex(interface), float(left)
+
+
+def passage(rows: Rows, frequency: float) -> float:
+    """Return |v| behind over |v| in front of an L wave that passes the rows, from the share of its energy."""
+    share = scattering(rows, frequency, "L").transmitted["L"]
+    front, back = (running(each, frequency)["L"] for each in (rows, rows.reversed))
+    carried = [wave.flux / np.abs(wave.here[1]) ** 2 for wave in (front, back)]
+    return float(np.sqrt(share * carried[0] / carried[1]))
+
+
+def table(found: Parts) -> str:
+    """Return the amplitudes over a², a line for each run, and their parts."""
+    lines = [f"{'rows to the interface':>21}{'forced behind':>15}{'free behind':>13}{'made before':>13}{'left':>9}"]
+    for each in found.runs:
+        numbers = (abs(each.forced * each.passed), abs(each.free), abs(found.passes * each.free_before))
+        lines.append(f"{each.distance:21.1f}{numbers[0]:15.5f}{numbers[1]:13.5f}{numbers[2]:13.5f}{each.residual:9.1e}")
+    return "\n".join(
+        [
+            *lines,
+            f"made at the interface: {abs(found.interface):.5f}; both parts leave {found.residual:.1e} of the free one",
+            f"what is made before passes with {abs(found.passes):.4f}, in theory with {found.passes_in_theory:.4f}",
+        ]
+    )
+
+
+def draw(found: Parts) -> Figure:
+    """Draw the moduli over the distance of the source, and the free wave behind in the complex plane."""
+    figure = Figure(figsize=(9.5, 3.9), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    at = [each.distance for each in found.runs]
+    free = np.array([each.free for each in found.runs])
+    before = found.passes * np.array([each.free_before for each in found.runs])
+    forced = [abs(each.forced * each.passed) for each in found.runs]
+    left.plot(at, np.abs(free), "o", color="black", label="free wave behind")
+    left.plot(at, np.abs(before + found.interface), "x", color="tab:red", label="sum of the two parts")
+    left.plot(at, np.abs(before), "^", color="tab:blue", markersize=5, label="part made before the interface")
+    left.axhline(abs(found.interface), color="tab:orange", linewidth=1, label="part made at the interface")
+    left.plot(at, forced, "s", color="tab:green", markersize=4, label="forced wave behind, made all along")
+    left.set(
+        xlabel="rows from the source to the interface", ylabel=r"$p$ at $2\Omega$ over $a^2$ ($1/D_0$)", ylim=(0, None)
+    )
+    left.legend(frameon=False, fontsize="x-small", loc="lower right")
+    turn = np.linspace(0, 2 * np.pi, 200)
+    circle = found.interface + np.mean(np.abs(before)) * np.exp(1j * turn)
+    right.plot(circle.real, circle.imag, color="tab:blue", linewidth=0.8)
+    right.plot(free.real, free.imag, "o", color="black")
+    right.plot(found.interface.real, found.interface.imag, "+", color="tab:orange", markersize=10)
+    right.axhline(0, color="0.8", linewidth=0.6, zorder=0)
+    right.axvline(0, color="0.8", linewidth=0.6, zorder=0)
+    right.set(aspect="equal", xlabel="Re $B$ ($1/D_0$)", ylabel="Im $B$ ($1/D_0$)")
+    for axes in (left, right):
+        axes.ticklabel_format(scilimits=(-2, 3))
+    right.set_title("free wave behind; cross: made at the interface", fontsize="small")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/behind.png")
+    options.add_argument("sweep", metavar="SWEEP", help="sweep over the first row of an inclusion")
+    chosen = options.parse_args(arguments)
+    return show(lambda: parts(sweep(chosen.sweep)), table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

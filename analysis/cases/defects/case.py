@@ -1,0 +1,232 @@
+"""A wave meets one defect: the scattered field, and how much of the wave it takes, against the network and theory.
+
+    granular-analysis defects PERFECT DEFECT... [-o FILE]
+
+PERFECT and each DEFECT are run folders of one scene, whose crystal is perfect and holds one inclusion of one sphere: a
+vacancy or another density. All have snapshots of all spheres (``output.particles``); ``make disorder`` makes them. The
+scattered field is the difference of the two runs. Its energy E grows as the incident flux through the scattering width
+W, the cross-section of two dimensions:
+
+    E(τ) = W v_g ε (τ − τ0),    ε: energy of the incident wave per area, v_g its group speed.
+
+E is twice the kinetic energy, and W comes from a line with oscillations at 2Ω fitted to it from `SETTLED` on. The same
+is done with the witness `analysis.theory.network`, which starts from the first snapshots of the same runs; and for a
+heavy sphere W is known in closed form, `analysis.theory.born.impurity_width`.
+
+Breaks once scattered waves have gone around the periodic cell and meet the defect again: keep runs shorter than the
+cell's width over the speed of L waves, 0.43 lattice constants per t0. The wave must be small (D0 = 0.01 Δ0).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.measure.runs import load
+from analysis.measure.sheets import fields_of
+from analysis.measure.snapshot import first_snapshot
+from analysis.plotting import parser, show, start
+from analysis.theory import catalogue
+from analysis.theory.born import CELL, group_speed, impurity_width
+from analysis.theory.choice import contact_of, traits_of
+from analysis.theory.network_motion import integrate
+from analysis.theory.quasilinear import Sheet
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+
+HELD = catalogue.HOLDS["granular-analysis oblique"] - {catalogue.OBLIQUE} | {
+    f"inclusion.{name}" for name in ("spheres", "vacancy", "density")
+}
+SETTLED = 20.0  # τ: by then the defect and its neighbours move as they go on to do
+RTOL = 1e-9  # for the witness
+
+
+@dataclass(frozen=True)
+class Scattering:
+    """One defect.
+
+    Attributes
+    ----------
+    name : what the defect is.
+    tau : (T,).
+    places : (N, 2) in lattice constants, without the defect.
+    field : (T, N, 2) scattered displacement over the incident amplitude, in LAMMPS.
+    widths : (T,) scattered energy over the incident flux per time, E/(v_g ε), of LAMMPS and of the network.
+    width, width_of_network : W, lattice constants.
+    theory : W in closed form, None for a vacancy.
+    difference : largest difference of the scattered fields of LAMMPS and the network, over the largest displacement in
+        them.
+    """
+
+    name: str
+    tau: Floats
+    places: Floats
+    field: Floats
+    widths: Floats
+    widths_of_network: Floats
+    width: float
+    width_of_network: float
+    theory: float | None
+    difference: float
+
+
+def defect_of(record: Record) -> tuple[int, float]:
+    """Return the index of the one sphere that differs, row by row, and its density over the others'; 0: it is missing.
+
+    Raises ValueError for a run with anything else that is not perfect.
+    """
+    if left := sorted(traits_of(record) - HELD):
+        raise ValueError(f"{record.folder}: {', '.join(left)}: the figure of defects leaves that out")
+    inclusions = record.scene.inclusion
+    if len(inclusions) != 1 or len(inclusions[0].spheres) != 1 or inclusions[0].rows or len(inclusions[0].disc):
+        raise ValueError(f"{record.folder}: needs one [[inclusion]] with one sphere, spheres = [[row, column]]")
+    (each,) = inclusions
+    if not each.vacancy and set(each.of_material) != set() or each.radius is not None:
+        raise ValueError(f"{record.folder}: the sphere must be missing, or differ in density alone")
+    (row, column), sphere = each.spheres[0], record.scene.sphere
+    ratio = 0.0 if each.vacancy else (each.density or sphere.density) / sphere.density
+    return row * record.scene.shape.columns + column, ratio
+
+
+def witness(record: Record, tau: Floats) -> tuple[Floats, Floats]:
+    """Return fields and rates (T, N, 3) of u, v, Rθ in D0 of the network that starts from a run's first snapshot."""
+    first = first_snapshot(record)
+    motion = integrate(first.network, first.state, tau * first.time, rtol=RTOL).motion
+    scale = np.array([1.0, 1.0, first.radius])[:, None] / first.length
+    return np.moveaxis(motion[:, :3] * scale, 1, 2), np.moveaxis(motion[:, 3:] * scale * first.time, 1, 2)
+
+
+def width_of(tau: Floats, energy: Floats, frequency: float) -> float:
+    """Return the slope of E(τ), (T,), from `SETTLED` on, beside oscillations at 2Ω.
+
+    Raises ValueError for fewer than six samples.
+    """
+    late = tau >= SETTLED
+    if np.count_nonzero(late) < 6:
+        raise ValueError(f"{np.count_nonzero(late)} snapshots from tau = {SETTLED:g} on; six are needed at least")
+    x = tau[late]
+    basis = np.stack([x, np.ones_like(x), np.cos(2 * frequency * x), np.sin(2 * frequency * x)], axis=1)
+    return float(np.linalg.lstsq(basis, energy[late], rcond=None)[0][0])
+
+
+def compare(perfect: Record, record: Record) -> Scattering:
+    """Measure the scattering of a run's defect, in LAMMPS and by the network.
+
+    Raises ValueError if the two runs differ in more than the inclusion, or hold no single defect.
+    """
+    index, ratio = defect_of(record)
+    scene, contact = record.scene, contact_of(record)
+    same = {key: value for key, value in scene.departures().items() if key not in ("name", "inclusion")}
+    other = {key: value for key, value in perfect.scene.departures().items() if key != "name"}
+    if different := sorted(key for key in same.keys() | other.keys() if same.get(key) != other.get(key)):
+        raise ValueError(
+            f"{record.folder} and {perfect.folder} differ in {', '.join(different)}, not in a defect alone"
+        )
+    sphere, shape = scene.sphere, scene.shape
+    count = shape.rows * shape.columns
+    there = np.arange(count) != index if ratio == 0 else np.ones(count, bool)
+    mass = np.where(np.arange(count) == index, ratio, 1.0)
+    runs = record.snapshots(), perfect.snapshots()
+    tau = runs[0].tau
+    if len(tau) != len(runs[1].tau) or not np.allclose(tau, runs[1].tau):
+        raise ValueError(f"{record.folder} and {perfect.folder}: their snapshots are of different times")
+    lammps = [tuple(fields_of(each, *names) for names in _FIELDS) for each in runs]
+    network = [witness(each, tau) for each in (record, perfect)]
+    fraction, inertia = contact.overlap_ratio, np.array([1.0, 1.0, contact.inertia])
+    incident = np.mean(lammps[1][1] ** 2 @ inertia)  # twice the kinetic energy of a sphere, averaged
+    speed = group_speed(scene.wave.mode, scene.wavenumber, contact)
+    apart, energies = [], []
+    for (fields, rates), (fields_without, rates_without) in (lammps, network):
+        apart.append((fields - fields_without[:, there])[..., :2])
+        twice_kinetic = ((rates - rates_without[:, there]) ** 2 @ inertia) @ mass[there]
+        energies.append(twice_kinetic * CELL / (speed * incident))
+    frequency = float(record.info["frequency"])
+    places = Sheet(shape.rows, shape.columns, sphere.poisson_ratio, fraction).rest
+    return Scattering(
+        "vacancy" if ratio == 0 else f"sphere {ratio:g} times as heavy",
+        tau,
+        (places - places[index])[there],
+        apart[0],
+        energies[0],
+        energies[1],
+        width_of(tau, energies[0], frequency),
+        width_of(tau, energies[1], frequency),
+        None if ratio == 0 else impurity_width(scene.wave.mode, scene.wavenumber, ratio, contact),
+        float(np.abs(apart[0] - apart[1]).max() / np.abs(apart[1]).max()),
+    )
+
+
+_FIELDS = (("displacement", "rotation"), ("velocity", "spin"))
+
+
+def table(found: Sequence[Scattering]) -> str:
+    """Return the scattering widths in lattice constants."""
+    lines = [
+        f"{'scattering width in lattice constants':40}{'LAMMPS':>9}{'network':>9}{'theory':>9}{'fields differ by':>18}"
+    ]
+    for each in found:
+        theory = "" if each.theory is None else f"{each.theory:.3f}"
+        lines.append(f"{each.name:40}{each.width:9.3f}{each.width_of_network:9.3f}{theory:>9}{each.difference:18.1e}")
+    return "\n".join(lines)
+
+
+def draw(found: Sequence[Scattering]) -> Figure:
+    """Draw for each defect the scattered displacement across and along the wave, and its energy over time."""
+    figure = Figure(figsize=(12.5, 4.1 * len(found)), layout="constrained")
+    panels = figure.subplots(len(found), 3, squeeze=False)
+    for row, each in zip(panels, found, strict=True):
+        shown = int(np.argmin(np.abs(each.tau - 0.75 * each.tau[-1])))
+        largest = np.percentile(np.abs(each.field[shown]), 99.5)
+        for axes, component, label in ((row[0], 0, "across $k$"), (row[1], 1, "along $k$")):
+            image = axes.scatter(
+                *each.places.T, c=each.field[shown, :, component], s=7, cmap="RdBu", vmin=-largest, vmax=largest,
+                marker="h", linewidths=0, rasterized=True,
+            )  # fmt: skip
+            axes.plot(0, 0, "k.", markersize=3)
+            axes.set(aspect="equal", xlabel="x (lattice constants)")
+            axes.set_title(f"{each.name}: {label}", fontsize="medium")
+        row[0].set_ylabel("y, along the wave")
+        figure.colorbar(image, ax=list(row[:2]), label=rf"scattered / $D_0$, $\tau$ = {each.tau[shown]:g}", shrink=0.8)
+        _energy(row[2], each)
+    return figure
+
+
+def _energy(axes: Axes, each: Scattering) -> None:
+    axes.plot(each.tau, each.widths, "o", markersize=3.5, color="tab:blue", label=f"LAMMPS, $W$ = {each.width:.3f}")
+    axes.plot(
+        each.tau,
+        each.widths_of_network,
+        color="black",
+        linewidth=1,
+        label=f"network, $W$ = {each.width_of_network:.3f}",
+    )
+    if each.theory is not None:
+        middle = each.tau >= SETTLED
+        offset = np.mean(each.widths[middle] - each.theory * each.tau[middle])
+        line = each.tau[middle]
+        axes.plot(line, offset + each.theory * line, "--", color="tab:red", label=f"theory, $W$ = {each.theory:.3f}")
+    axes.set(xlabel=r"time $\tau$", ylabel="scattered energy / incident flux ($t_0$ lattice constants)")
+    axes.set(xlim=(0, None), ylim=(0, None))
+    axes.set_title("growth of the scattered energy", fontsize="medium")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/defects.png", run="run folder of the perfect crystal")
+    options.add_argument("defects", nargs="+", metavar="DEFECT", help="run folders of the same with one defect")
+    chosen = options.parse_args(arguments)
+
+    def found() -> list[Scattering]:
+        perfect = load(chosen.run)
+        return [compare(perfect, load(folder)) for folder in chosen.defects]
+
+    return show(found, table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,114 @@
+"""The front of an impact on a chain of heavy and light spheres: its decay, and what it leaves in the light ones.
+
+    granular-analysis dimers RUN [RUN ...] [-o FILE]
+
+RUN is a run folder of the shipped ``dimer_chain`` with any density of its light spheres, and ``time.sample`` at most
+0.15. Lines are those of `analysis.theory.dimer`, points are LAMMPS. The resonances and antiresonances of the theory
+are printed, and a line for each run.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.measure.strikes import require
+from analysis.plotting import letter, parser, show, start
+from analysis.theory.dimer import (
+    CELLS,
+    STEP,
+    antiresonance,
+    decay_of,
+    rattle_of,
+    resonance,
+    struck,
+)
+from granular_lmp.impact.record import ImpactRecord
+
+RATIOS = np.sort(
+    np.concatenate(
+        # The first three resonances are among them, where the line would pass above its lowest points
+        [
+            np.arange(0.04, 0.1, 0.002),
+            np.arange(0.1, 0.2, 0.005),
+            np.linspace(0.2, 1.0, 65),
+            (0.09013, 0.15475, 0.34285),
+        ]
+    )
+)
+RESONANCES = ((0.34, 0.35), (0.15, 0.16), (0.088, 0.092), (0.06, 0.063))  # an interval around each
+ANTIRESONANCES = ((0.5, 0.65), (0.2, 0.28), (0.11, 0.14), (0.07, 0.085))
+SMALLEST = 1e-7  # λ of a run at a resonance is an error of the step, of either sign
+
+
+def measured(record: ImpactRecord) -> tuple[float, float, float]:
+    """Return ε, λ and r of a run.
+
+    Raises ValueError if the chain is not of heavy and light spheres in turn, a heavy one first, which strikes alone, or
+    the record lacks spheres or is too coarse.
+    """
+    name, problem = record.scene.name, record.problem
+    mass, stiffness = problem.mass, problem.coefficients
+    ratio = float(mass[1] / mass[0])
+    in_turn = np.allclose(mass, np.where(np.arange(len(mass)) % 2, ratio, 1.0), rtol=1e-12)
+    if not in_turn or ratio > 1 or np.ptp(stiffness) > 1e-12 or [each.tolist() for each in problem.strikers] != [[0]]:
+        raise ValueError(
+            f"{name}: must be a chain of heavy and light spheres in turn that its first, heavy one strikes"
+        )
+    require(record, "inclusion")
+    spacing = float(record.tau[1] - record.tau[0])
+    if spacing > STEP * (1 + 1e-9):
+        raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
+    velocity = np.full((len(record.tau), len(mass)), np.nan)
+    velocity[:, problem.recorded] = record.velocity[..., 1]
+    watched = slice(2 * CELLS[0], 2 * (CELLS[1] + 3) + 1)
+    if np.isnan(velocity[:, watched]).any():
+        raise ValueError(f"{name}: output.rows: must hold the rows {watched.start} to {watched.stop - 1}")
+    return ratio, decay_of(velocity), rattle_of(velocity)
+
+
+def draw(runs: Sequence[tuple[float, float, float]]) -> Figure:
+    """Return the panels: decay in a cell, and velocity of a light sphere behind the front, over the ratio of masses."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    decays, rattles = figure.subplots(1, 2)
+    chains = [struck(float(ratio)) for ratio in RATIOS]
+    decays.semilogy(RATIOS, [max(decay_of(each), SMALLEST) for each in chains], color="black", label="theory")
+    rattles.plot(RATIOS, [rattle_of(each) for each in chains], color="black")
+    ratio, decay, rattle = np.array(runs).T
+    decays.semilogy(ratio, np.maximum(decay, SMALLEST), "o", color="tab:red", markersize=4, label="LAMMPS")
+    rattles.plot(ratio, rattle, "o", color="tab:red", markersize=4)
+    decays.set(xlabel="mass of a light sphere / of a heavy one", ylabel=r"share $\lambda$ lost in a cell")
+    rattles.set(
+        xlabel="mass of a light sphere / of a heavy one", ylabel="velocity of a light sphere / height of the front"
+    )
+    rattles.axhline(0.0, color="grey", linewidth=0.8)
+    letter((decays, rattles))
+    for axes in (decays, rattles):
+        axes.grid(alpha=0.3)
+    decays.legend(frameon=False)
+    return figure
+
+
+def table(runs: Sequence[tuple[float, float, float]]) -> str:
+    """Return the resonances and the antiresonances of the theory, and a line for each run."""
+    lines = ["resonances      " + "".join(f"{resonance(*each):10.5f}" for each in RESONANCES)]
+    found = [antiresonance(*each) for each in ANTIRESONANCES]
+    lines += ["antiresonances  " + "".join(f"{ratio:10.4f}" for ratio, _ in found)]
+    lines += ["decay there     " + "".join(f"{decay:10.2e}" for _, decay in found)]
+    lines += [f"{'ratio':>8}{'decay':>12}{'theory':>12}{'rattle':>10}{'theory':>10}"]
+    for ratio, decay, rattle in sorted(runs):
+        exact = struck(ratio)
+        lines += [f"{ratio:8.5f}{decay:12.3e}{decay_of(exact):12.3e}{rattle:10.5f}{rattle_of(exact):10.5f}"]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/dimers.png", runs="run folder of a chain of heavy and light spheres").parse_args(
+        arguments
+    )
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,379 @@
+"""Contacts and waves in disordered crystals: contacts left, attenuation, sound speed, and the second harmonic.
+
+    granular-analysis disorder SWEEP... [-o FILE]
+
+Each SWEEP is the folder of a sweep over `disorder.seed` (``granular-lmp sweep``); ``make disorder`` makes all. What
+runs are for follows from their scenes: without snapshots they give the contacts that are left; with `disorder.density`
+the attenuation, beside Born's theory (`analysis.theory.born`); L waves with `disorder.radius` the sound speed; TR
+waves, run with `wave.phase` 0 and π, the second harmonic. `analysis.measure.disordered` says how each is read.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import second_harmonic as closed
+from analysis.measure.disordered import (
+    Key,
+    Value,
+    Waves,
+    attenuation,
+    contacts_left,
+    fundamentals,
+    half,
+    measured,
+    perfect_strength,
+    refuse,
+    resonance,
+    second_harmonics,
+    strength,
+    whole_strength,
+)
+from analysis.measure.runs import sweep
+from analysis.plotting import COLOURS, parser, show, start
+from analysis.theory.born import long_wave, scattered
+from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
+
+# Mean contacts per sphere of one crystal of 1020 spheres, by another protocol: the trial that this work began with
+TRIAL = {0.12: 6.0, 0.4: 5.996, 0.8: 5.737, 1.2: 5.428, 2.0: 5.12, 4.0: 4.714, 12.0: 4.271, 40.0: 3.971}
+HOLDS = {0.0: ("adhesion", "tab:blue", "o"), 1.0: ("compression", "tab:orange", "s")}
+RESONANCE = 1.8  # TR wave numbers below belong to the resonance (1.476), above to the antiresonance (2.129)
+SETTLED = 10.0  # τ: until then the scattered field is that of the start, and no decay yet
+SHORT = 40.0  # τ: the half height is given for this duration too
+
+
+@dataclass(frozen=True)
+class Found:
+    """All that the sweeps hold, by the kinds of runs."""
+
+    contacts: dict[tuple[float, float, float], Floats]
+    density: dict[Key, Waves]
+    sound: dict[Key, Waves]
+    harmonics: dict[Key, Waves]
+    amplitude: float  # D0/Δ0 of the TR waves
+
+    @property
+    def centre(self) -> float:
+        """Return the wave number of the resonance that was run at most spreads."""
+        counts: dict[float, int] = {}
+        for key in self.harmonics:
+            if key.wavenumber < RESONANCE:
+                counts[key.wavenumber] = counts.get(key.wavenumber, 0) + 1
+        return max(counts, key=lambda xi: counts[xi])
+
+    def over_spread(self, wavenumber: float, prestress: float) -> dict[float, Waves]:
+        """Return the second harmonics of one wave number by s > 0, of the cell with most seeds."""
+        found: dict[float, Waves] = {}
+        for key, waves in self.harmonics.items():
+            if (key.wavenumber, key.prestress) == (wavenumber, prestress) and key.spread > 0:
+                there = found.get(key.spread)
+                if there is None or len(there.amplitudes) < len(waves.amplitudes):
+                    found[key.spread] = waves
+        return dict(sorted(found.items()))
+
+    @property
+    def shapes(self) -> dict[float, dict[float, Waves]]:
+        """Return the resonances by s, under adhesion, in cells with four wave numbers or more."""
+        cells: dict[tuple[float, tuple[int, int]], dict[float, Waves]] = {}
+        for key, waves in self.harmonics.items():
+            if key.prestress == 0 and key.wavenumber < RESONANCE:
+                cells.setdefault((key.spread, key.cell), {})[key.wavenumber] = waves
+        return {spread: waves for (spread, _), waves in sorted(cells.items()) if len(waves) >= 4}
+
+    def perfect(self, wavenumber: float) -> Waves:
+        """Return the second harmonic of the perfect crystal.
+
+        Raises ValueError if no sweep holds it.
+        """
+        for key, waves in self.harmonics.items():
+            if (key.wavenumber, key.spread) == (wavenumber, 0.0):
+                return waves
+        raise ValueError(f"wave.wavenumber = {wavenumber:g} was not run in a perfect crystal (disorder.radius = 0)")
+
+
+def read(records: Iterable[Record]) -> Found:
+    """Sort runs by what their scenes make of them, and measure.
+
+    Raises ValueError for runs with anything else than disorder, and for pairs that are none.
+    """
+    kinds: dict[str, list[Record]] = {name: [] for name in ("contacts", "density", "sound", "harmonics")}
+    for record in records:
+        refuse(record)
+        scene = record.scene
+        kind = "sound" if scene.wave.mode == "L" else "harmonics"
+        if not scene.output.particles:
+            kind = "contacts"
+        elif scene.disorder.density:
+            kind = "density"
+        kinds[kind].append(record)
+    amplitudes = {record.scene.wave.amplitude for record in kinds["harmonics"]} or {0.0}
+    if len(amplitudes) > 1:
+        raise ValueError(f"wave.amplitude = {', '.join(map(str, sorted(amplitudes)))}: must be one for all TR waves")
+    return Found(
+        contacts_left(kinds["contacts"]),
+        fundamentals(kinds["density"]),
+        fundamentals(kinds["sound"]),
+        second_harmonics(kinds["harmonics"]),
+        amplitudes.pop(),
+    )
+
+
+def until(waves: Waves, duration: float) -> Waves:
+    """Return the samples at τ ≤ duration."""
+    early = waves.tau <= duration
+    return waves._replace(tau=waves.tau[early], amplitudes=waves.amplitudes[:, early])
+
+
+def half_height(found: Found, prestress: float, duration: float = np.inf) -> Value | None:
+    """Return the s at which the resonance is half as strong as in the perfect crystal, root mean square to a τ.
+
+    None if it stays above half.
+    """
+    perfect = strength(until(found.perfect(found.centre), duration).amplitudes)
+    heights = {
+        spread: measured(until(waves, duration)) for spread, waves in found.over_spread(found.centre, prestress).items()
+    }
+    if all(each.value >= perfect / 2 for each in heights.values()):
+        return None
+    return half(list(heights), list(heights.values()), perfect)
+
+
+def speeds(sound: Mapping[Key, Waves]) -> dict[float, Value]:
+    """Return the speed of long waves over that of the perfect crystal under the same force, by s."""
+    found = {}
+    for key, waves in sound.items():
+        _, shift = attenuation(waves)
+        found[key.spread] = Value(waves.frequency + shift.value, shift.error) / waves.frequency
+    return found
+
+
+def table(found: Found) -> str:
+    """Return all numbers of the figure as text."""
+    lines = []
+    if found.contacts:
+        lines.append("contacts per sphere\n   Delta0/2R friction        s      Z  error  seeds  trial")
+    for (ratio, friction, spread), values in found.contacts.items():
+        error = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+        trial = next((f"{z:7.3f}" for s, z in TRIAL.items() if np.isclose(s, spread, rtol=0.01)), "")
+        lines.append(
+            f"{ratio:12.3e}{friction:9.3g}{spread:9.3g}{values.mean():7.3f}{error:7.3f}{len(values):7d}{trial}"
+        )
+    if found.density:
+        lines.append(
+            "attenuation\n mode      xi   rate/sigma2      error  of theory  shift/sigma2     error  of theory"
+        )
+    for key, waves in found.density.items():
+        rate, shift = (each / key.variance for each in attenuation(waves, SETTLED))
+        theory = scattered(key.mode, key.wavenumber, waves.contact)
+        lines.append(
+            f"{key.mode:>5}{key.wavenumber:8.4f}{rate.value:14.4e}{rate.error:11.1e}{rate.value / theory.rate:11.3f}"
+            f"{shift.value:14.4e}{shift.error:10.1e}{shift.value / theory.shift:11.3f}"
+        )
+    if found.sound:
+        lines.append("sound speed over Hertz's\n       s   ratio    error")
+    lines += [f"{spread:8.3g}{each.value:8.4f}{each.error:9.4f}" for spread, each in speeds(found.sound).items()]
+    if found.harmonics:
+        lines.append("second harmonic in D0\n      xi       s  pressed   coherent      error      whole  seeds")
+    for key, waves in found.harmonics.items():
+        value, whole = measured(waves), whole_strength(waves.amplitudes)
+        lines.append(
+            f"{key.wavenumber:8.4f}{key.spread:8.3g}{key.prestress:9.3g}{value.value:11.3e}{value.error:11.1e}"
+            f"{whole:11.3e}{len(waves.amplitudes):7d}"
+        )
+    for spread, shape in found.shapes.items():
+        parts = resonance(shape, found.amplitude)._asdict().items()
+        text = ", ".join(f"{name} {each.value:.4f} +- {each.error:.4f}" for name, each in parts)
+        lines.append(f"resonance at s = {spread:.3g}, beside the closed form: {text}")
+    for prestress, (name, *_) in HOLDS.items() if found.harmonics else ():
+        if found.over_spread(found.centre, prestress):
+            for duration in (SHORT, found.perfect(found.centre).tau[-1]):
+                at = half_height(found, prestress, duration)
+                said = "beyond the spreads that were run" if at is None else f"s = {at.value:.3f} +- {at.error:.3f}"
+                lines.append(f"half height under {name}, tau <= {duration:g}: {said}")
+    return "\n".join(lines)
+
+
+def draw(found: Found) -> Figure:
+    """Draw what was found, a panel for each kind: contacts, attenuation, sound; height, shape, antiresonance."""
+    figure = Figure(figsize=(13.5, 8.2), layout="constrained")
+    panels = figure.subplots(2, 3)
+    _contacts(panels[0, 0], found)
+    _attenuation(panels[0, 1], found)
+    _sound(panels[0, 2], found)
+    if found.harmonics:
+        _heights(panels[1, 0], found)
+        _shapes(panels[1, 1], found)
+        _antiresonance(panels[1, 2], found)
+    for axes, letter in zip(panels.flat, "abcdef", strict=True):
+        if axes.has_data():
+            axes.set_title(f"({letter}) {axes.get_title('left')}", loc="left", fontsize="medium")
+        else:
+            axes.set_axis_off()
+    return figure
+
+
+def _contacts(axes: Axes, found: Found) -> None:
+    if not found.contacts:
+        return
+    axes.set_title("contacts left", loc="left")
+    marks = iter([("tab:blue", "o"), ("tab:orange", "s"), ("tab:green", "^")])
+    for crystals in sorted({(friction, ratio) for ratio, friction, _ in found.contacts}):
+        rows = [
+            (s, z.mean(), z.std() / max(len(z) - 1, 1) ** 0.5)
+            for (ratio, friction, s), z in found.contacts.items()
+            if (friction, ratio) == crystals
+        ]
+        friction, ratio = crystals
+        rubbed = rf", let go with $\mu$ = {friction:g}" if friction else ""
+        colour, mark = next(marks, ("tab:grey", "x"))
+        s, z, error = np.transpose(rows)
+        axes.errorbar(s, z, error, fmt=mark, color=colour, markersize=4, label=rf"$\Delta_0/2R$ = {ratio:.2g}{rubbed}")
+    axes.plot(*np.transpose(list(TRIAL.items())), "k+", markersize=8, label="trial, one crystal")
+    axes.axhline(4, color="black", linewidth=0.8, linestyle=":")
+    axes.text(0.045, 4.04, "isostatic without friction", fontsize="small")
+    axes.set(xscale="log", xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="contacts per sphere $Z$")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _attenuation(axes: Axes, found: Found) -> None:
+    if not found.density:
+        return
+    axes.set_title("attenuation by unequal densities", loc="left")
+    for name in ("L", "TR"):
+        rows = [
+            (key.wavenumber, *attenuation(waves, SETTLED)[0] / key.variance)
+            for key, waves in found.density.items()
+            if key.mode == name
+        ]
+        if not rows:
+            continue
+        contact = next(waves.contact for key, waves in found.density.items() if key.mode == name)
+        xi, rate, error = np.transpose(rows)
+        fine = np.geomspace(0.25, 2.6, 12)
+        axes.errorbar(xi, rate, error, fmt="o", color=COLOURS[name], markersize=4, label=f"{name}, LAMMPS")
+        axes.plot(
+            fine, [scattered(name, each, contact).rate for each in fine], color=COLOURS[name], label=f"{name}, Born"
+        )
+        axes.plot(
+            fine,
+            [long_wave(name, each, contact) for each in fine],
+            ":",
+            color=COLOURS[name],
+            label=rf"{name}, long waves, $q^3$",
+        )
+    axes.set(
+        xscale="log", yscale="log", xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"$\Gamma t_0/\sigma_\rho^2$"
+    )
+    axes.set_xticks([0.3, 0.5, 1, 2], ["0.3", "0.5", "1", "2"])
+    axes.minorticks_off()
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _sound(axes: Axes, found: Found) -> None:
+    if not found.sound:
+        return
+    axes.set_title("speed of long L waves, compressed", loc="left")
+    rows = sorted((spread**-1.5, *each) for spread, each in speeds(found.sound).items())
+    force, ratio, error = np.transpose(rows)
+    hertz = force ** (1 / 6)
+    axes.errorbar(force, ratio * hertz, error * hertz, fmt="ko", markersize=4, label="LAMMPS")
+    line = np.geomspace(force[0], force[-1], 2)
+    axes.plot(line, line ** (1 / 6), color="tab:grey", linewidth=1, label="equal spheres, $F^{1/6}$")
+    axes.set(xscale="log", yscale="log", xlabel=r"force per contact / that at which $s = 1$")
+    axes.set_ylabel("speed / that of equal spheres at $s = 1$")
+    ticks = [tick for tick in (0.4, 0.6, 0.8, 1, 1.2, 1.6, 2) if 0.9 * min(ratio * hertz) < tick < 1.1 * hertz[-1]]
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _heights(axes: Axes, found: Found) -> None:
+    axes.set_title(rf"resonance, $\xi$ = {found.centre:.3f}", loc="left")
+    perfect = strength(found.perfect(found.centre).amplitudes)
+    for prestress, (name, colour, mark) in HOLDS.items():
+        waves = found.over_spread(found.centre, prestress)
+        if not waves:
+            continue
+        value, error = np.transpose([measured(each) / perfect for each in waves.values()])
+        # Beyond, contacts that tear open drown what is coherent; where nothing coherent is left, the error is 0 as well
+        known = (error > 0) & (error < 0.15)
+        whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
+        marks: dict[str, Any] = {"color": colour, "markersize": 4}
+        s = np.array(list(waves))
+        axes.errorbar([0, *s[known]], [1, *value[known]], [0, *error[known]], fmt=f"{mark}-", label=name, **marks)
+        axes.plot(
+            list(waves), whole, f"{mark}:", markerfacecolor="white", **marks, label=f"{name}, with incoherent part"
+        )
+        if at := half_height(found, prestress):
+            axes.errorbar([at.value], [0.5], xerr=[at.error], fmt="k|", markersize=10)
+    axes.axhline(0.5, color="black", linewidth=0.8, linestyle=":")
+    axes.set(xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$", ylabel="second harmonic / that of equal spheres")
+    axes.set(xlim=(0, None), ylim=(0, 1.5))
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _shapes(axes: Axes, found: Found) -> None:
+    if not found.shapes:
+        return
+    axes.set_title("resonance, adhesion", loc="left")
+    for (spread, shape), colour in zip(
+        found.shapes.items(), ("black", "tab:blue", "tab:orange", "tab:green"), strict=False
+    ):
+        values = [measured(waves) for waves in shape.values()]
+        heights = 1e3 * np.array([each for each in values])
+        errors = np.nan_to_num(heights[:, 1])  # a perfect crystal has one seed
+        axes.errorbar(
+            list(shape), heights[:, 0], errors, fmt="o", color=colour, markersize=4, label=f"$s$ = {spread:.2g}"
+        )
+        fit = resonance(shape, found.amplitude)
+        xi, waves = np.linspace(min(shape), max(shape), 100), next(iter(shape.values()))
+        constants = waves.contact.secant_ratios
+        place = closed.resonance(constants) or np.nan
+        stretched = place + (xi - place - fit.shift.value) / fit.width.value
+        line = [perfect_strength(float(each), constants, found.amplitude, waves.tau) for each in stretched]
+        axes.plot(xi, 1e3 * fit.height.value * np.array(line), color=colour, linewidth=1)
+    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"second harmonic ($10^{-3} D_0$)", ylim=(0, None))
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _antiresonance(axes: Axes, found: Found) -> None:
+    places = sorted({key.wavenumber for key in found.harmonics if key.wavenumber > RESONANCE})
+    if not places:
+        return
+    axes.set_title(rf"antiresonance, $\xi$ = {places[0]:.3f}", loc="left")
+    perfect = strength(found.perfect(found.centre).amplitudes)
+    for prestress, (name, colour, mark) in HOLDS.items():
+        waves = found.over_spread(places[0], prestress)
+        if not waves:
+            continue
+        value, error = np.transpose([measured(each) for each in waves.values()]) / perfect
+        seen = value > 3 * error  # no coherent part is seen where it may be chance
+        marks: dict[str, Any] = {"color": colour, "markersize": 4}
+        axes.errorbar(np.array(list(waves))[seen], value[seen], error[seen], fmt=f"{mark}-", **marks, label=name)
+        whole = [whole_strength(each.amplitudes) / perfect for each in waves.values()]
+        axes.plot(
+            list(waves), whole, f"{mark}:", markerfacecolor="white", **marks, label=f"{name}, with incoherent part"
+        )
+    floor = strength(found.perfect(places[0]).amplitudes) / perfect
+    axes.axhline(floor, color="black", linewidth=0.8, linestyle=":", label="equal spheres")
+    axes.set(yscale="log", xlim=(0, None), xlabel=r"spread of radii $s = \sigma\,2R/\Delta_0$")
+    axes.set_ylabel("second harmonic / resonance of equal spheres")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/disorder.png", sweeps="folders of sweeps over disorder.seed")
+    chosen = options.parse_args(arguments)
+    return show(lambda: read([one for folder in chosen.sweeps for one in sweep(folder)]), table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,129 @@
+"""The second harmonic under each effect: its amplitude over wave number, from LAMMPS and from theory.
+
+    granular-analysis effects SWEEP... [-o FILE]
+
+Each SWEEP is the folder of a sweep of one scene over the wave number (``granular-lmp sweep``); its runs may lack
+rotation, follow the incremental law, be held by compression or damped, and are named by that. Marks are LAMMPS. Above,
+the amplitude of the generated wave, by least squares, over the closed form (lines), where that holds the physics of
+the runs. In the middle, for damped runs, which have no closed form, and for the first sweep, the root mean square of p
+over the run, which has no fit in it, over the exact lattice. Below, the relative difference of p from that lattice: the
+error of the time step, of second order but for the incremental law and dashpots, where LAMMPS's is of first order.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.measure.runs import sweep
+from analysis.measure.signals import measured_amplitude
+from analysis.plotting import parser, save, start
+from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
+from analysis.theory.catalogue import OBLIQUE, missing
+from analysis.theory.choice import holding, traits_of, trajectory, wave_of
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
+from granular_lmp.runs.record import Record
+
+# Told apart by marker and dashes without colour.
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "black", "marker": "o", "linestyle": "-"},
+    {"color": "tab:red", "marker": "s", "linestyle": "--"},
+    {"color": "tab:blue", "marker": "^", "linestyle": "-."},
+    {"color": "tab:green", "marker": "x", "linestyle": ":"},
+    {"color": "tab:orange", "marker": "v", "linestyle": (0, (5, 1, 1, 1))},
+)
+
+
+def name(contact: Contact) -> str:
+    """Return the departures of a contact from that of the paper, in words."""
+    parts = {
+        "without rotation": not contact.rotation,
+        "without shear": not contact.shear,
+        "incremental law": contact.law == "incremental",
+        "compression for adhesion": contact.prestress == 1,
+        "JKR adhesion": contact.adhesion_law == "jkr",
+        "viscous damping": contact.viscosity > 0,
+        "restitution": contact.restitution is not None,
+    }
+    return ", ".join(part for part, there in parts.items() if there) or "as the paper"
+
+
+def strength(p: NDArray[np.float64], wave: Wave) -> float:
+    """Root mean square of p, in |ε| D0."""
+    return float(np.sqrt(np.mean(p**2)) / abs(nonlinearity(wave.ratios, wave.amplitude)))
+
+
+def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
+    """Wave numbers and amplitudes of the generated wave in |ε| D0, of the runs where it can be measured."""
+    waves = [wave_of(record) for record in records]
+    found = [measured_amplitude(record, wave)[0] for record, wave in zip(records, waves, strict=True)]
+    there = [(wave, value) for wave, value in zip(waves, found, strict=True) if value is not None]
+    scale = [abs(nonlinearity(wave.ratios, wave.amplitude)) for wave, _ in there]
+    return [w.mode.wavenumber for w, _ in there], [abs(v) / s for (_, v), s in zip(there, scale, strict=True)]
+
+
+def curve(wave: Wave) -> tuple[NDArray[np.float64], list[float]]:
+    """The closed form of `amplitudes`: |P̃1|/2 over the zone, in the physics of one wave."""
+    xis = np.linspace(0.02, np.pi - 0.02, 1500)
+    modes = (mode(wave.mode.name, float(xi), wave.ratios) for xi in xis)
+    return xis, [abs(generated_amplitude(each, wave.ratios)) / 2 for each in modes]
+
+
+def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
+    """All sweeps in three panels over the wave number."""
+    figure = Figure(figsize=(7.0, 8.5), layout="constrained")
+    above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.5, 1.2))
+    for number, (records, style) in enumerate(zip(sweeps, STYLES, strict=False)):
+        wave = wave_of(records[0])
+        line = {key: style[key] for key in ("color", "linestyle")}
+        marks = {"color": style["color"], "marker": style["marker"], "linestyle": "none", "markersize": 4.5}
+        label = name(wave.contact)
+        xis = [record.scene.wavenumber for record in records]
+        exact = [trajectory("exact-lattice", wave_of(record), record.tau)[0] for record in records]
+        closed = "second-order" in holding(wave)
+        if closed:
+            above.semilogy(*curve(wave), **line, linewidth=1.2, label=label)
+            above.semilogy(*amplitudes(records), **marks, markerfacecolor="white")
+        if number == 0 or not closed:
+            middle.semilogy(xis, [strength(p, wave) for p in exact], **line, linewidth=1.2, label=label)
+            middle.semilogy(xis, [strength(record.p, wave) for record in records], **marks, markerfacecolor="white")
+        off = [np.linalg.norm(r.p - p) / np.linalg.norm(p) for r, p in zip(records, exact, strict=True)]
+        below.semilogy(xis, off, **{**marks, "markersize": 3.5})
+    first = sweeps[0][0]
+    wave, end = wave_of(first), first.tau[-1]
+    above.set(
+        ylim=(1e-5, 1e3),
+        ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)",
+        title=rf"{wave.mode.name} wave, $D_0$ = {wave.amplitude:g} $\Delta_0$: marks LAMMPS, lines theory",
+    )
+    above.legend(frameon=False, fontsize=9)
+    middle.set(ylabel=rf"rms of $p$, $\tau \leq {end:g}$" + "\n" + r"($|\epsilon| D_0$)")
+    middle.legend(frameon=False, fontsize=9)
+    below.set(xlim=(0, np.pi), xlabel=r"wave number $\xi$ (rad per row)", ylabel="difference of $p$\nfrom the lattice")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/effects.png", sweeps=f"folders of sweeps, at most {len(STYLES)}")
+    chosen = options.parse_args(arguments)
+    if len(chosen.sweeps) > len(STYLES):
+        options.error(f"{len(chosen.sweeps)} sweeps; at most {len(STYLES)} can be told apart")
+    sweeps = [sweep(folder) for folder in chosen.sweeps]
+    for record in (record for records in sweeps for record in records):
+        traits = traits_of(record)
+        if left_out := missing("exact-lattice", traits):
+            options.error(f"{record.folder}: the exact lattice leaves out {', '.join(left_out)}")
+        if OBLIQUE in traits:
+            options.error(
+                f"{record.folder}: its wave is not along y, as those drawn are; granular-analysis oblique takes it"
+            )
+    save(draw(sweeps), chosen.output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,83 @@
+"""The paper's figure 2: dispersion along y, and the second harmonic that RT and TR waves generate.
+
+    granular-analysis figure2 [-o figures/figure2.png] [--poisson-ratio 0.17]
+
+(a) L, TR and RT; the TR branch doubled in wave number and frequency meets L at the resonance; the curve on which the
+source of the second harmonic vanishes meets TR at the antiresonance. (b, c) Amplitude |P̃1|/2 per ε of the longitudinal
+second harmonic, in the convention of real fields (½ of the paper's complex one, without its factor 4/3), with |Q| and
+|f| of the fundamental.
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.plotting import COLOURS, parser, save, spheres, start
+from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, resonance
+
+WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
+
+
+def draw(constants: Ratios) -> Figure:
+    """The three panels for one lattice."""
+    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
+    branches, upper, lower = figure.subplots(1, 3)
+    _dispersion(branches, constants)
+    for axes, name, letter in ((upper, "RT", "b"), (lower, "TR", "c")):
+        _amplitudes(axes, name, constants)
+        axes.set_title(f"({letter})  second harmonic of {name}")
+    for axes in (branches, upper, lower):
+        axes.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
+    return figure
+
+
+def _dispersion(axes: Axes, constants: Ratios) -> None:
+    for name, at, offset in (("L", 600, (-12, 6)), ("TR", 600, (8, -14)), ("RT", 600, (4, 6))):
+        frequency = dispersion(WAVENUMBERS, name, constants)  # type: ignore[arg-type]
+        axes.plot(WAVENUMBERS, frequency, color=COLOURS[name])
+        axes.annotate(
+            name, (WAVENUMBERS[at], frequency[at]), xytext=offset, textcoords="offset points", color=COLOURS[name]
+        )
+    doubled = dispersion(WAVENUMBERS / 2, "TR", constants)
+    axes.plot(WAVENUMBERS, 2 * doubled, color=COLOURS["TR"], linestyle="--", label="TR, doubled")
+    rate = constants.mu1 - 3 * constants.mu2 * constants.alpha / constants.beta
+    if rate > 0:
+        axes.plot(
+            WAVENUMBERS,
+            np.sin(WAVENUMBERS / 2) * np.sqrt(rate),
+            color="tab:grey",
+            linestyle="-.",
+            label="no second harmonic",
+        )
+    meeting = 2 * resonance(constants)
+    axes.plot(meeting, np.sin(meeting / 2), "ko", label=rf"resonance, $2\xi$ = {meeting:.4f}")
+    vanishing = antiresonance(constants)
+    if vanishing is not None:
+        axes.plot(
+            vanishing, mode("TR", vanishing, constants).frequency, "ks", markerfacecolor="white",
+            label=rf"antiresonance, $\xi$ = {vanishing:.4f}",
+        )  # fmt: skip
+    axes.set(ylabel=r"frequency $\Omega$ (rad per $t_0$)", ylim=(0, 2.6), title="(a)  dispersion along y")
+    axes.legend(fontsize="small", loc="upper right")
+
+
+def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
+    waves = [mode(name, xi, constants) for xi in WAVENUMBERS]  # type: ignore[arg-type]
+    generated = [abs(generated_amplitude(wave, constants)) / 2 for wave in waves]
+    axes.semilogy(WAVENUMBERS, generated, color="black", label=r"$|\tilde P_1|/2$ per $\epsilon$")
+    axes.semilogy(WAVENUMBERS, [wave.q for wave in waves], color="tab:blue", linestyle="--", label="$|Q|$")
+    axes.semilogy(WAVENUMBERS, [abs(wave.f) for wave in waves], color="tab:red", linestyle="-.", label="$|f|$")
+    axes.set(ylim=(1e-5, 1e2), ylabel="amplitude")
+    axes.legend(fontsize="small", loc="upper left" if name == "RT" else "lower left")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    contact, output = spheres(parser(__doc__, "figures/figure2.png"), argv)
+    save(draw(contact.ratios), output)
+    print(output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,103 @@
+"""The paper's figure 3: p, q and φ of the centre sphere at three wave numbers, LAMMPS over theory.
+
+    granular-analysis figure3 RUN... [-o figures/figure3.png]
+
+First row: transverse displacement q and rotation φ. Second row: what the paper's order leaves of them, which at the
+resonance holds a third harmonic and what the fundamental gives away. Third row: the longitudinal displacement p that
+the shear wave makes. Fourth row: how far two theories are from the p of the run, which the curves above do not show.
+Three curves each: the run; the paper's order of theory, with its misprints corrected and LAMMPS's contact geometry; the
+best theory of this folder for the wave, whose name is in the title. The numbers are relative L2 errors of the two
+against the run.
+"""
+
+from string import ascii_lowercase
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.measure.runs import load
+from analysis.measure.signals import errors
+from analysis.plotting import parser, save, start
+from analysis.theory.choice import TheoryError, best, trajectory, wave_of
+from granular_lmp.runs.record import Record
+
+ROWS = 4
+
+
+def draw(records: list[Record]) -> Figure:
+    """One column a run."""
+    count = len(records)
+    figure = Figure(figsize=(4.2 * count, 9.6), layout="constrained")
+    panels = figure.subplots(ROWS, count, sharex="col", squeeze=False, height_ratios=[3, 2, 3, 2])
+    for column, record in enumerate(records):
+        _column(list(panels[:, column]), record, [ascii_lowercase[column + row * count] for row in range(ROWS)])
+    for axes, label in zip(
+        panels[:, 0],
+        (r"$q = -u/D_0$,  $\phi = R\theta/D_0$", r"$q$, $\phi$ beyond", "$p = v/D_0$", "error of $p$"),
+        strict=True,
+    ):
+        axes.set_ylabel(label)
+    # Outside the panels, where no curve is covered
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=6, frameon=False)
+    figure.legend(*panels[2, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
+    upper, beyond, middle, lower = panels
+    wave = wave_of(record)
+    ours = best(wave, record.tau)
+    upper.plot(record.tau, record.q, color="black", linewidth=2.5, label="$q$: LAMMPS")
+    upper.plot(record.tau, record.phi, color="tab:grey", linewidth=2.5, label=r"$\phi$: LAMMPS")
+    middle.plot(record.tau, record.p, color="black", linewidth=2.5, label="LAMMPS")
+    papers, bests = (trajectory(name, wave, record.tau) for name in ("second-order", ours))
+    for run, colour, index in ((record.q, "black", 1), (record.phi, "tab:grey", 2)):
+        beyond.plot(record.tau, run - papers[index], color=colour, linewidth=2.0)
+        beyond.plot(record.tau, bests[index] - papers[index], color="tab:red", linestyle="--", linewidth=1.0)
+    titles: dict[str, list[str]] = {"q": [], "phi": [], "p": []}
+    for (p, q, phi), label, colour, dashes in (
+        (papers, "the paper's order", "tab:cyan", "-"),
+        (bests, "best theory", "tab:red", "--"),
+    ):
+        for axes, values, shown in ((upper, q, label), (upper, phi, None), (middle, p, label)):
+            axes.plot(record.tau, values, color=colour, linestyle=dashes, linewidth=1.0, label=shown)
+        # The first record is the start, which every theory shares
+        lower.semilogy(record.tau[1:], np.abs(record.p - p)[1:], color=colour, linestyle=dashes, linewidth=1.0)
+        for component, error in errors(record, (p, q, phi)).items():
+            titles[component].append("0" if error is None else f"{error:.1e}")
+    first, second, third, fourth = letters
+    upper.set_title(
+        rf"({first})  {wave.mode.name}, $\xi$ = {wave.mode.wavenumber:.4g}; best: {ours}"
+        "\n"
+        rf"error $q$ {' → '.join(titles['q'])},  $\phi$ {' → '.join(titles['phi'])}",
+        fontsize="medium",
+    )
+    beyond.set_title(rf"({second})  $q$ and $\phi$ less the paper's order", fontsize="medium")
+    middle.set_title(rf"({third})  error $p$ {' → '.join(titles['p'])}", fontsize="medium")
+    lower.set_title(rf"({fourth})  |theory − LAMMPS| of $p$", fontsize="medium")
+    lower.set_xlabel(r"time $\tau$")
+    for axes in panels:
+        axes.margins(x=0)
+    for axes in (upper, beyond, middle):
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    options = parser(__doc__, "figures/figure3.png")
+    options.add_argument("runs", nargs="+", metavar="RUN", help="run folders, one a column")
+    chosen = options.parse_args(argv)
+    if ROWS * len(chosen.runs) > len(ascii_lowercase):
+        options.error(f"{len(chosen.runs)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
+    try:
+        figure = draw([load(folder) for folder in chosen.runs])
+    except TheoryError as error:
+        raise SystemExit(f"{' '.join(chosen.runs)}: {error}") from error
+    save(figure, chosen.output)
+    print(chosen.output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

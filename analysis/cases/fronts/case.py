@@ -1,0 +1,96 @@
+"""The front of an impact on a hexagonal sheet: its height and its speed over the distance, in four directions.
+
+    granular-analysis fronts RUN [RUN ...] [-o FILE]
+
+RUN is a run folder of an impact with one striking sphere on the edge of a sheet that records all spheres, or those of
+the directions 0, 30, 60 and 90 degrees from the edge. The decay β of height ∝ distance^−β is printed, and
+the speed V over height^{1/5} at the near and at the far end, from ten diameters to where the record ends, or an echo of
+the far end or of the nearer side comes.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.measure.front import Front, front
+from analysis.measure.strikes import require
+from analysis.plotting import letter, parser, show, start
+from granular_lmp.impact.record import ImpactRecord
+
+DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
+NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
+ASIDE = 0.85  # share of the way to the nearer side: the head of the front, 3 distances, has no echo at its crest there
+FEWEST = 4  # spheres of a fit
+CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (analysis.theory.solitary)
+_STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
+
+
+def fronts(record: ImpactRecord) -> dict[int, Front]:
+    """Return direction → front, distances in diameters.
+
+    Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
+    """
+    require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
+    strikers = np.concatenate(record.problem.strikers)
+    if len(strikers) != 1:
+        raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")
+    centres = record.problem.crystal.positions[:, :2]
+    places = (record.rest - centres[strikers[0]]) / 2
+    room = np.abs(np.array([centres[:, 0].min(), centres[:, 0].max()]) - centres[strikers[0], 0]).min() / 2
+    found = {}
+    for degrees in DIRECTIONS:
+        whole = front(record.tau, record.velocity, places, degrees)
+        farthest = min(FARTHEST * record.scene.packing.rows, ASIDE * room / np.cos(np.radians(degrees)))
+        part = whole.between(NEAREST, farthest)
+        if len(part.distance) < FEWEST:
+            raise ValueError(
+                f"{record.scene.name}: {len(part.distance)} recorded spheres at {degrees} degrees that the front has "
+                f"passed; must be at least {FEWEST} from {NEAREST:g} distances on: a larger sheet, or a longer run"
+            )
+        found[degrees] = part
+    return found
+
+
+def draw(runs: dict[str, dict[int, Front]]) -> Figure:
+    """Return the panels: height and scaled speed over distance; a colour for each run, a mark for each direction."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    heights, speeds = figure.subplots(1, 2)
+    for number, (name, each) in enumerate(runs.items()):
+        for degrees, found in each.items():
+            style = {"marker": _STYLES[degrees], "color": f"C{number}", "markersize": 3, "linewidth": 0.6}
+            heights.loglog(found.distance, found.height, label=f"{name}, {degrees}°", **style)
+            speeds.plot((found.distance[1:] + found.distance[:-1]) / 2, found.scaled_speed, **style)
+    heights.set(xlabel="distance (diameters)", ylabel="first crest of the speed (that of the striker)")
+    speeds.axhline(CHAIN, color="grey", linewidth=0.8, linestyle="--")
+    speeds.set(xlabel="distance (diameters)", ylabel=r"speed / height$^{1/5}$; dashed: a chain", ylim=(0.85, 1.0))
+    letter((heights, speeds))
+    heights.legend(fontsize="x-small", frameon=False, ncols=max(len(runs), 1))
+    return figure
+
+
+def table(runs: dict[str, dict[int, Front]]) -> str:
+    """Return a line for each run and direction: decay, scaled speed at both ends, place and height of the last."""
+    lines = [f"{'run':16}{'degrees':>8}{'decay':>8}{'V/h^1/5':>9}{'there':>8}{'to':>7}{'height':>9}"]
+    for name, each in runs.items():
+        for degrees, found in each.items():
+            near, far = found.scaled_speed[[0, -1]]
+            last = f"{found.distance[-1]:7.1f}{found.height[-1]:9.4f}"
+            lines.append(f"{name:16}{degrees:8d}{found.decay:8.3f}{near:9.4f}{far:8.4f}{last}")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/fronts.png", runs="run folder of an impact on a sheet").parse_args(arguments)
+    return show(
+        lambda: {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in chosen.runs},
+        table,
+        draw,
+        chosen.output,
+    )
+
+
+if __name__ == "__main__":
+    start(main)

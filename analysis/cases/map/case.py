@@ -1,0 +1,135 @@
+"""Map the second harmonic over the Brillouin zone: which wave, sent in which direction, doubles its frequency best.
+
+    granular-analysis map [-o FILE] [--poisson-ratio NU] [--overlap-ratio ETA [--prestress SHARE]]
+
+One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
+of `directions.second_harmonic_amplitude`, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a
+real wave raises half of it). Lines: the resonances, where 2Ω(k) is the frequency of a branch at 2k.
+
+How to read it. On a resonance the forced amplitude has no bound: there the second harmonic grows with time until it
+is as large as the fundamental (`directions.second_order` holds until then). It also diverges at Γ, for the acoustic
+branches, which have no dispersion there. Where a resonance line crosses Γ–M or Γ–K the target may have the wrong
+parity, and nothing resonates. A weakly coupled resonance shows as its line alone (middle branch with upper, ν = 0.17:
+its share of the amplitude passes 1 only within 0.01/a of the line). At K the middle and the upper branch touch: next
+to it their colours depend on the side.
+
+The lattice is the paper's unless options say otherwise: contacts of true length and direction by their overlap
+η = Δ0/2R, and compression by its share of the force that holds a contact (`analysis.theory.contact.Contact`). In a
+scene the share is packing.contact_force over the sum of that and the adhesive force. Left out are dashpots, and the
+shear law is the secant one.
+
+The titles give the names of the paper's modes on Γ–M, waves along y. Elsewhere a branch moves in u, v and φ, and only
+its frequency names it.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from analysis.plotting import parser, save, spheres, start
+from analysis.theory.contact import Contact
+from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
+
+POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
+COLOURS = (1e-3, 1e1)  # values past them lie at resonances, at Γ and at zeros
+BRANCHES = ("lower", "middle", "upper")
+STYLES: Final = (":", "-", "--")  # lines of the resonances with the lower, middle, upper branch
+CORNER = 4.0 * np.pi / 3.0  # |ΓK| for a close-packed row along x, in 1/lattice constant
+EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, which is ξ = π
+HALO = [patheffects.withStroke(linewidth=1.8, foreground="white")]
+
+
+def wave_vectors(points: int) -> Floats:
+    """Return the centres of points × points cells of the rectangle around the zone, (ky, kx, 2), in 1/a."""
+    centres = (np.arange(points) + 0.5) / points * 2.0 - 1.0
+    return np.stack(np.meshgrid(CORNER * centres, EDGE * centres), axis=-1)
+
+
+def names_along_y(branch: int, contact: Contact) -> str:
+    """Return the paper's names that a branch goes by on Γ–M, as "TR" or, where modes cross, "TR/L"."""
+    line = np.stack([np.zeros(200), np.linspace(0.0, EDGE, 202)[1:-1]], axis=-1)
+    return "/".join(name for name in ("TR", "L", "RT") if branch in branch_index(name, line, contact))
+
+
+def lattice_in_words(contact: Contact) -> str:
+    """Return what the maps depend on, for the title of the legend."""
+    words = [rf"$\nu$ = {contact.poisson_ratio:g}, solid spheres"]
+    if contact.overlap_ratio:
+        words.append(rf"overlap $\Delta_0/2R$ = {contact.overlap_ratio:g}")
+        words.append(f"compression bears {contact.prestress:.0%} of the contact force")
+    return ", ".join(words)
+
+
+def draw(contact: Contact) -> Figure:
+    """Return the figure of the three maps for contacts of the secant law."""
+    k = wave_vectors(POINTS)
+    fundamental, _ = modes(k, contact)
+    doubled, _ = modes(2.0 * k, contact)
+    figure = Figure(figsize=(11.0, 4.4), layout="constrained")
+    panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    angles = np.deg2rad(np.arange(0, 360, 60))
+    zone = CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    targets: set[int] = set()
+    for branch, panel in enumerate(panels):
+        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
+        outline = panel.add_patch(Polygon(zone, fill=False, edgecolor="black", linewidth=1.0, zorder=3))
+        image = panel.imshow(
+            amplitude,
+            norm=LogNorm(*COLOURS),
+            cmap="viridis",
+            origin="lower",
+            extent=(-CORNER, CORNER, -EDGE, EDGE),
+            clip_path=outline,
+        )
+        for target, style in enumerate(STYLES):
+            detuning = 2.0 * fundamental[..., branch] - doubled[..., target]
+            if detuning.min() < 0.0 < detuning.max():
+                lines = panel.contour(
+                    *np.moveaxis(k, -1, 0), detuning, [0.0], colors="black", linestyles=style, linewidths=0.9
+                )
+                lines.set(clip_path=outline, path_effects=HALO)
+                targets.add(target)
+        for name, place, offset in (("Γ", (0, 0), (5, 4)), ("M", (0, EDGE), (6, 3)), ("K", (CORNER, 0), (5, -3))):
+            panel.plot(*place, "o", color="black", markersize=4, markeredgecolor="white", clip_on=False, zorder=4)
+            panel.annotate(name, place, offset, textcoords="offset points", fontsize=11, path_effects=HALO, zorder=4)
+        panel.set(
+            title=f"fundamental: {BRANCHES[branch]} branch\n({names_along_y(branch, contact)} on Γ–M)",
+            xlim=(-1.2 * CORNER, 1.2 * CORNER),
+            ylim=(-1.2 * EDGE, 1.2 * EDGE),
+            xlabel="$k_x a$ (rad)",
+        )
+    panels[0].set_ylabel("$k_y a$ (rad), $a$: lattice constant")
+    figure.colorbar(
+        image,
+        ax=panels,
+        extend="both",
+        label=r"second-harmonic amplitude / ($\epsilon D_0$)",
+        fraction=0.03,
+        pad=0.01,
+        aspect=25,
+    )
+    figure.legend(
+        [Line2D([], [], color="black", linestyle=STYLES[target]) for target in sorted(targets)],
+        [rf"resonance: $2\Omega(k)$ meets the {BRANCHES[target]} branch at $2k$" for target in sorted(targets)],
+        title=lattice_in_words(contact),
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
+    )
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Draw the maps into a file."""
+    contact, output = spheres(parser(__doc__, "figures/map.png"), arguments, geometry=True)
+    save(draw(contact), output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,137 @@
+"""Map the partners of one wave: with which waves of the zone it is phase-matched, and how fast the third grows.
+
+    granular-analysis mixing [-o FILE] [--poisson-ratio NU] [--mode NAME] [--wavenumber XI] [--direction DEG]
+
+The star is the first wave. A panel holds the second waves of one branch: above for the sum of the two, below for their
+difference, the first less the second. A line is where Ω1 ± Ω2 is the frequency of a branch at k1 ± k2. Its colour says
+of which, its width how fast that wave grows (`analysis.theory.mixing.growth_rates`).
+
+How to read it. A point on a wide line is a second wave that makes, with the first, a third one of the size of both in
+τ = 1/(rate·a), a = D0/Δ0. Where a line thins out the drive has a zero. On Γ–M and Γ–K symmetry forbids some drives
+altogether when the first wave is there too (`analysis.theory.selection`). Wave vectors beyond the zone are those of the
+lattice folded back, so a sum may leave it.
+
+What it leaves out: nothing says here how far from a line two waves still mix; a detuning d lets a third wave grow to
+2·rate·a/|d|. Every line is that of small amplitudes.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Final, Literal
+
+import numpy as np
+from contourpy import contour_generator
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+
+from analysis.cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
+from analysis.plotting import SILICA, parser, save, start
+from analysis.theory.bloch import wavevector_of
+from analysis.theory.contact import Contact
+from analysis.theory.directions import branch_index
+from analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
+
+POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points
+COLOURS: Final = ("tab:blue", "black", "tab:red")  # by the branch that grows, lower to upper
+SHOWN = (0.01, 0.03, 0.1)  # rates of the legend
+SIGNS: Final[dict[Literal[1, -1], str]] = {1: "sum", -1: "difference"}
+
+
+def width(rate: Floats | float) -> Floats:
+    """Return the width of a line in points: in proportion to the rate, and a hair where that is zero."""
+    return np.asarray(0.3 + 60.0 * np.asarray(rate))
+
+
+def partners(
+    first: Tone, branch: int, sign: Literal[1, -1], contact: Contact, points: int
+) -> Iterator[tuple[int, Floats, Floats]]:
+    """Yield the lines of second waves with which a wave is phase-matched, in the rectangle around the zone.
+
+    Parameters
+    ----------
+    first : the wave, single
+    branch : of the second waves
+    sign : 1 for the sum, −1 for the difference
+    points : of the grid, per axis; wave vectors are good to the square of its spacing, 2e-4 of the zone with 240
+
+    Yields
+    ------
+    the branch that grows; wave vectors (N, 2) of a line; rates (N,) per τ and a
+    """
+    k = wave_vectors(points)
+    gaps = detunings(Pair(first, Tone(k, branch), sign, contact))
+    for target in range(gaps.shape[-1]):
+        for line in contour_generator(k[..., 0], k[..., 1], gaps[..., target]).lines(0.0):
+            vectors = np.asarray(line, dtype=float)
+            yield target, vectors, growth_rates(Pair(first, Tone(vectors, branch), sign, contact))[:, target]
+
+
+def draw(first: Tone, contact: Contact, title: str) -> Figure:
+    """Return the figure of the partners of one wave."""
+    branches = range(3 if contact.turns else 2)
+    figure = Figure(figsize=(3.4 * len(branches) + 0.4, 7.6), layout="constrained")
+    panels = figure.subplots(2, len(branches), sharex=True, sharey=True)
+    for row, (sign, name) in zip(panels, SIGNS.items(), strict=True):
+        for branch, panel in zip(branches, row, strict=True):
+            _zone(panel, first)
+            for target, line, rates in partners(first, branch, sign, contact, POINTS):
+                pieces = np.stack([line[:-1], line[1:]], axis=1)
+                drawn = LineCollection(
+                    list(pieces),
+                    linewidths=width((rates[1:] + rates[:-1]) / 2),
+                    colors=COLOURS[target],
+                    capstyle="round",
+                )
+                panel.add_collection(drawn)
+                drawn.set_clip_path(panel.patches[0])
+            panel.set_title(f"{name} with the {BRANCHES[branch]} branch", fontsize="medium")
+        row[0].set_ylabel("$k_y a$ of the second wave (rad)")
+    for panel in panels[-1]:
+        panel.set_xlabel("$k_x a$ of the second wave (rad)")
+    keys = [(COLOURS[branch], 2.0, f"makes the {BRANCHES[branch]} branch") for branch in branches]
+    keys += [("0.4", float(width(rate)), rf"at the rate {rate:g} $D_0/\Delta_0$ per $\tau$") for rate in SHOWN]
+    handles = [Line2D([], [], color=colour, linewidth=points, label=label) for colour, points, label in keys]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.suptitle(title)
+    return figure
+
+
+def _zone(panel: Axes, first: Tone) -> None:
+    """Draw the first zone, its corners' names and the first wave; the zone is the first patch of the panel."""
+    angles = np.deg2rad(np.arange(0, 360, 60))
+    panel.add_patch(
+        Polygon(CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1), fill=False, edgecolor="0.6", zorder=1)
+    )
+    for name, place in (("Γ", (0.0, 0.0)), ("M", (0.0, EDGE)), ("K", (CORNER, 0.0))):
+        panel.plot(*place, ".", color="0.4", markersize=4, clip_on=False)
+        panel.annotate(name, place, (4, 2), textcoords="offset points", color="0.4", fontsize=9)
+    panel.plot(*np.asarray(first.wavevector), "*", color="tab:orange", markersize=12, markeredgecolor="black", zorder=5)
+    panel.set(xlim=(-1.12 * CORNER, 1.12 * CORNER), ylim=(-1.12 * EDGE, 1.12 * EDGE), aspect="equal")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Draw the partners of one wave into a file."""
+    command = parser(__doc__, "figures/mixing.png")
+    command.add_argument("--poisson-ratio", type=float, default=SILICA, metavar="NU", help=f"default: {SILICA}")
+    command.add_argument("--mode", default="TR", choices=("L", "TR", "RT"), help="of the first wave (default: TR)")
+    command.add_argument("--wavenumber", type=float, default=0.802, metavar="XI", help="ξ of it (default: 0.802)")
+    command.add_argument(
+        "--direction", type=float, default=90.0, metavar="DEG", help="of it, from a close-packed row (default: 90, y)"
+    )
+    options = command.parse_args(arguments)
+    try:
+        contact, k = Contact(options.poisson_ratio), wavevector_of(options.wavenumber, options.direction)
+    except ValueError as error:
+        command.error(str(error))
+    first = Tone(k, int(branch_index(options.mode, k, contact)))
+    title = (
+        rf"partners of {options.mode}, $\xi$ = {options.wavenumber:g} at {options.direction:g}°,"
+        rf" $\nu$ = {options.poisson_ratio:g}"
+    )
+    save(draw(first, contact, title), options.output)
+
+
+if __name__ == "__main__":
+    start(main)

@@ -1,0 +1,164 @@
+"""How the paper's wave ends: the amplitude at which contacts open or slide, and the second harmonic beyond it.
+
+    granular-analysis onset SWEEP... [-o FILE]
+
+Each SWEEP is the folder of a sweep (``granular-lmp sweep``) with ``effects.contact_opening = true``; ``make onset``
+makes them. Runs without sliding, over the amplitude and any of wave number, Poisson's ratio and form, give the map
+(`analysis.measure.onset`); those of one wave also the second harmonic over the amplitude. Runs with sliding, over the
+friction, give the last panel.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.measure.onset import Event, Onset, onset
+from analysis.measure.runs import all_but, sweep
+from analysis.plotting import SILICA, parser, show, start
+from granular_lmp.runs.record import Record
+
+MARKERS = {"running": ("o", 4), "standing": ("s", 6), "pulse": ("^", 8)}  # with its size, in points
+COLOURS = ("tab:blue", "black", "tab:orange", "tab:green", "tab:red")  # by Poisson's ratio
+SHOWN = 0.8  # the second harmonic is drawn for the running wave whose wave number is nearest to this
+
+
+@dataclass(frozen=True)
+class Point:
+    """The onsets of one wave: its form, Poisson's ratio, wave number, and what began at which amplitude."""
+
+    form: str
+    poisson_ratio: float
+    wavenumber: float
+    opening: Onset | None
+    sliding: Onset | None
+
+
+def form_of(record: Record) -> str:
+    """Return the form of a wave: running, standing, or a pulse."""
+    return "pulse" if record.scene.envelope.finite else record.scene.wave.form
+
+
+def waves(records: Sequence[Record]) -> dict[tuple[str, float, float], list[Record]]:
+    """Return the runs without sliding by form, Poisson's ratio and wave number, each by amplitude."""
+    groups: dict[tuple[str, float, float], list[Record]] = defaultdict(list)
+    for record in sorted(records, key=lambda each: each.scene.wave.amplitude):
+        if not record.info["effects"]["sliding"]["on"]:
+            groups[form_of(record), record.scene.sphere.poisson_ratio, record.scene.wavenumber].append(record)
+    return dict(sorted(groups.items()))
+
+
+def points(records: Sequence[Record]) -> list[Point]:
+    """Return the onsets of all waves of the runs."""
+    return [Point(*wave, onset(runs, "opening"), onset(runs, "sliding")) for wave, runs in waves(records).items()]
+
+
+def table(found: Sequence[Point]) -> str:
+    """Return the onsets, measured and by the linear rule, a line for each wave."""
+    lines = [f"{'form':9}{'nu':>6}{'xi':>8}" + f"{'opens at a':>22}{'rule':>8}" + f"{'slides at a':>22}{'rule':>8}"]
+    for each in found:
+        line = f"{each.form:9}{each.poisson_ratio:6g}{each.wavenumber:8.4f}"
+        for event in (each.opening, each.sliding):
+            if event is None:
+                line += f"{'not reached':>22}{'':8}"
+            else:
+                line += f"{event.amplitude:12.4f} ±{event.error:8.1e}{event.linear:8.3f}"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def draw(records: Sequence[Record], found: Sequence[Point]) -> Figure:
+    """Return the figure: onset of opening, onset of sliding, the second harmonic over amplitude and over friction.
+
+    Raises ValueError for runs without sliding of several frictions, and runs with sliding that differ in more than it.
+    """
+    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    (opens, slides), (beyond, rubbed) = figure.subplots(2, 2)
+    _map(opens, found, "opening", "(a) contacts open")
+    frictions = sorted({run.scene.effects.friction for runs in waves(records).values() for run in runs})
+    if len(frictions) > 1:
+        raise ValueError(f"effects.friction = {frictions}: must be one in the runs without sliding")
+    _map(slides, found, "sliding", f"(b) contacts slide, friction {frictions[0]:g}")
+    _beyond(beyond, records)
+    _frictions(rubbed, records)
+    return figure
+
+
+def _map(axes: Axes, found: Sequence[Point], event: Event, title: str) -> None:
+    for ratio, colour in zip(sorted({each.poisson_ratio for each in found}), COLOURS, strict=False):
+        for form, (marker, size) in MARKERS.items():
+            mine = [each for each in found if (each.form, each.poisson_ratio) == (form, ratio)]
+            there = [(each.wavenumber, on) for each in mine if (on := getattr(each, event)) is not None]
+            xis, amplitudes = [xi for xi, _ in there], [on.amplitude for _, on in there]
+            face = colour if form == "running" else "none"
+            marks: dict[str, Any] = {
+                "color": colour,
+                "markerfacecolor": face,
+                "capsize": 2,
+                "linestyle": "none",
+                "markersize": size,
+            }
+            label = rf"{form}, $\nu$ = {ratio:g}" if there else None
+            axes.errorbar(xis, amplitudes, [on.error for _, on in there], marker=marker, label=label, **marks)
+            if form == "running":
+                axes.plot(xis, [on.linear for _, on in there], color=colour, linewidth=0.8)
+    axes.plot([], [], color="grey", linewidth=0.8, label="linear rule")
+    axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"amplitude $D_0/\Delta_0$", title=title)
+    axes.set(xlim=(0, np.pi), ylim=(0, None))
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _beyond(axes: Axes, records: Sequence[Record]) -> None:
+    """Draw the largest |p| of one running wave over its amplitude, before contacts open and after."""
+    groups = {wave: runs for wave, runs in waves(records).items() if wave[0] == "running"}
+    wave = min(groups, key=lambda each: (abs(each[2] - SHOWN), abs(each[1] - SILICA)))
+    amplitudes = np.array([run.scene.wave.amplitude for run in groups[wave]])
+    largest = np.array([np.abs(run.p).max() for run in groups[wave]]) / amplitudes
+    opened = np.array([run.info["guards"]["open_contacts"]["passed_at"] is not None for run in groups[wave]])
+    axes.semilogy(amplitudes, largest, color="black", linewidth=0.8)
+    axes.semilogy(amplitudes[~opened], largest[~opened], "o", color="black", markersize=4, label="contacts stay closed")
+    axes.semilogy(amplitudes[opened], largest[opened], "o", color="black", mfc="white", markersize=4, label="some open")
+    axes.set(xlabel=r"amplitude $a=D_0/\Delta_0$", ylabel=r"$\max|p|\,/\,aD_0$")
+    axes.set_title(rf"(c) the wave that is generated, $\xi$ = {wave[2]:.3f}, $\nu$ = {wave[1]:g}")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _frictions(axes: Axes, records: Sequence[Record]) -> None:
+    """Draw what is left of the fundamental at the end, and the largest |p|, over the friction."""
+    runs = [run for run in records if run.info["effects"]["sliding"]["on"]]
+    runs.sort(key=lambda run: float(run.scene.effects.friction))
+    axes.set(xlabel="friction", ylabel=r"of $D_0$", title="(d) contacts that slide")
+    if not runs:
+        axes.text(0.5, 0.5, "no runs with sliding", ha="center", transform=axes.transAxes)
+        return
+    if len({repr(all_but(run, "effects.friction")) for run in runs}) > 1:
+        raise ValueError(f"{runs[0].folder}: the runs with sliding must differ in effects.friction alone")
+    frictions = [float(run.scene.effects.friction) for run in runs]
+    period = 2 * np.pi / runs[0].info["frequency"]
+    last = [np.abs(run.q[run.tau > run.tau[-1] - period]).max() for run in runs]
+    axes.semilogx(
+        frictions, last, "o-", markersize=4, linewidth=0.8, color="tab:blue", label=r"$|q|$ in the last period"
+    )
+    largest = [np.abs(run.p).max() for run in runs]
+    axes.semilogx(frictions, largest, "o-", markersize=4, linewidth=0.8, color="black", label=r"$\max|p|$")
+    scene = runs[0].scene
+    axes.set_title(rf"(d) contacts that slide, $a$ = {scene.wave.amplitude:g}, $\xi$ = {scene.wavenumber:.3f}")
+    axes.legend(frameon=False, fontsize="x-small")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    options = parser(__doc__, "figures/onset.png", sweeps="folders of sweeps over wave.amplitude or effects.friction")
+    chosen = options.parse_args(arguments)
+    runs = [record for folder in chosen.sweeps for record in sweep(folder)]
+    if not waves(runs):
+        options.error(f"{chosen.sweeps[0]}: no finished runs with effects.sliding = false")
+    return show(lambda: points(runs), table, lambda found: draw(runs, found), chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

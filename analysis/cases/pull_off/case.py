@@ -1,0 +1,209 @@
+"""Snap-in and pull-off in collisions, beside the law of Johnson, Kendall and Roberts.
+
+    granular-analysis pull_off RUN [RUN ...] [-o FILE]
+
+RUN is a folder of `granular-lmp collide` with contact.normal = "jkr" or "dmt"; all have the same sphere and partner.
+Left: the force over the overlap in the slowest collision by either law after which the bodies part. Right: the
+restitution over the velocity. The largest distance of a recorded force from the curve is printed, and of e² from
+1 − v_s²/v².
+"""
+
+import csv
+import json
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
+
+from analysis.plotting import COLOURS, letter, parser, show, start
+from analysis.theory.jkr import PARTS, TOUCH, Contact, Parting
+
+Floats = NDArray[np.float64]
+POINTS = 60  # records of a loop that are drawn, about
+STYLES = {"jkr": COLOURS["TR"], "dmt": COLOURS["RT"]}
+
+
+@dataclass(frozen=True, eq=False)
+class Collision:
+    """A collision as its folder tells it; SI units.
+
+    Attributes
+    ----------
+    tables : its scene.
+    overlap, force : (T,) records; a push is positive.
+    restitution : 0 if the bodies stick.
+    """
+
+    tables: dict[str, Any]
+    overlap: Floats
+    force: Floats
+    restitution: float
+
+    @classmethod
+    def read(cls, folder: Path) -> "Collision":
+        """Return the collision of a folder; raises ValueError if a file is missing or not of such a collision."""
+        try:
+            tables = tomllib.loads((folder / "scene.toml").read_text("utf-8"))
+            with (folder / "collision.csv").open(encoding="utf-8", newline="") as stream:
+                rows = [(float(row["overlap_m"]), float(row["normal_force_N"])) for row in csv.DictReader(stream)]
+            numbers = json.loads((folder / "collision.json").read_text("utf-8"))
+            law, restitution = tables["contact"]["normal"], float(numbers["restitution"]["value"])
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"{folder}: is no folder of `granular-lmp collide` ({error!r})") from error
+        if law not in STYLES:
+            raise ValueError(f"{folder}: contact.normal = {law!r}: must be one of {', '.join(STYLES)}")
+        overlap, force = np.array(rows).T
+        return cls(tables, overlap, force, restitution)
+
+    @property
+    def law(self) -> str:
+        """Return the normal law."""
+        return str(self.tables["contact"]["normal"])
+
+    @property
+    def on_plane(self) -> bool:
+        """Return whether the partner is the rigid plane."""
+        return bool(self.tables["collision"]["partner"] == "plane")
+
+    @cached_property
+    def contact(self) -> Contact:
+        """Return the contact by JKR."""
+        sphere, bodies = self.tables["sphere"], 1 if self.on_plane else 2
+        modulus = sphere["youngs_modulus"] / (1 - sphere["poisson_ratio"] ** 2)
+        return Contact(sphere["radius"] / bodies, modulus / bodies, sphere["work_of_adhesion"])
+
+    @property
+    def mass(self) -> float:
+        """Return the reduced mass."""
+        sphere = self.tables["sphere"]
+        return float(4 / 3 * pi * sphere["radius"] ** 3 * sphere["density"] / (1 if self.on_plane else 2))
+
+    @property
+    def speed(self) -> float:
+        """Return the relative velocity before."""
+        return float(self.tables["collision"]["normal_velocity"] * (1 if self.on_plane else 2))
+
+    def curve(self, overlap: Floats) -> Floats:
+        """Return the force of the law at overlaps of a closed contact."""
+        contact = self.contact
+        if self.law == "jkr":
+            return contact.force(contact.contact_radius(overlap))
+        hertz = 4 / 3 * contact.modulus * np.sqrt(contact.radius) * overlap**1.5
+        return np.asarray(hertz - 2 * pi * contact.work * contact.radius)
+
+    @property
+    def off_the_curve(self) -> float:
+        """Return the largest distance of a recorded force from the curve, over the largest pull of JKR."""
+        held = self.force != 0
+        errors = np.abs(self.force[held] - self.curve(self.overlap[held]))
+        return float(np.max(errors) / self.contact.pull_off_force)
+
+
+def read(folders: Sequence[str]) -> list[Collision]:
+    """Return collisions of one sphere and partner, by velocity; raises ValueError if they are not, or none is "jkr"."""
+    found = [Collision.read(Path(folder)) for folder in folders]
+    for folder, each in zip(folders, found, strict=True):
+        if (each.tables["sphere"], each.on_plane) != (found[0].tables["sphere"], found[0].on_plane):
+            raise ValueError(f"{folder}: has another sphere or partner than the others")
+    if not any(each.law == "jkr" for each in found):
+        raise ValueError(f'{", ".join(folders)}: none has contact.normal = "jkr"')
+    return sorted(found, key=lambda each: each.speed)
+
+
+def draw(collisions: Sequence[Collision]) -> Figure:
+    """Return the two panels."""
+    figure = Figure(figsize=(9.5, 3.9), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _loop(left, collisions)
+    _restitution(right, collisions)
+    letter((left, right))
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small", frameon=False)
+    return figure
+
+
+def _loop(axes: Axes, collisions: Sequence[Collision]) -> None:
+    contact = collisions[0].contact
+    unit, length = contact.pull_off_force, contact.rest_overlap
+    most = 1.6 * length
+    a = contact.rest_radius * np.linspace(0.0, 1.4, 400)
+    holds = a >= contact.rest_radius * PARTS["distance"] ** (2 / 3)
+    for part, style in ((holds, "-"), (~holds, ":")):
+        axes.plot(
+            contact.overlap(a)[part] / length, contact.force(a)[part] / unit, style, color=STYLES["jkr"], zorder=1
+        )
+    for law, name in (("jkr", "JKR"), ("dmt", "DMT")):
+        run = next((each for each in collisions if each.law == law and each.restitution > 0), None)
+        if run is None:
+            continue
+        held = np.flatnonzero((run.force != 0) & (run.overlap < most))
+        held = held[:: -max(len(held) // POINTS, 1)]  # the last before the bodies part is among them
+        if law == "dmt":
+            line = np.linspace(0, most, 200)
+            axes.plot(np.append(0, line) / length, np.append(0, run.curve(line)) / unit, color=STYLES[law], zorder=1)
+        axes.plot(
+            run.overlap[held] / length,
+            run.force[held] / unit,
+            ".",
+            color=STYLES[law],
+            markersize=4,
+            label=f"{name}, LAMMPS",
+        )
+    snap = -float(contact.force(contact.rest_radius * TOUCH ** (2 / 3)))
+    axes.annotate("", (0, -snap / unit), (0, 0), arrowprops={"arrowstyle": "->", "color": "black"})
+    axes.text(0.04, -0.35, "snap-in", fontsize="small")
+    ends: dict[Parting, tuple[float, str]] = {"load": (1.0, "LAMMPS\nlets go"), "distance": (5 / 9, "JKR lets go")}
+    for parting, (share, words) in ends.items():
+        place = -contact.pull_off_distance(parting) / length
+        axes.annotate("", (place, 0), (place, -share), arrowprops={"arrowstyle": "->", "color": "grey"})
+        axes.text(place, 0.06, words, fontsize="small", ha="center", color="grey")
+    axes.axhline(0, color="black", linewidth=0.6)
+    axes.set(xlabel=r"overlap / $\delta_0$", ylabel="force / largest pull", xlim=(-1.05, 1.6), ylim=(-1.5, 1.6))
+
+
+def _restitution(axes: Axes, collisions: Sequence[Collision]) -> None:
+    contact, mass = collisions[0].contact, collisions[0].mass
+    for law, name, mark in (("jkr", "JKR, LAMMPS", "o"), ("dmt", "DMT, LAMMPS", "s")):
+        runs = [each for each in collisions if each.law == law]
+        speeds, found = [each.speed for each in runs], [each.restitution for each in runs]
+        axes.semilogx(speeds, found, mark, color=STYLES[law], markersize=4, label=name)
+    speed = np.geomspace(collisions[0].speed / 1.1, collisions[-1].speed * 1.1, 400)
+    axes.semilogx(
+        speed, contact.restitution(speed, mass, "load"), color=STYLES["jkr"], label="parts at the largest pull"
+    )
+    axes.semilogx(speed, contact.restitution(speed, mass), "--", color="grey", label="parts at the largest distance")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set(xlabel="relative velocity, m/s", ylabel="restitution", ylim=(-0.04, 1.06))
+
+
+def table(collisions: Sequence[Collision]) -> str:
+    """Return how far LAMMPS is off the curve of forces, and off the restitution of a contact that parts under load."""
+    snapping = [each for each in collisions if each.law == "jkr"]
+    exact = [float(each.contact.restitution(each.speed, each.mass, "load")) for each in snapping]
+    worst = max(abs(each.restitution**2 - e**2) for each, e in zip(snapping, exact, strict=True))
+    return (
+        f"forces off the curve: {max(each.off_the_curve for each in collisions):.1e} of the largest pull\n"
+        f"e² off 1 − v_s²/v²:   {worst:.1e}"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/pull_off.png", runs="folder of a collision").parse_args(arguments)
+    return show(lambda: read(chosen.runs), table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

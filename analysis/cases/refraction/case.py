@@ -1,0 +1,140 @@
+"""A plane front of an impact at an interface of two hexagonal crystals: the law of angles, and what passes.
+
+    granular-analysis refraction RUN [RUN ...] [-o FILE]
+
+RUN is a run folder of the shipped ``refraction`` with any angle of its interface and density beyond it. Left: angles of
+the transmitted (full) and the reflected (open) front over the incidence; lines are the rule of quasi-particles with the
+law of angles, `analysis.theory.refraction`. Right: heights at normal incidence in a chain, exact and by the rule, and
+those of the runs. A line for each run is printed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
+from analysis.measure.strikes import require
+from analysis.plotting import letter, parser, show, start
+from analysis.theory import scattering
+from analysis.theory.refraction import angle, quasi_particle
+from granular_lmp.impact.record import ImpactRecord
+
+MASSES = np.geomspace(1 / 8, 8.0, 13)
+ANGLES = np.linspace(0.0, 60.0, 121)
+
+
+def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:
+    """Return the mass beyond the interface, over that before it, and the fronts.
+
+    Raises ValueError if the scene is not a sheet whose first row strikes and whose one inclusion is a half-plane of
+    another density, or too few spheres are recorded there.
+    """
+    scene, problem = record.scene, record.problem
+    beyond = scene.inclusion[0] if len(scene.inclusion) == 1 else None
+    struck = [each.tolist() for each in problem.strikers]
+    if (
+        scene.packing.lattice != "hexagonal"
+        or beyond is None
+        or not beyond.half_plane
+        or beyond.density is None
+        or beyond.of_material
+        or struck != [np.flatnonzero(problem.crystal.arrays["row"] == 0).tolist()]
+    ):
+        raise ValueError(
+            f"{scene.name}: must be a hexagonal sheet that its first row strikes, with one inclusion of another "
+            "density in a half_plane"
+        )
+    require(record, "inclusion")
+    row, column, incidence = beyond.half_plane
+    arrays, places = problem.crystal.arrays, problem.crystal.positions[:, :2]
+    corner = places[(arrays["row"] == row) & (arrays["column"] == column)][0]
+    # The line in the middle of the sheet, where no wave from its ends has come
+    across = places[:, 0].mean() - corner[0]
+    middle = corner + across * np.array([1.0, np.tan(np.radians(incidence))])
+    mass = beyond.density / scene.sphere.density
+    fronts = fronts_at_interface(record.tau, record.velocity, record.rest / 2, middle / 2, incidence, heavier=mass > 1)
+    return mass, fronts
+
+
+def draw(runs: Sequence[tuple[float, FrontsAtInterface]]) -> Figure:
+    """Return the panels: angles over incidence, heights over the mass."""
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
+    angles, heights = figure.subplots(1, 2)
+    for number, mass in enumerate(sorted({mass for mass, _ in runs})):
+        _angles(angles, [each for other, each in runs if other == mass], mass, f"C{number}")
+    angles.set(xlabel="incidence (degrees)", ylabel="front from the normal (degrees)")
+    chains = [scattering.interface(float(mass)) for mass in MASSES]
+    rules = [quasi_particle(float(mass)) for mass in MASSES]
+    heavy = MASSES > 1
+    for colour, exact, rule, where in (
+        ("black", [each.velocity for each in chains], [each.height for each in rules], np.full(len(MASSES), True)),
+        ("grey", [each.velocity_back for each in chains], [each.height_back for each in rules], heavy),
+    ):
+        heights.semilogx(MASSES[where], np.array(exact)[where], color=colour)
+        heights.semilogx(MASSES[where], np.array(rule)[where], ":", color=colour)
+    for mass, each in runs:
+        if each.incidence == 0:
+            heights.plot(mass, each.transmitted.height / each.incident.height, "o", color="tab:red", markersize=4)
+            if each.reflected:
+                back = each.reflected.height / each.incident.height
+                heights.plot(mass, back, "o", color="tab:red", markerfacecolor="none", markersize=4)
+    heights.set_xticks([1 / 8, 1 / 4, 1 / 2, 1, 2, 4, 8], ["1/8", "1/4", "1/2", "1", "2", "4", "8"], minor=False)
+    heights.set_xticks([], minor=True)
+    heights.set(xlabel="mass beyond / before", ylabel="height / that of the incoming wave")
+    letter((angles, heights))
+    for axes in (angles, heights):
+        axes.grid(alpha=0.3)
+    angles.legend(frameon=False, fontsize="small")
+    return figure
+
+
+def _angles(axes: Axes, runs: Sequence[FrontsAtInterface], mass: float, colour: str) -> None:
+    """Draw the angles of the runs of one mass, and the rule as far as it goes."""
+    rule = []
+    for incidence in ANGLES:
+        try:
+            rule.append(quasi_particle(mass, float(incidence)))
+        except ValueError:  # beyond the critical angle
+            break
+    axes.plot(ANGLES[: len(rule)], [each.transmitted for each in rule], color=colour, label=f"mass {mass:g}")
+    axes.plot(ANGLES[: len(rule)], [each.reflected for each in rule], "--", color=colour, linewidth=0.8)
+    for each in runs:
+        through, back = each.angles
+        axes.plot(each.incidence, through, "o", color=colour, markersize=4)
+        axes.plot(each.incidence, back, "o", color=colour, markerfacecolor="none", markersize=4)
+
+
+def table(runs: Sequence[tuple[float, FrontsAtInterface]]) -> str:
+    """Return a line for each run: angles measured, by the law with the measured heights, by the rule; heights."""
+    lines = [
+        f"{'mass':>6}{'angle':>7}{'beyond':>8}{'law':>7}{'rule':>7}{'v/vi':>8}{'rule':>7}{'back':>8}{'law':>7}{'v/vi':>8}"
+    ]
+    for mass, each in sorted(runs, key=lambda run: (run[0], run[1].incidence)):
+        through, back = each.angles
+        height = each.transmitted.height / each.incident.height
+        try:
+            rule = quasi_particle(mass, each.incidence)
+            by_rule, of_height = rule.transmitted, rule.height
+        except ValueError:  # beyond the critical angle
+            by_rule = of_height = np.nan
+        line = f"{mass:6.3g}{each.incidence:7.1f}{through:8.2f}{angle(each.incidence, mass, height):7.2f}{by_rule:7.2f}"
+        line += f"{height:8.4f}{of_height:7.4f}"
+        if each.reflected:
+            height = each.reflected.height / each.incident.height
+            line += f"{back:8.2f}{angle(each.incidence, 1.0, height, reflected=True):7.2f}{height:8.4f}"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table and draw the figure into a file; returns the exit status."""
+    chosen = parser(__doc__, "figures/refraction.png", runs="run folder of a front that meets an interface").parse_args(
+        arguments
+    )
+    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+
+
+if __name__ == "__main__":
+    start(main)

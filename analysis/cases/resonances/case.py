@@ -1,0 +1,177 @@
+"""All resonances and antiresonances of second order of a scene's crystal, along its direction or over directions.
+
+    granular-analysis resonances SCENE [--direction DEG] [--map N] [-o FILE]
+
+SCENE is a file or the name of a shipped scene. Its crystal may be any lattice, with rows of other densities in a
+pattern that repeats. A wave of one branch drives waves at twice its wave number and frequency. Where one of these is
+free it grows: the table has the wave number, the branches, the frequency, and the growth in a period of the wave, in
+its amplitude D0 per a = D0/Δ0; where symmetry forbids growth it says why. Where a branch gets no force between two
+waves that give it some, the table says antiresonance. All stands in a CSV file beside the figure.
+
+Below the table stands how far second order holds for the wave of the scene, in a lattice of one sphere a cell.
+
+Branches of a lattice with one sphere a cell are L, TR and RT, of others 1, 2, … by frequency. Amplitudes are the root
+mean square over the spheres of a cell.
+"""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.plotting import parser, save, start, write
+from analysis.theory.bloch import frame
+from analysis.theory.crystal import Crystal, padded
+from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
+from analysis.theory.scenes import NAMES, Setting, named_branch
+from analysis.theory.validity import validity
+from granular_lmp.runs.record import GranularError, Scene
+
+Floats = NDArray[np.float64]
+FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
+COLOURS = ("tab:blue", "black", "tab:red", "tab:green", "tab:purple", "tab:brown")
+SILENT = 1e-9  # a coefficient of friction that is rounding
+LARGEST_DOT = 260.0  # points², of the fastest growth
+
+
+class Row(tuple[float, str, float, str, str, float, float, str]):
+    """A line of the table, by `FIELDS`."""
+
+
+def rows(setting: Setting, crystal: Crystal, degrees: float) -> list[Row]:
+    """Return the table along one direction."""
+    along = frame(degrees)[0]
+    length = setting.scene.sphere.static_overlap
+
+    def row(each: Match) -> Row:
+        names = [
+            label(crystal, number * along, branch)
+            for number, branch in ((each.wavenumber, each.branch), (2 * each.wavenumber, each.target))
+        ]
+        period = 2 * np.pi / each.frequency
+        growth = each.rate * period * length
+        xi = each.wavenumber / setting.unit
+        return Row((degrees, each.kind, xi, *names, 1 / period, growth, each.forbidden))
+
+    return [row(each) for each in matches(crystal, along)]
+
+
+def label(crystal: Crystal, wavevector: Floats, branch: int) -> str:
+    """Return the name of a branch at a wave vector, or its number from 1."""
+    if len(crystal) > 1:
+        return str(branch + 1)
+    known = NAMES[: len(crystal.freedoms)]
+    return next((name for name in known if named_branch(crystal, wavevector, name) == branch), str(branch + 1))
+
+
+def table(found: Sequence[Row], several: bool) -> str:
+    """Return the table as text."""
+    head = f"{'kind':14} {'xi':>9} {'branches':>10} {'frequency':>13} {'growth':>10}  a period, D0 per a"
+    lines = [f"{'degrees':>8} {head}" if several else head]
+    for degrees, kind, xi, wave, target, frequency, growth, forbidden in found:
+        grows = f"{growth:10.3g}" if growth else f"{'-':>10}"
+        line = f"{kind:14} {xi:9.6f} {f'{wave} -> {target}':>10} {frequency:10.6g} Hz {grows}"
+        line += f"  forbidden by {forbidden}" if forbidden else ""
+        lines.append(f"{degrees:8.2f} {line}" if several else line)
+    return "\n".join(lines)
+
+
+def outlook(setting: Setting, crystal: Crystal) -> str:
+    """Return how far second order holds for the wave of the scene; "" in a crystal of other waves."""
+    if len(crystal) > 1:
+        return ""
+    scene = setting.scene
+    said = validity(crystal, setting.mode().times(scene.displacement_amplitude))
+    a = scene.wave.amplitude
+    drift = "" if np.isnan(said.drift) else f", which third order turns by {said.drift:.2g} rad a period"
+    slides = f" and slide below a friction of {said.friction:.2g}" if said.friction > SILENT else ""
+    return (
+        f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = {a / said.opening:.3g}"
+        f"{slides}; the forced second harmonic is {said.second:.2g} of the wave{drift}"
+    )
+
+
+def as_csv(found: Sequence[Row]) -> str:
+    """Return the table as CSV, every number with all its digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(FIELDS)
+    writer.writerows(found)
+    return text.getvalue()
+
+
+def draw(setting: Setting, crystal: Crystal, found: Sequence[Row], degrees: float) -> Figure:
+    """Return the figure of one direction: branches at 2k, and twice the frequencies at k."""
+    along = padded(frame(degrees)[0])
+    numbers = zone_edge(crystal, along) * np.arange(1, COUNT + 1) / COUNT
+    waves, targets = (crystal.modes(np.outer(factor * numbers, along)).frequencies / (2e6 * np.pi) for factor in (1, 2))
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(numbers / setting.unit, targets, color="0.75", linewidth=3)
+    for branch in range(waves.shape[1]):
+        axes.plot(numbers / setting.unit, 2 * waves[:, branch], color=COLOURS[branch % len(COLOURS)], linewidth=1)
+    most = max((row[6] for row in found), default=0.0) or 1.0
+    for _, kind, xi, _, _, frequency, growth, _ in found:
+        place = xi, 2e-6 * frequency
+        if kind == "antiresonance":
+            axes.plot(*place, "x", color="black", markersize=7)
+        else:
+            size = max(LARGEST_DOT * growth / most, 12.0)
+            axes.scatter(*place, size, "tab:orange" if growth else "white", edgecolors="black", zorder=5)
+    axes.set_ylim(0, 1.15 * targets.max())
+    axes.set_xlabel(r"wave number $\xi$ (rad per row)")
+    axes.set_ylabel("twice the frequency (MHz)")
+    axes.set_title(
+        f"{setting.scene.name}, {degrees:g}°: thin 2f($\\xi$), grey f(2$\\xi$); dots grow (white: forbidden), "
+        "crosses: no force",
+        fontsize="medium",
+    )
+    return figure
+
+
+def draw_map(setting: Setting, found: Sequence[Row]) -> Figure:
+    """Return the figure over directions, of the resonances that grow."""
+    figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+    axes = figure.subplots()
+    grows = [row for row in found if row[6] > 0]
+    drawn = axes.scatter([row[0] for row in grows], [row[2] for row in grows], 14, [np.log10(row[6]) for row in grows])
+    figure.colorbar(drawn, label="log10 of the growth a period, D0 per a")
+    axes.set_xlabel("direction (degrees from a row)")
+    axes.set_ylabel(r"wave number $\xi$ (rad per row)")
+    axes.set_title(f"resonances of {setting.scene.name}", fontsize="medium")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table, and write figure and CSV."""
+    command = parser(__doc__, "resonances.png")
+    command.add_argument("scene", metavar="SCENE", help="file or name of a shipped scene")
+    command.add_argument("--direction", type=float, metavar="DEG", help="from a row (default: that of the scene)")
+    command.add_argument("--map", type=int, metavar="N", help="N directions from 0 to 180 degrees")
+    options = command.parse_args(arguments)
+    if options.map is not None and (options.map < 2 or options.direction is not None):
+        command.error(f"--map {options.map}: must be 2 or more directions, and --direction is not given with it")
+    try:
+        setting = Setting(Scene.load(options.scene))
+        crystal = setting.crystal()
+    except GranularError as error:
+        raise SystemExit(error.in_options()) from error
+    except ValueError as error:
+        raise SystemExit(f"{options.scene}: {error}") from error
+    own = setting.scene.direction if options.direction is None else options.direction
+    if setting.scene.packing.lattice == "chain" and (options.map or own % 180 != 90):
+        command.error("a chain has one direction: 90")
+    angles = np.linspace(0, 180, options.map) if options.map else [own]
+    found = [row for angle in angles for row in rows(setting, crystal, float(angle))]
+    print("\n".join(filter(None, [table(found, bool(options.map)), outlook(setting, crystal)])))
+    figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
+    save(figure, options.output)
+    write(Path(options.output).with_suffix(".csv"), as_csv(found))
+
+
+if __name__ == "__main__":
+    start(main)

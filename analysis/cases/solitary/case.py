@@ -1,0 +1,136 @@
+"""The solitary wave of a chain of spheres: its shape, its speed from sonic vacuum to sound, and what an impurity does.
+
+    granular-analysis solitary [RUN ...] [-o FILE]
+
+Left: the overlap of touching spheres, exact and by the long-wave theory. Middle: the speed over the largest overlap
+when the chain is compressed, with the KdV soliton and the long-wave theory. Right: the shares of the energy beyond and
+before an impurity of another mass.
+
+RUN is a run folder of an impact on a chain of equal spheres that is pressed together, of which two neighbours and two
+others farther on are recorded. The crests of their overlaps give a point of the middle panel; it is hollow where the
+crest still changes on its way by more than `STEADY`, so that the front is not a solitary wave yet.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.measure.strikes import require
+from analysis.plotting import letter, parser, save, start
+from analysis.theory.chain_motion import peak
+from analysis.theory.scattering import impurity
+from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import GranularError
+
+STEADY = 1e-3  # relative
+RATIOS = 1 + np.geomspace(1e-3, 9.0, 25)  # V/c
+MASSES = np.geomspace(1 / 8, 27.0, 23)
+
+
+@dataclass(frozen=True)
+class Front:
+    """Front of a struck chain: its crests at two contacts, above the overlap at rest and in units of it, and V/c."""
+
+    first: float
+    second: float
+    speed: float
+
+    @property
+    def steady(self) -> bool:
+        """True if the crest is the same at both."""
+        return isclose(self.first, self.second, rel_tol=STEADY)
+
+
+def front(record: ImpactRecord) -> Front:
+    """Return the front in the record of a struck chain.
+
+    Raises ValueError if nothing presses the chain together, its spheres differ, or others than two pairs of neighbours
+    are recorded.
+    """
+    problem, scene = record.problem, record.scene
+    rows = problem.crystal.arrays["row"][problem.recorded]
+    if not scene.packing.contact_force or scene.inclusion or scene.disorder.radius or scene.disorder.density:
+        raise ValueError(f"{scene.name}: must be a chain of equal spheres with packing.contact_force above 0")
+    require(record, "packing.contact_force")
+    if len(rows) != 4 or rows[1] - rows[0] != 1 or rows[3] - rows[2] != 1:
+        raise ValueError(f"{scene.name}: rows {rows.tolist()} are recorded: must be two neighbours, and two others")
+    rest, u = float(problem.rest_overlap[0]), record.displacement[..., 1]
+    (one, begin), (other, end) = (peak(record.tau, u[:, at] - u[:, at + 1]) for at in (0, 2))
+    return Front(one / rest, other / rest, (rows[2] - rows[0]) / (end - begin) / sound(1.0, 1.0, rest))
+
+
+def draw(fronts: Sequence[Front] = ()) -> Figure:
+    """Return the three panels."""
+    figure = Figure(figsize=(11.0, 3.8), layout="constrained")
+    panels = list(figure.subplots(1, 3))
+    _shape(panels[0])
+    _speed(panels[1], fronts)
+    _shares(panels[2])
+    letter(panels)
+    for axes in panels:
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small", frameon=False)
+    return figure
+
+
+def _shape(axes: Axes) -> None:
+    wave, places = solitary_wave(1.0), np.linspace(-4.5, 4.5, 361)
+    axes.plot(places, wave.at(places)[0] / wave.largest_overlap, color="black", label="exact")
+    # Nesterenko's compacton: cos⁴(√(2/5) s) within one arch
+    long = np.where(np.abs(places) < np.pi / 2 * np.sqrt(2.5), np.cos(np.sqrt(0.4) * places) ** 4, 0.0)
+    axes.plot(places, long, "--", color="tab:red", label="long waves")
+    contacts = np.arange(-4, 5)
+    axes.plot(contacts, wave.at(contacts)[0] / wave.largest_overlap, "o", color="black", markersize=4)
+    axes.set(xlabel="contact $n - Vt$", ylabel=r"overlap / largest", xlim=(-4.5, 4.5))
+
+
+def _speed(axes: Axes, fronts: Sequence[Front]) -> None:
+    unit = sound(1.0, 1.0, 1.0)
+    crests = np.array([solitary_wave(ratio * unit, rest=1.0).largest_overlap for ratio in RATIOS])
+    axes.loglog(crests, RATIOS - 1, color="black", label="exact")
+    axes.loglog(crests, crests / 12, ":", color="tab:blue", label="KdV")
+    axes.loglog(crests, long_wave_speed(1 + crests) - 1, "--", color="tab:red", label="long waves")
+    alone = 0.9055157764 * crests**0.25 / unit - 1
+    axes.loglog(crests[alone > 0.1], alone[alone > 0.1], "-.", color="grey", label="no compression")
+    for steady, face in ((True, "black"), (False, "white")):
+        found = [each for each in fronts if each.steady == steady]
+        label = "LAMMPS" if steady and found else None
+        points = [each.second for each in found], [each.speed - 1 for each in found]
+        axes.loglog(*points, "o", color="black", markerfacecolor=face, markersize=5, label=label)
+    axes.set(xlabel=r"largest overlap $\delta/\delta_0$", ylabel="$V/c - 1$")
+
+
+def _shares(axes: Axes) -> None:
+    found = [impurity(mass) for mass in MASSES]
+    axes.semilogx(MASSES, [one.transmitted for one in found], color="black", label="beyond")
+    axes.semilogx(MASSES, [one.reflected for one in found], color="tab:red", label="reflected")
+    axes.semilogx(MASSES, [one.velocity**2 for one in found], ":", color="black", label="beyond, first wave")
+    axes.set(xlabel="mass of the impurity / mass of a sphere", ylabel="share of the energy")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Command line; returns the exit status."""
+    command = parser(__doc__, "figures/solitary.png")
+    command.add_argument("runs", nargs="*", metavar="RUN", help="run folder of an impact on a compressed chain")
+    options = command.parse_args(argv)
+    try:
+        fronts = [front(ImpactRecord.load(Path(folder))) for folder in options.runs]
+    except (GranularError, ValueError) as error:
+        raise SystemExit(str(error)) from error
+    if fronts:
+        print(f"{'crest':>10}{'farther on':>12}{'V/c - 1':>12}")
+    for each in fronts:
+        print(f"{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}")
+    save(draw(fronts), options.output)
+    print(options.output)
+    return 0
+
+
+if __name__ == "__main__":
+    start(main)

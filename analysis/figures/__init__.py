@@ -1,1 +1,0 @@
-"""Scripts, each `python -m analysis.figures.NAME`: read runs, draw, print a table."""
