@@ -9,7 +9,7 @@ the centre sphere::
     record = load("runs/tr_nonresonant")       # reads it again; resume() continues a run that was stopped
     table = sweep(record.scene, {"wave.amplitude": [0.1, 0.2]}, "sweeps/amplitude")
 
-An `ImpactScene` declares spheres that just touch and are struck; `run`, `resume`, `load` and `sweep` take it too.
+An `ImpactScene` declares spheres that just touch and are struck; all these functions take it too.
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
 `impact`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
@@ -20,17 +20,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from granular_lmp.accuracy.ladder import build as build
     from granular_lmp.impact.record import ImpactRecord as ImpactRecord
     from granular_lmp.impact.run import run_impact as run_impact
     from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
-    from granular_lmp.problem import prepare as prepare
-    from granular_lmp.runs.export import export as export
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.scene.scene import Scene as Scene
+    from granular_lmp.studies.runnable import build as build
+    from granular_lmp.studies.runnable import export as export
     from granular_lmp.studies.runnable import load as load
+    from granular_lmp.studies.runnable import prepare as prepare
     from granular_lmp.studies.runnable import resume as resume
     from granular_lmp.studies.runnable import run as run
     from granular_lmp.studies.sweep import Sweep as Sweep
@@ -44,16 +44,16 @@ _HOMES = {
     "ImpactScene": "impact.scene",
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
-    "build": "accuracy.ladder",
+    "build": "studies.runnable",
     "run": "studies.runnable",
     "resume": "studies.runnable",
     "load": "studies.runnable",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep",
-    "export": "runs.export",
+    "export": "studies.runnable",
     "Record": "runs.record",
     "html": "plot.notebook",
-    "prepare": "problem",
+    "prepare": "studies.runnable",
     "run_impact": "impact.run",
 }
 __all__ = [

@@ -13,7 +13,7 @@ from granular_lmp.errors import LammpsMissingError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import SHIPPED_IMPACTS
 from granular_lmp.studies import forecast
-from granular_lmp.studies.forecast import forecast_of_impact
+from granular_lmp.studies.forecast import forecast as forecast_of
 from granular_lmp.studies.runnable import Runnable
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 5.0})
@@ -63,7 +63,7 @@ def test_check_says_what_a_run_then_is(
 @pytest.mark.parametrize("changes", [{}, {"time.tolerance": 1e-3}, {"disorder.vacancies": 0.3}])
 def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Runnable]) -> None:
     problem = prepare(SHEET.with_values(changes))
-    found = forecast_of_impact(problem)
+    found = forecast_of(problem)
     assert found.spheres == len(problem.crystal)
     assert found.seconds == pytest.approx(0.5 * found.runs + found.spheres * found.steps / 1e6)
 
@@ -91,7 +91,7 @@ def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> N
     scene = ImpactScene.load(name)
     sheet = scene.lattice.sheet
     larger = scene.with_values(LARGE if sheet else {"packing.rows": 20_001})
-    found = forecast_of_impact(prepare(larger))
+    found = forecast_of(prepare(larger))
     (small,) = tried
     assert isinstance(small, ImpactScene)
     assert small.shape.spheres == 10_000
@@ -101,7 +101,7 @@ def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> N
 
 
 def test_a_long_sample_is_cut_for_the_short_run(tried: list[Runnable]) -> None:
-    forecast_of_impact(prepare(SHEET.with_values({"time.sample": 40.0, "time.timestep": 5e-4})))
+    forecast_of(prepare(SHEET.with_values({"time.sample": 40.0, "time.timestep": 5e-4})))
     (short,) = tried
     assert short.time.steps == 100
     assert short.time.step == pytest.approx(5e-4)
@@ -114,6 +114,6 @@ def test_the_memory_is_that_of_a_run(tried: list[Runnable], tmp_path: Path) -> N
     words = [sys.executable, "-c", PEAK, str(tmp_path / "mine.toml"), str(tmp_path / "run")]
     peak = float(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
     # A factor of two: what interpreter and libraries take differs between machines. The record is most of it
-    said = forecast_of_impact(prepare(scene)).memory
+    said = forecast_of(prepare(scene)).memory
     assert 0.5 * said < peak < 2 * said
-    assert not peak < 2 * forecast_of_impact(prepare(scene.with_values({"output.rows": [0, 0]}))).memory
+    assert not peak < 2 * forecast_of(prepare(scene.with_values({"output.rows": [0, 0]}))).memory

@@ -15,9 +15,10 @@ from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import sweep_figure, view
 from granular_lmp.runs.options import Options
 from granular_lmp.studies.executors import Workers
-from granular_lmp.studies.sweep import IMPACT_COLUMNS, Sweep, sweep
-from granular_lmp.studies.sweep_impacts import arrival, far_sphere, read_outs
+from granular_lmp.studies.far_sphere import arrival, far_sphere, read_outs
+from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import points, scene_hash
+from granular_lmp.studies.sweep_rows import columns_of
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
     {"packing.rows": 12, "packing.last": "free", "time.duration": 24.0, "time.sample": 0.25}
@@ -48,7 +49,7 @@ def test_the_folder_and_its_table_say_what_was_returned(swept: Sweep) -> None:
     assert Sweep.load(swept.folder) == swept
     with (swept.folder / "sweep.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert list(table[0]) == ["striker.1.velocity", *IMPACT_COLUMNS]
+    assert list(table[0]) == ["striker.1.velocity", *columns_of(CHAIN)]
     assert [float(line["far_tau"]) for line in table] == list(swept.column("far_tau"))
     asked = json.loads((swept.folder / "sweep.json").read_text())
     assert asked == {"over": SPEEDS, "scene": json.loads(json.dumps(CHAIN.given()))}

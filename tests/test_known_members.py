@@ -6,10 +6,8 @@ from typing import Any
 import pytest
 
 from granular_lmp import Scene
-from granular_lmp.accuracy.ladder import build, deciding_frequency
+from granular_lmp.accuracy.ladder import deciding_frequency
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.problem import prepare as prepare_impact
-from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.guards import fastest
 from granular_lmp.lammps.sources import FORMULAS
@@ -20,10 +18,10 @@ from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
 from granular_lmp.studies.kick import run_kicked
+from granular_lmp.studies.runnable import build, read
 
 INPUTS = Path(__file__).parents[1] / "lammps_inputs"
-SCENES = sorted(path.parent.name for path in INPUTS.glob("*/scene.toml"))
-IMPACTS = sorted(path.parent.name for path in INPUTS.glob("impacts/*/scene.toml"))
+SCENES = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))
 
 
 # ---------------------------------------------------------------- the cell that stands for a large crystal
@@ -35,7 +33,7 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def built(scene: Any) -> tuple[float, float]:
         assert scene.shape.spheres == 144
-        prepare_impact(scene) if isinstance(scene, ImpactScene) else build(scene)
+        build(scene)
         return 1e6, 0.01
 
     monkeypatch.setattr(forecast, "_LARGEST", 10)
@@ -45,12 +43,7 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_each_shipped_scene_has_a_cell_that_stands_for_it(name: str, small_cells: None) -> None:
-    assert forecast.forecast(prepare(Scene.load(name))).seconds is not None
-
-
-@pytest.mark.parametrize("name", IMPACTS)
-def test_each_shipped_impact_has_a_cell_that_stands_for_it(name: str, small_cells: None) -> None:
-    assert forecast.forecast_of_impact(prepare_impact(ImpactScene.load(INPUTS / "impacts" / name))).seconds is not None
+    assert forecast.forecast(build(read(name)).problem).seconds is not None
 
 
 @pytest.mark.parametrize(

@@ -26,8 +26,9 @@ from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.executors import Workers
-from granular_lmp.studies.sweep import COLUMNS, Sweep, run_point, sweep
+from granular_lmp.studies.sweep import Sweep, run_point, sweep
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
+from granular_lmp.studies.sweep_rows import columns_of
 from tests.test_cli import cli
 
 module = sys.modules["granular_lmp.studies.sweep"]
@@ -143,7 +144,7 @@ def test_the_folder_and_its_table_say_what_was_returned(small: Scene, tmp_path: 
     assert again == done
     with (tmp_path / "sweep" / "sweep.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert list(table[0]) == ["wave.amplitude", *COLUMNS]
+    assert list(table[0]) == ["wave.amplitude", *columns_of(small)]
     assert [float(line["largest_q"]) for line in table] == list(done.column("largest_q"))
     asked = json.loads((tmp_path / "sweep" / "sweep.json").read_text())
     assert asked == {"over": {"wave.amplitude": [0.1, 0.2]}, "scene": small.given()}

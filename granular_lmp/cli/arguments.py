@@ -9,6 +9,7 @@ from granular_lmp.cli.output import progress_of_rest, remark
 
 if TYPE_CHECKING:
     from granular_lmp.scene.scene import Scene
+    from granular_lmp.studies.runnable import Runnable
 
 Commands = argparse._SubParsersAction  # argparse has no public name for what add_subparsers() returns
 Options = argparse.Namespace
@@ -71,22 +72,30 @@ def changes_of(options: Options) -> dict[str, Any]:
     return dict(assignment(change) for change in options.changes)
 
 
-def scene_of(options: Options) -> "Scene":
-    """Return the scene that is asked for; what was changed to make it fit is said."""
-    from granular_lmp.effects.selection import remarks, select, warnings, with_all
-    from granular_lmp.scene.at_rest import crystal_of
-    from granular_lmp.scene.scene import Scene
+def scene_of(options: Options, load: "Callable[[str], Runnable] | None" = None) -> "Runnable":
+    """Return the scene that is asked for; what was changed to make it fit is said.
 
-    scene = Scene.load(options.scene)
+    `load` reads it, by default the reader of scenes of all kinds.
+    """
+    from granular_lmp.studies.runnable import notes_on, read, with_all
+
+    scene = (load or read)(options.scene)
     if options.all_effects:
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(changes_of(options))
-    crystal = crystal_of(scene, progress_of_rest)
-    if not scene.perfect and sys.stderr.isatty():
-        remark("\r\033[K", end="")  # wipe the line
-    for note in [*scene.remarks(), *remarks(scene), *crystal.remarks()]:
-        remark(f"note: {note}")
-    for warning in warnings(select(scene)):
-        remark(f"warning: {warning}")
+    lines = notes_on(scene, progress_of_rest)
+    if sys.stderr.isatty():
+        remark("\r\033[K", end="")  # wipe the line of the progress
+    for line in lines:
+        remark(line)
+    return scene
+
+
+def wave_scene_of(options: Options) -> "Scene":
+    """Return the scene that is asked for, as `scene_of`; raises SceneError if it has no wave."""
+    from granular_lmp.scene.scene import Scene
+
+    scene = scene_of(options, Scene.load)
+    assert scene.wave is not None
     return scene

@@ -1,9 +1,8 @@
 """Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -19,7 +18,7 @@ from granular_lmp.cli.output import interruptible, remark, say
 from granular_lmp.runs.phases import phase
 
 if TYPE_CHECKING:
-    from granular_lmp.runs.record import Record
+    from granular_lmp.studies.runnable import Motion
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -50,10 +49,8 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
 
 def _run(options: Options) -> int:
-    if impact := impacts.impact_of(options):
-        return impacts.run(impact, options)
     with phase("imports"):
-        from granular_lmp.accuracy.tolerance import run
+        from granular_lmp.studies.runnable import run
     with phase("scene"):
         scene = scene_of(options)
     folder = options.output or f"runs/{scene.name}"
@@ -72,10 +69,8 @@ def _run(options: Options) -> int:
 
 
 def _resume(options: Options) -> int:
-    if (status := impacts.resume(options.folder)) is not None:
-        return status
     with phase("imports"):
-        from granular_lmp.accuracy.tolerance import resume
+        from granular_lmp.studies.runnable import resume
 
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
@@ -105,30 +100,39 @@ def _accept(options: Options) -> int:
     return 0
 
 
-def _say_how_it_went(folder: str, record: "Record") -> int:
-    from granular_lmp.accuracy.noise import said
-    from granular_lmp.accuracy.rounding import below_rounding
-
+def _say_how_it_went(folder: str, record: "Motion") -> int:
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
+    of = f" of {info['recorded']} spheres" if "recorded" in info else ""
     say(
-        f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records "
+        f"{folder}: {info['particles']} spheres, {info['steps']} steps, {len(record.tau)} records{of} "
         f"in {seconds:.2f} s ({loop:.2f} s in LAMMPS's loop)"
     )
     for sentence in info.get("refinements", []):
         remark(f"note: {sentence}")
     if "tolerance" in info:
-        found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
-        others = {name: error for name, error in info["errors_of_monitors"].items() if name not in info["noise"]}
-        worst = max(others, key=lambda name: others[name], default="")
-        found += f"; of all else {worst} {others[worst]:.1e} at most" if worst else ""
-        say(f"relative error, estimated: {found} (tolerance {info['tolerance']:g})")
-        if info["noise"]:
-            remark(f"note: {said(info['noise'], info['tolerance'])}")
-    else:  # a tolerance has its own refusal
+        _say_errors(info)
+    elif record.scene.wave is not None:  # a tolerance has its own refusal
+        from granular_lmp.accuracy.rounding import below_rounding
+
         for sentence in below_rounding(record.scene, record.signals):
             remark(f"warning: {sentence}")
     for name, guard in info["guards"].items():
         if not guard["quiet"]:
             remark(f"warning: {name} = {guard['value']}: {guard['meaning']}")
     return 0
+
+
+def _say_errors(info: dict[str, Any]) -> None:
+    """Say the estimated errors of a run to a tolerance: relative ones, or over the unit of velocity of the record."""
+    from granular_lmp.accuracy.noise import said
+
+    found = ", ".join(f"{name} {value:.1e}" for name, value in info["error_estimate"].items() if value is not None)
+    noise = info.get("noise", {})
+    others = {name: error for name, error in info.get("errors_of_monitors", {}).items() if name not in noise}
+    worst = max(others, key=lambda name: others[name], default="")
+    found += f"; of all else {worst} {others[worst]:.1e} at most" if worst else ""
+    kind = "error over the velocity of the fastest striker" if "velocity_m_s" in info else "relative error"
+    say(f"{kind}, estimated: {found} (tolerance {info['tolerance']:g})")
+    if noise:
+        remark(f"note: {said(noise, info['tolerance'])}")

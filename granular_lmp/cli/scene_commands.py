@@ -1,10 +1,10 @@
 """Commands about a scene, before it is run: init, list, schema, check, build, effects, modes."""
 
 import argparse
+from collections.abc import Callable, Iterator
 from math import pi
 from typing import TYPE_CHECKING
 
-from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -17,7 +17,12 @@ from granular_lmp.cli.arguments import (
 from granular_lmp.cli.output import say, say_json
 
 if TYPE_CHECKING:
-    from granular_lmp.problem import Problem
+    from matplotlib.figure import Figure
+
+    from granular_lmp.impact.problem import ImpactProblem
+    from granular_lmp.scene.scene import Scene
+    from granular_lmp.studies.forecast import Forecast
+    from granular_lmp.studies.runnable import AnyProblem, Runnable
 
 WORTH_RANKS = 10_000  # spheres from which several ranks were measured
 
@@ -61,12 +66,12 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _init(options: Options) -> int:
     from granular_lmp.scene.shipped import copy_shipped
     from granular_lmp.scene.starter import write_starter
+    from granular_lmp.studies.runnable import read
 
     if options.all is not None:
         say(f"{options.all}: {', '.join(copy_shipped(options.all))}")
         return 0
-    if not impacts.init(options.file, options.source):
-        write_starter(options.file, options.source)
+    write_starter(options.file, read(options.source))
     say(f"{options.file}: as {options.source}; next: granular-lmp check {options.file}")
     return 0
 
@@ -87,66 +92,101 @@ def _list(options: Options) -> int:
 
 
 def _schema(options: Options) -> int:
+    from granular_lmp.impact.scene import ImpactScene
     from granular_lmp.scene.json_schema import json_schema
+    from granular_lmp.scene.scene import Scene
 
-    say_json(impacts.schema() if options.kind == "impact" else json_schema())
+    say_json(json_schema(ImpactScene if options.kind == "impact" else Scene))
     return 0
 
 
 def _check(options: Options) -> int:
-    from dataclasses import asdict
-
-    if impact := impacts.impact_of(options):
-        return impacts.check(impact, options)
-    from granular_lmp.accuracy.ladder import build
     from granular_lmp.studies.forecast import forecast
+    from granular_lmp.studies.runnable import build
 
     problem = build(scene_of(options)).problem
     found = forecast(problem)
     if options.json:
-        say_json(
-            {"name": problem.scene.name, "description": problem.scene.description}
-            | asdict(found)
-            | {"effects": {effect.name: effect.on for effect in problem.effects}}
-            | {"guards": problem.guards, "warnings": problem.warnings(), "sources": _sources(problem)}
-            | {"monitors": [{"name": each.monitor.name, "records": each.words} for each in problem.monitors]}
-        )
+        say_json(_as_json(problem, found))
         return 0
-    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
-    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
-    say(f"{problem.scene.name}: {problem.scene.wave_words}")
-    say(f"spheres   {found.spheres}")
-    say(f"steps     {found.steps}{runs}; {found.records} records, {found.snapshots} snapshots")
-    say(f"time      {seconds}{found.basis}")
-    for ranks, how in ((4, ""), (64, ", extrapolated")):
-        bounds = found.on(ranks)
-        if bounds and found.spheres >= WORTH_RANKS:
-            say(f"{f'on {ranks}':10}{bounds[0]:.2g} to {bounds[1]:.2g} s{how}")
-    if lost := found.lost_on(2):
-        say(f"ranks     {lost}")
-    restart = f"a checkpoint about every {found.checkpoint:.3g} minutes"
-    say(f"restart   {restart}")
-    say(f"memory    about {found.memory / 1e6:.0f} MB")
-    say(f"effects   {', '.join(name for name, on in problem.on.items() if on) or 'none'}")
-    say(f"guards    {', '.join(problem.guards) or 'none'}")
-    for each in problem.sources:
-        say(f"source    {each.words}, as much time as {each.cost} spheres")
-    for watched in problem.monitors:
-        say(f"monitor   {watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB")
+    say(f"{problem.scene.name}: {problem.scene.words}")
+    for name, text in _lines(problem, found):
+        say(f"{name:10}{text}")
     return 0
 
 
-def _sources(problem: "Problem") -> list[dict[str, object]]:
+def _as_json(problem: "AnyProblem", found: "Forecast") -> dict[str, object]:
+    """Return what check says, for another program."""
+    from dataclasses import asdict
+
+    scale = problem.scale
+    return (
+        {"name": problem.scene.name, "description": problem.scene.description}
+        | asdict(found)
+        | {"recorded": len(problem.recorded)}
+        | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
+        | ({"at_rest": problem.at_rest, "steps_per_collision": _collision(problem)} if problem.mode is None else {})
+        | {"effects": problem.on, "guards": problem.guards, "warnings": problem.warnings()}
+        | {"sources": _sources(problem)}
+        | {"monitors": [{"name": each.monitor.name, "records": each.words} for each in problem.monitors]}
+    )
+
+
+def _lines(problem: "AnyProblem", found: "Forecast") -> "Iterator[tuple[str, str]]":
+    """Yield the lines of check, each with the word that it begins with."""
+    scene, scale = problem.scene, problem.scale
+    yield "spheres", f"{found.spheres}"
+    runs = f" in {found.runs} runs, or more if their errors ask for it" if found.runs > 1 else ""
+    of = f" of {len(problem.recorded)} spheres" if problem.mode is None else f", {found.snapshots} snapshots"
+    yield "steps", f"{found.steps}{runs}; {found.records} records{of}"
+    seconds = "" if found.seconds is None else f"about {found.seconds:.2g} s on one rank; "
+    yield "time", f"{seconds}{found.basis}"
+    for ranks, how in ((4, ""), (64, ", extrapolated")):
+        bounds = found.on(ranks)
+        if bounds and found.spheres >= WORTH_RANKS:
+            yield f"on {ranks}", f"{bounds[0]:.2g} to {bounds[1]:.2g} s{how}"
+    if lost := found.lost_on(2):
+        yield "ranks", lost
+    yield "restart", f"a checkpoint about every {found.checkpoint:.3g} minutes"
+    yield "memory", f"about {found.memory / 1e6:.0f} MB"
+    unit, ratio = ("l", "l/R") if problem.mode is None else ("Delta0", "Delta0/R")
+    length = f"{unit} = {scale.length:.4g} m, {ratio} = {scale.length / scene.sphere.radius:.3g}"
+    yield "scale", f"t0 = {scale.time:.4g} s, {length}"
+    if problem.mode is None:
+        yield from _of_rest(problem)
+    yield "duration", f"{scene.time.duration * scale.time:.4g} s"
+    if problem.mode is None:
+        yield "step", f"{_collision(problem):.3g} to the shortest collision"
+    yield "effects", ", ".join(name for name, on in problem.on.items() if on) or "none"
+    yield "guards", ", ".join(problem.guards) or "none"
+    for each in problem.sources:
+        yield "source", f"{each.words}, as much time as {each.cost} spheres"
+    for watched in problem.monitors:
+        yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
+
+
+def _of_rest(problem: "ImpactProblem") -> "Iterator[tuple[str, str]]":
+    """Yield the lines of a chain that is pressed together."""
+    if rest := problem.at_rest:
+        force, residual = rest["contact_force_over_impact"], rest["residual_force_over_impact"]
+        yield "at rest", f"{force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it"
+        yield "sound", f"{rest['sound_m_s']:.4g} m/s"
+
+
+def _collision(problem: "ImpactProblem") -> float:
+    """Return the steps in the shortest collision."""
+    return problem.shortest_collision / problem.scene.time.step
+
+
+def _sources(problem: "AnyProblem") -> list[dict[str, object]]:
     return [{"does": each.words, "cost_in_spheres": each.cost} for each in problem.sources]
 
 
 def _build(options: Options) -> int:
     from pathlib import Path
 
-    if impact := impacts.impact_of(options):
-        return impacts.build(impact, options)
-    from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.folder import clear, locked
+    from granular_lmp.studies.runnable import build
 
     scene = scene_of(options)
     deck = build(scene)
@@ -159,29 +199,30 @@ def _build(options: Options) -> int:
 
 
 def _effects(options: Options) -> int:
-    if impact := impacts.impact_of(options):
-        return impacts.effects(impact, options)
-    from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.manifest import effects_of
+    from granular_lmp.studies.runnable import planned_steps, prepare
 
-    problem = build(scene_of(options)).problem
-    scene, shape = problem.scene, problem.scene.shape
+    problem = prepare(scene_of(options))
+    scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)
     if options.json:
-        costs = {effect.name: {"cost": effect.cost, "without_it": effect.loss} for effect in problem.effects}
-        effects = {name: said | costs[name] for name, said in effects_of(problem).items()}
-        size = {"rows": shape.rows, "columns": shape.columns, "spheres": shape.spheres, "steps": scene.time.steps}
+        own = {
+            effect.name: {"cost": effect.cost, "without_it": effect.loss, "key": effect.switch}
+            for effect in problem.effects
+        }
+        effects = {name: said | own[name] for name, said in effects_of(problem).items()}  # type: ignore[arg-type]
+        size = {"rows": shape.rows, "columns": shape.columns, "spheres": spheres, "steps": steps}
         say_json({"name": scene.name, **size, "effects": effects, "sources": _sources(problem)})
         return 0
-    say(f"{scene.name}: {shape.words} = {shape.spheres} spheres, {scene.time.steps} steps")
-    say(f"{'effect':17}{'':5}{'guard':16}{'time':9}why")
+    say(f"{scene.name}: {shape.words} = {spheres} spheres, {steps} steps")
+    say(f"{'effect':17}{'':5}{'guard':17}{'time':9}why")
     for effect in problem.effects:
         state = "on" if effect.on else "off"
-        head = f"{effect.name:17}{state:5}{effect.guard or '-':16}{effect.cost:9}"
+        head = f"{effect.name:17}{state:5}{effect.guard or '-':17}{effect.cost:9}"
         say(head + effect.finding)
         if effect.loss != "nothing":
             say(f"{'':{len(head)}}without it: {effect.loss}")
     for number, each in enumerate(problem.sources, 1):
-        say(f"{f'source {number}':17}{'on':5}{'-':16}{f'+{each.cost}':9}{each.words}")
+        say(f"{f'source {number}':17}{'on':5}{'-':17}{f'+{each.cost}':9}{each.words}")
     if problem.sources:
         say("A source takes the time of as many more spheres.")
     say("A guard fails the run when an effect that is off, and was not called for, is there after all.")
@@ -189,14 +230,49 @@ def _effects(options: Options) -> int:
 
 
 def _modes(options: Options) -> int:
+    scene = scene_of(options)
+    figure = _bands_of(scene, options) if scene.wave is None else _modes_of(scene, options)
+    if options.plot:
+        from granular_lmp.plot.signals import save
+
+        save(figure(), options.plot)
+        if not options.json:
+            say(options.plot)
+    return 0
+
+
+def _bands_of(scene: "Runnable", options: Options) -> "Callable[[], Figure]":
+    """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
+    from granular_lmp.cli.bands import as_json, as_text, ranges
+    from granular_lmp.studies.runnable import prepare
+
+    problem = prepare(scene)
+    assert problem.mode is None
+    t0 = problem.scale.time
+    found, count = ranges(problem.cell), len(problem.cell[0])
+    if options.json:
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.sound} | as_json(found, t0))
+    else:
+        many = f"{count} sphere{'s' * (count > 1)}"
+        say(f"{problem.scene.name}: {many} to a cell; sound {problem.sound:.6g} m/s; t0 = {t0:.6g} s")
+        for line in as_text(found, t0):
+            say(line)
+
+    def figure() -> "Figure":
+        from granular_lmp.plot.motion import bands_figure
+
+        return bands_figure(problem)
+
+    return figure
+
+
+def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
+    """Say the Bloch modes at the scene's wave vector, and of a chain its bands."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
     from granular_lmp.crystal.modes import bloch_mode, restored
     from granular_lmp.scene.at_rest import chain_cell
     from granular_lmp.scene.linear import physics_of, unit_contacts
 
-    if impact := impacts.impact_of(options):
-        return impacts.modes(impact, options)
-    scene = scene_of(options)
     lattice, physics = unit_contacts(scene), physics_of(scene)
     found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in restored(lattice, physics)]
     hertz = 1 / scene.sphere.time_scale / (2 * pi)
@@ -231,10 +307,10 @@ def _modes(options: Options) -> int:
             say(f"longitudinal waves along the chain as it is, which repeats after {len(cell[0])} rows:")
             for line in as_text(bands, t0):
                 say(line)
-    if options.plot:
-        from granular_lmp.plot.signals import dispersion_figure, save
 
-        save(dispersion_figure(scene), options.plot)
-        if not options.json:
-            say(options.plot)
-    return 0
+    def figure() -> "Figure":
+        from granular_lmp.plot.signals import dispersion_figure
+
+        return dispersion_figure(scene)
+
+    return figure

@@ -2,8 +2,8 @@
 
 import argparse
 from math import inf
+from typing import TYPE_CHECKING
 
-from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import (
     Commands,
     Options,
@@ -14,8 +14,13 @@ from granular_lmp.cli.arguments import (
     positive,
     scene_arguments,
     scene_of,
+    wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say
+from granular_lmp.errors import LaunchError
+
+if TYPE_CHECKING:
+    from granular_lmp.impact.scene import ImpactScene
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -106,7 +111,7 @@ def _sweep(options: Options) -> int:
     from granular_lmp.studies.sweep import sweep
     from granular_lmp.studies.sweep_points import axes
 
-    scene, over = impacts.impact_of(options) or scene_of(options), axes(options.over)
+    scene, over = scene_of(options), axes(options.over)
     folder = options.output or f"sweeps/{scene.name}"
 
     with interruptible() as bar, mpi_workers() if options.workers == "mpi" else Workers(options.workers) as workers:
@@ -129,7 +134,7 @@ def _scatter(options: Options) -> int:
     from granular_lmp.plot.scattering import scattering_figure
     from granular_lmp.studies.scatter import scatter
 
-    scene = scene_of(options)
+    scene = wave_scene_of(options)
     folder = options.output or f"scatter/{scene.name}"
     with interruptible() as bar:
         found = scatter(scene, folder, tones=options.tones, force=options.force, progress=bar)
@@ -144,9 +149,9 @@ def _cost(options: Options) -> int:
     from granular_lmp.studies.cost import measure, plan
     from granular_lmp.studies.tally import failed, text
 
-    if impact := impacts.impact_of(options):
-        return impacts.cost(impact, options)
     scene = scene_of(options)
+    if scene.wave is None:
+        return _cost_of_strike(scene, options)
     folder = options.output or f"costs/{scene.name}"
     planned = plan(scene, folder, repeats=options.repeats or 5, budget=options.budget or inf)
     say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
@@ -160,10 +165,24 @@ def _cost(options: Options) -> int:
     return int(any(map(failed, result["points"])))
 
 
+def _cost_of_strike(scene: "ImpactScene", options: Options) -> int:
+    from granular_lmp.studies.impact_cost import cost_of_impact
+
+    for name in ("repeats", "budget"):
+        if getattr(options, name) is not None:
+            raise LaunchError(f"--{name}: is for the scene of a wave; must be left out")
+    folder = options.output or f"costs/{scene.name}"
+    with interruptible() as bar:
+        found = cost_of_impact(scene, folder, progress=bar and progress_of_runs)
+    say(found.text())
+    say(f"{folder}: cost.csv, sweep.csv")
+    return 0
+
+
 def _kick(options: Options) -> int:
     from granular_lmp.studies.kick import run_kicked
 
-    scene = scene_of(options)
+    scene = wave_scene_of(options)
     with interruptible():
         sheet = run_kicked(scene, options.output or f"runs/{scene.name}", options.seed, force=options.force)
     say(str(sheet))

@@ -2,7 +2,6 @@
 
 import argparse
 
-from granular_lmp.cli import impacts
 from granular_lmp.cli.arguments import Commands, Options, add, positive
 from granular_lmp.cli.output import remark, say
 
@@ -57,12 +56,8 @@ def _view(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
-    if impacts.export(options.folder, options.output, options.monitor):
-        say(options.output)
-        return 0
-    from granular_lmp.runs.export import export
-    from granular_lmp.runs.record import Record
+    from granular_lmp.studies.runnable import export, load
 
-    export(Record.load(options.folder), options.output, options.monitor)
+    export(load(options.folder), options.output, options.monitor)
     say(options.output)
     return 0

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.card import HasCard
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.search import overlapping
@@ -27,7 +28,7 @@ _AMONG_NEIGHBOURS = 0.4  # radii: two spheres that move less meet no others, whi
 
 
 @dataclass(frozen=True, repr=False)
-class ImpactRecord:
+class ImpactRecord(HasCard):
     """Motion of the n recorded spheres at T times, in the units of the impact (`granular_lmp.crystal.scale`).
 
     Attributes

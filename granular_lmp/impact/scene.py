@@ -13,6 +13,7 @@ from math import sqrt
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+from granular_lmp.card import HasCard
 from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, LATTICES, Lattice, Shape
 from granular_lmp.crystal.scale import DEEPEST, Scale
@@ -23,7 +24,7 @@ from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import file_text, first_file, toml_tables
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.places import place_troubles
-from granular_lmp.scene.remarks import used_step
+from granular_lmp.scene.remarks import on_step, used_step
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
     INCLUSION_RULES,
@@ -55,7 +56,7 @@ _NOT_HERE = {
 
 
 @dataclass(frozen=True)
-class ImpactScene(Document):
+class ImpactScene(HasCard, Document):
     """One impact: spheres, lattice, strikers, time, effects and output.
 
     Raises
@@ -219,6 +220,10 @@ class ImpactScene(Document):
         struck = [f"struck at {self._fastest_striker:.6g} m/s"] if self.striker else []
         begins = ["which begins in a given state"] if self.start.state else []
         return ", ".join([f"{size} {rest}", *struck, *begins])
+
+    def remarks(self) -> list[str]:
+        """Return a sentence for each change that made the scene fit."""
+        return on_step(self.time)
 
     def __repr__(self) -> str:
         return f"<ImpactScene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"

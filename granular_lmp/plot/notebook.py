@@ -9,17 +9,18 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from granular_lmp.errors import ViewError
+from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.plot.signals import dispersion_figure, png, trajectory_figure
+from granular_lmp.plot.motion import motion_figure
+from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.runnable import Motion, Runnable
 from granular_lmp.studies.sweep import Sweep
 
 _DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
-_OF_WAVES = ("largest_p", "second_harmonic")
-_OF_IMPACTS = ("far_speed", "far_tau")
 _ROWS = 6  # a card shows at most six of a sweep
 
 
@@ -35,32 +36,33 @@ def html(thing: Any) -> str:
     raise TypeError(f"{type(thing).__name__}: a notebook has no picture of it")
 
 
-@html.register
-def _(scene: Scene) -> str:
-    sphere = scene.sphere
-    facts = {
-        "spheres": f"{scene.shape.words}, {scene.shape.cut}",
-        "wave": scene.wave_words,
-        "time": f"tau 0..{scene.time.duration:g}",
-        "units": f"t0 = {sphere.time_scale:.4g} s, Delta0 = {sphere.static_overlap:.4g} m",
-    }
-    return _card(repr(scene), facts, dispersion_figure(scene))
+@html.register(Scene)
+@html.register(ImpactScene)
+def _(scene: Runnable) -> str:
+    scale, time = scene.scale, {"time": f"tau 0..{scene.time.duration:g}"}
+    if scene.wave is None:
+        units = f"t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, v = {scale.velocity:.4g} m/s"
+        return _card(repr(scene), {"spheres": scene.words} | time | {"units": units}, None)
+    facts = {"spheres": f"{scene.shape.words}, {scene.shape.cut}", "wave": scene.words} | time
+    units = f"t0 = {scale.time:.4g} s, Delta0 = {scale.length:.4g} m"
+    return _card(repr(scene), facts | {"units": units}, dispersion_figure(scene))
 
 
-@html.register
-def _(record: Record) -> str:
+@html.register(Record)
+@html.register(ImpactRecord)
+def _(record: Motion) -> str:
     info = record.info
     facts = {
         "status": f"{info.get('status', 'not run')} {info.get('message', '')}".strip(),
         "guards": ", ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]) or "quiet",
         "folder": str(record.folder or "none"),
     }
-    return _card(repr(record), facts, trajectory_figure(record.tau, record.signals, record.scene))
+    return _card(repr(record), facts, motion_figure(record) if record.scene.wave is None else record.plot())
 
 
 @html.register
 def _(sweep: Sweep) -> str:
-    columns = [*sweep.over, "status", *(_OF_IMPACTS if isinstance(sweep.scene, ImpactScene) else _OF_WAVES)]
+    columns = [*sweep.over, "status", *sweep.main_columns]
     lines = [[_short(row[column]) for column in columns] for row in sweep.rows[:_ROWS]]
     more = f"<p>and {len(sweep.rows) - _ROWS} more</p>" if len(sweep.rows) > _ROWS else ""
     try:

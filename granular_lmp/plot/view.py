@@ -6,18 +6,16 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.scene import ImpactScene, is_impact
-from granular_lmp.lammps.outputs import STATUS, SWEEP
+from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
-from granular_lmp.plot.impact import impact_figure, impact_movie
+from granular_lmp.plot.motion import motion_figure, motion_movie
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
-from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
 from granular_lmp.scene.scene import Scene
+from granular_lmp.studies.runnable import load
 from granular_lmp.studies.sweep import ASKED, Sweep
 
 _LABELS = {
@@ -51,7 +49,7 @@ def view(
 ) -> list[str]:
     """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
 
-    The run may be that of an impact, of which a chain is drawn over time and a sheet at `tau`.
+    Of a run without a wave a chain is drawn over time and a sheet at `tau`.
 
     Parameters
     ----------
@@ -95,20 +93,20 @@ def view(
         swept = Sweep.load(folder)
         save(sweep_figure(swept, column), path)
         return swept.notes
-    if (folder / STATUS).is_file() and is_impact(folder):
-        _refuse(folder, "an impact", of_a_run | {"column": column, "tau": tau if movie else None})
-        impact = ImpactRecord.load(folder)
-        if movie:
-            impact_movie(impact, path)
-        else:
-            save(impact_figure(impact, tau), path)
-        return []
-    record = Record.load(folder, unfinished=True)
+    record = load(folder, unfinished=True)
     if not len(record.tau):
         raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
-    _refuse(folder, "a run", {"column": column} | ({"tau": tau} if movie else {}))
+    what = "an impact" if record.scene.wave is None else "a run"
+    _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {}))
+    if record.scene.wave is None:
+        _refuse(folder, what, of_a_run | {"tau": None})
+        if movie:
+            motion_movie(record, path)
+        else:
+            save(motion_figure(record, tau), path)
+        return lacks
     try:
         snapshots = Snapshots.load(folder)
     except RunFolderError as missing:
@@ -140,7 +138,7 @@ def _why_not(sweep: Sweep, column: str) -> str | None:
 def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     """Return a figure of a column over the key with most values, with a curve for each combination of the others.
 
-    By default it is ``largest_p`` of waves, and ``far_speed`` of impacts.
+    By default it is the first of `Sweep.main_columns`.
 
     A read-out of a monitor has its errors as bars. Runs that are not finished leave gaps, and the title counts the
     finished ones.
@@ -150,7 +148,7 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
     ViewError
         If the column does not hold numbers, the sweep is over pairs of numbers, or no run is finished.
     """
-    column = column or ("far_speed" if isinstance(sweep.scene, ImpactScene) else "largest_p")
+    column = column or sweep.main_columns[0]
     asked = [f"{key}{ASKED}" for key in sweep.over]
     words = (*sweep.over, *asked, "run", "status", "message", "guards")
     allowed = [name for name in sweep.columns if name not in words]

@@ -388,6 +388,11 @@ class Scene(HasCard, Document):
             f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
         )
 
+    @property
+    def words(self) -> str:
+        """What the scene is, for titles."""
+        return self.wave_words
+
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit."""
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)

@@ -4,23 +4,31 @@ from pathlib import Path
 
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.scene.document import Document, note
-from granular_lmp.scene.scene import Scene
 
 _HEAD = """\
 # Run it:                        granular-lmp run {file}
 # What it would take:            granular-lmp check {file}
-# Change one value:              granular-lmp run {file} --set wave.amplitude=0.1
-# Every key, with what is allowed: docs/reference/scene.md, and granular-lmp schema for editors
-# Tables that may be added:      [disorder], [[inclusion]], [absorb], [[source]], [[monitor]]
+# Change one value:              granular-lmp run {file} --set {change}
+# Every key, with what is allowed: {page}, and granular-lmp {schema} for editors
+# Tables that may be added:      {tables}
 
 """
+_OF_WAVE = {
+    "change": "wave.amplitude=0.1",
+    "page": "docs/reference/scene.md",
+    "schema": "schema",
+    "tables": "[disorder], [[inclusion]], [absorb], [[source]], [[monitor]]",
+}
+_OF_STRIKE = {
+    "change": "time.duration=50.0",
+    "page": "docs/reference/impact.md",
+    "schema": "schema impact",
+    "tables": "[start], [disorder], [output], [[striker]], [[inclusion]]",
+}
 
 
-def starter(scene: Document, file: str, head: str = _HEAD) -> str:
-    """Return the text of a scene file; keys that take the place of another one stand in it as comments.
-
-    `head` is its first lines, in which ``{file}`` stands for the file.
-    """
+def starter(scene: Document, file: str) -> str:
+    """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
     kind, section = type(scene), ""
     lines = []
     for line in scene.to_toml(full=True).splitlines():
@@ -28,7 +36,8 @@ def starter(scene: Document, file: str, head: str = _HEAD) -> str:
         key = f"{section}.{line.partition(' =')[0]}"
         others = [other for other, excluded in kind.exclusive.items() if excluded[0] == key]
         lines += [line, *(_commented(other, kind) for other in others)]
-    return head.format(file=file) + "\n".join(lines) + "\n"
+    said = _OF_WAVE if "wave" in scene.to_dict() else _OF_STRIKE
+    return _HEAD.format(file=file, **said) + "\n".join(lines) + "\n"
 
 
 def _commented(key: str, kind: type[Document]) -> str:
@@ -36,28 +45,18 @@ def _commented(key: str, kind: type[Document]) -> str:
     return f"{line:30} # {note(key, kind)}"
 
 
-def write_starter(path: str | Path, source: str) -> None:
-    """Write the scene `source` into a new file, under the name of the file.
+def write_starter(path: str | Path, scene: Document) -> None:
+    """Write a scene into a new file, under the name of the file.
 
     Raises
     ------
     SceneError
-        When there is no such scene, or the file's name is not that of a scene.
+        When the file's name is not that of a scene.
     RunFolderError
         When the file is there already or cannot be written.
     """
-    scene = Scene.load(source).with_values({"name": Path(path).stem, "description": ""})
-    write_new(Path(path), starter(scene, str(path)))
-
-
-def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet.
-
-    Raises
-    ------
-    RunFolderError
-        When the file is there already or cannot be written.
-    """
+    path = Path(path)
+    text = starter(scene.with_values({"name": path.stem, "description": ""}), str(path))
     try:
         with path.open("x", encoding="utf-8") as stream:
             stream.write(text)

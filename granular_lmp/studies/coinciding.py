@@ -13,7 +13,6 @@ from scipy.spatial import cKDTree
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.runnable import Runnable
 
 LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
@@ -24,7 +23,7 @@ def remarks(scenes: Iterable[Runnable]) -> list[str]:
     cells: dict[Shape, set[WaveVector]] = defaultdict(set)
     steps: dict[float, set[float]] = defaultdict(set)
     for scene in scenes:
-        if isinstance(scene, Scene) and scene.shape.ends == "periodic" and scene.wave.form != "none":
+        if scene.wave is not None and scene.shape.ends == "periodic" and scene.wave.form != "none":
             cells[scene.shape].add(scene.declared_vector)
         if scene.time.tolerance is None:
             steps[scene.time.sample].add(scene.time.timestep)

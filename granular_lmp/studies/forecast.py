@@ -1,27 +1,20 @@
 """Forecast of a run, made without doing it: its size, seconds on this machine, and memory.
 
 The seconds are those of a short run of the same deck just now, in proportion. Of a large crystal that is a run of a
-cell of the same spheres and effects, for a few steps of it would take as long as many runs. An impact is tried from its
-beginning on.
+cell of the same spheres and effects, for a few steps of it would take as long as many runs.
 """
 
 from dataclasses import dataclass
-from math import ceil, pi
+from math import ceil, inf, isnan, nan, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
-from granular_lmp.accuracy.ladder import RUNGS, build, planned_steps
-from granular_lmp.accuracy.tolerance import run
+from granular_lmp.accuracy.ladder import RUNGS as RUNS
 from granular_lmp.errors import GranularError
-from granular_lmp.impact.problem import ImpactProblem
-from granular_lmp.impact.run import run_impact
-from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.tolerance import RUNS, planned
-from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.checkpoints import minutes_between
-from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import Runnable
+from granular_lmp.studies.runnable import AnyProblem, Runnable, build, planned_steps, run, scene_of
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
@@ -33,8 +26,8 @@ _PARTS = {"packing": ("lattice", "contact_force"), "wave": ("mode", "amplitude")
 # Measured, the most that a process held: 71 MB for 48 spheres, 170 MB for 90 000, 279 MB for 180 000
 _PROCESS = 71e6
 _SPHERE = 1160.0
-# Of an impact also its record, while it is read: 300 MB for 1.0e6 places of a sphere, 479 MB for 2.0e6; and 40 bytes of
-# each in the records of the other runs to a tolerance: 149 MB for 2.5e5 places in three runs
+# Without a wave also the record, while it is read: 300 MB for 1.0e6 places of a sphere, 479 MB for 2.0e6; and 40
+# bytes of each in the records of the other runs to a tolerance: 149 MB for 2.5e5 places in three runs
 _READ, _KEPT = 230.0, 40.0
 # Share of the loop that more ranks do not shorten, at most: 2 ranks took 0.52 to 0.55 of it, 4 ranks 0.30
 SERIAL = 0.1
@@ -98,113 +91,101 @@ class Forecast:
         return self.start + loop / ranks, self.start + loop * (1 / ranks + SERIAL * (1 - 1 / ranks))
 
 
-def forecast_of_impact(declared: ImpactProblem) -> Forecast:
-    """Return what a run of an impact would take; a short run of its beginning is made in a temporary folder.
+def forecast(problem: AnyProblem) -> Forecast:
+    """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
 
-    The seconds were 0.55 to 1 of what nine runs took, among them the shipped impacts: few contacts are closed in the
-    beginning, and a record is read at the end. Take them for a factor of two. A run to a tolerance takes more steps if
-    its errors ask for it.
+    The seconds break down where the steps grow dearer on the way, as they do where contacts open or close (nine impacts
+    took 1 to 1.8 times as long), and where the machine has other work now than later: take them for a factor of two. A
+    run to a tolerance takes more steps if its errors ask for it.
     """
-    scene = planned(declared).scene  # with a tolerance the finest of the planned runs
-    spheres, steps = len(declared.crystal), planned_impact_steps(declared)
-    runs = 1 if declared.scene.time.tolerance is None else RUNS
-    lines = len(declared.recorded) * (scene.time.samples + 1)
-    rate, start, basis = _tried(scene, _small_impact(scene), spheres)
+    scene, declared = problem.scene, problem.declared
+    spheres, steps = len(problem.crystal), planned_steps(problem)
+    runs = 1 if declared.time.tolerance is None else RUNS
+    records = scene.time.samples + 1
+    kept = len(problem.recorded) * records if problem.mode is None else 0  # Of a wave snapshots are not read
+    try:
+        rate, overhead, basis = _tried(scene)
+    except GranularError as error:
+        rate, overhead, basis = inf, nan, f"unknown: {error}"
+    start = runs * overhead
+    seconds = start + spheres * steps / rate
     return Forecast(
         spheres=spheres,
         steps=steps,
-        records=scene.time.samples + 1,
+        records=records,
         runs=runs,
-        snapshots=scene.time.samples + 1 if scene.output.everyone else 0,
-        start=None if start is None else runs * start,
-        seconds=None if rate is None or start is None else runs * start + spheres * steps / rate,
+        snapshots=_snapshots(scene),
+        start=None if isnan(start) else start,
+        seconds=None if isnan(seconds) else seconds,
         basis=basis,
-        memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * lines,
+        memory=_PROCESS + _SPHERE * spheres + (_READ + _KEPT * (runs - 1)) * kept,
         checkpoint=minutes_between(scene.output.checkpoint, spheres),
     )
 
 
-def forecast(problem: Problem) -> Forecast:
-    """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
-
-    The seconds break down where the steps grow dearer on the way, as they do with opening contacts, and where the
-    machine has other work now than later: take them for a factor of two.
-    """
-    scene, declared = problem.scene, problem.declared
-    spheres, steps = scene.shape.spheres, planned_steps(declared)
+def _snapshots(scene: Runnable) -> int:
+    """Return the number of snapshots of all spheres."""
+    if scene.wave is None:
+        return scene.time.samples + 1 if scene.output.everyone else 0
     every = scene.output.particles
-    rate, start, basis = _tried(scene, _small(scene), spheres)
-    return Forecast(
-        spheres=spheres,
-        steps=steps,
-        records=scene.time.samples + 1,
-        runs=1 if declared.time.tolerance is None else RUNGS,
-        snapshots=int(scene.time.duration / every + 1e-9) + 1 if every else 0,
-        start=start,
-        seconds=None if rate is None or start is None else start + spheres * steps / rate,
-        basis=basis,
-        memory=_PROCESS + _SPHERE * spheres,
-        checkpoint=minutes_between(scene.output.checkpoint, scene.shape.spheres),
-    )
+    return int(scene.time.duration / every + 1e-9) + 1 if every else 0
 
 
-def _tried(scene: Runnable, small: Runnable, spheres: int) -> tuple[float | None, float | None, str]:
-    """Return sphere-steps a second, seconds beside the loop, and what they were made of, or why they are not known."""
-    try:
-        rate, overhead = speed(small)
-    except GranularError as error:
-        return None, None, f"unknown: {error}"
+def _tried(scene: Runnable) -> tuple[float, float, str]:
+    """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
+    small = _small(scene)
+    rate, overhead = speed(small)
     cell = "this scene" if small.shape.spheres == scene.shape.spheres else f"a cell of {small.shape.words}"
-    start = overhead * max(1.0, spheres / small.shape.spheres)
+    start = overhead * max(1.0, scene.shape.spheres / small.shape.spheres)
     return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
 
 
-def _small(scene: Scene) -> Scene:
-    """Return the scene, or that of a cell which stands for it.
+def _small(scene: Runnable) -> Runnable:
+    """Return the scene, or a cell which stands for it, cut after as many steps as a short run takes.
 
-    The cell has the spheres, contacts and time of the scene, with a wave along y that fits it. All else is at its
-    default: a step of the cell then takes as long for each sphere, and no place or end has to fit a smaller crystal.
+    The cell has the spheres, contacts and time of the scene, with a wave along y that fits it, or a striker in its
+    middle. All else is at its default: a step of the cell then takes as long for each sphere, and no place or end has
+    to fit a smaller crystal.
     """
-    if scene.shape.spheres <= _LARGEST:
-        return scene
-    tables = scene.to_dict()
-    kept = {table: tables[table] for table in _OF_CELL if table in tables}
-    kept |= {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
-    columns = _CELL if scene.lattice.sheet else 1
-    rows = _CELL**2 // columns
-    kept["packing"] |= {"rows": rows, "columns": columns, "ends": "periodic"}
-    kept["wave"] |= {"wavenumber": min(max(scene.wave.wavenumber, 2 * pi / rows), pi)}
-    kept["time"] |= {"allow_echo": True}
-    return Scene.from_dict(kept)
-
-
-def _small_impact(scene: ImpactScene) -> ImpactScene:
-    """Return the beginning of an impact, on a cell of equal spheres struck in the middle if it is large."""
     if scene.shape.spheres > _LARGEST:
-        columns = _CELL if scene.lattice.sheet else 1
-        rows = _CELL**2 // columns
         tables = scene.to_dict()
         kept = {table: tables[table] for table in _OF_CELL if table in tables}
-        kept["packing"] = tables["packing"] | {"rows": rows, "columns": columns}
-        kept["striker"] = [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}]
-        kept["output"] = {} if scene.output.everyone else {"rows": [0, 0]}
-        scene = ImpactScene.from_dict(kept)
+        columns = _CELL if scene.lattice.sheet else 1
+        rows = _CELL**2 // columns
+        own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, rows)
+        own["packing"] |= {"rows": rows, "columns": columns}
+        scene = scene_of(kept | own)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
-    if steps >= scene.time.steps_per_sample:
+    if scene.time.tolerance is not None or steps >= scene.time.steps_per_sample:
         return scene
     sample = steps * scene.time.step
     return scene.with_values({"time.sample": sample, "time.duration": sample})
 
 
+def _waving_cell(scene: Scene, rows: int) -> dict[str, dict[str, Any]]:
+    tables = scene.to_dict()
+    kept = {table: {key: tables[table][key] for key in keys if key in tables[table]} for table, keys in _PARTS.items()}
+    kept["packing"] |= {"ends": "periodic"}
+    kept["wave"] |= {"wavenumber": min(max(scene.wave.wavenumber, 2 * pi / rows), pi)}
+    return kept | {"time": tables["time"] | {"allow_echo": True}}
+
+
+def _struck_cell(scene: Runnable, rows: int, columns: int) -> dict[str, Any]:
+    return {
+        "packing": scene.to_dict()["packing"],
+        "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}],
+        "output": {} if _snapshots(scene) else {"rows": [0, 0]},
+    }
+
+
 def speed(scene: Runnable) -> tuple[float, float]:
     """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
+    scene = build(scene).problem.scene  # with a tolerance the one that has the finest of the planned steps
     per_sample = scene.shape.spheres * scene.time.steps_per_sample
     duration = scene.time.sample * min(ceil(_WARM_UP / per_sample), scene.time.samples)
     short = scene.with_values({"time.duration": duration, "packing.rows": scene.shape.rows})
     with TemporaryDirectory(prefix="granular-lmp-") as folder:
         for name in ("cold", "warm"):  # the first run starts LAMMPS
-            place = Path(folder) / name
-            record = run_impact(short, place) if isinstance(short, ImpactScene) else run(build(short), place)
-    info = record.info
+            info = run(build(short), Path(folder) / name).info
     seconds = info["wall_seconds"]
     return info["particles"] * info["steps"] / seconds["loop"], seconds["total"] - seconds["loop"]

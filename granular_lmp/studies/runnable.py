@@ -1,4 +1,4 @@
-"""Scenes of a wave and of an impact, run, continued and read alike: `run`, `resume` and `load` of `granular_lmp`.
+"""Scenes that start with a wave and scenes of strikes, read, prepared, run, continued and loaded alike.
 
 Who asks the functions of this module never asks which of the two a scene is.
 """
@@ -7,28 +7,48 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, overload
 
-from granular_lmp.accuracy import tolerance
-from granular_lmp.accuracy.ladder import planned_steps
+from granular_lmp.accuracy import ladder, tolerance
+from granular_lmp.crystal import equilibrium
+from granular_lmp.effects import selection
+from granular_lmp.errors import RunFolderError, SceneError
+from granular_lmp.impact import deck as impact_deck
+from granular_lmp.impact import tolerance as impact_tolerance
 from granular_lmp.impact.deck import ImpactDeck
+from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
 from granular_lmp.impact.scene import ImpactScene, is_impact, marked
-from granular_lmp.impact.tolerance import planned_steps as planned_impact_steps
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import SCENE
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem
+from granular_lmp.problem import prepare as prepare_wave
+from granular_lmp.runs import export as exports
 from granular_lmp.runs import formats
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
 Runnable = Scene | ImpactScene
+AnyProblem = Problem | ImpactProblem
+AnyDeck = Deck | ImpactDeck
 Motion = Record | ImpactRecord
 
 
+def read(source: str | Path) -> Runnable:
+    """Return the scene in a TOML file, in a folder with a ``scene.toml``, or of the name of a shipped one.
+
+    Raises
+    ------
+    SceneError
+        As `Scene.load`.
+    """
+    return (ImpactScene if is_impact(source) else Scene).load(source)
+
+
 def scene_of(tables: Mapping[str, Any]) -> Runnable:
-    """Return the scene of nested mappings: that of an impact if its tables mark one.
+    """Return the scene of nested mappings.
 
     Raises
     ------
@@ -44,12 +64,55 @@ def scene_in(folder: Path) -> Runnable:
     return ImpactScene.load(path) if is_impact(path) else formats.scene_of(folder)
 
 
-def decided(scene: Runnable) -> Runnable:
-    """Return the scene with every "auto" decided, as in a run folder; raises SceneError if it cannot be run."""
+@overload
+def prepare(scene: Scene) -> Problem: ...
+@overload
+def prepare(scene: ImpactScene) -> ImpactProblem: ...
+def prepare(scene: Runnable) -> AnyProblem:
+    """Return the problem of a scene; raises SceneError if it cannot be run."""
     if not isinstance(scene, ImpactScene):
-        return prepare(scene).scene
-    planned_impact_steps(prepare_impact(scene))  # raises if a tolerance takes too many
-    return scene
+        return prepare_wave(scene)
+    problem = prepare_impact(scene)
+    planned_steps(problem)  # raises if a tolerance takes too many
+    return problem
+
+
+def planned_steps(problem: AnyProblem) -> int:
+    """Return the time steps of all runs that a problem takes, or raise SceneError if they are too many."""
+    if isinstance(problem, ImpactProblem):
+        return impact_tolerance.planned_steps(problem.stepped(problem.declared))
+    return ladder.planned_steps(problem.declared)
+
+
+@overload
+def build(scene: Scene) -> Deck: ...
+@overload
+def build(scene: ImpactScene) -> ImpactDeck: ...
+def build(scene: Runnable) -> AnyDeck:
+    """Return the deck of a scene, with a tolerance that of the finest planned run; no file is written.
+
+    The errors are those of `granular_lmp.accuracy.ladder.build`.
+    """
+    if isinstance(scene, ImpactScene):
+        return impact_deck.deck_of(impact_tolerance.planned(prepare_impact(scene)))
+    return ladder.build(scene)
+
+
+def with_all(scene: Runnable) -> Runnable:
+    """Return the scene with every effect on (`granular_lmp.effects.selection.with_all`); its wave says of which."""
+    if scene.wave is None:
+        raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
+    return selection.with_all(scene)
+
+
+def notes_on(scene: Runnable, progress: equilibrium.Progress | None = None) -> list[str]:
+    """Return what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ..."."""
+    if scene.wave is None:
+        return [f"note: {sentence}" for sentence in scene.remarks()]
+    crystal = crystal_of(scene, progress)
+    notes = [*scene.remarks(), *selection.remarks(scene), *crystal.remarks()]
+    warnings = selection.warnings(selection.select(scene))
+    return [*(f"note: {sentence}" for sentence in notes), *(f"warning: {sentence}" for sentence in warnings)]
 
 
 def spheres_and_steps(scene: Runnable) -> float:
@@ -57,22 +120,17 @@ def spheres_and_steps(scene: Runnable) -> float:
     if scene.time.tolerance is None:
         steps = scene.time.steps
     elif isinstance(scene, ImpactScene):
-        steps = planned_impact_steps(prepare_impact(scene))
+        steps = planned_steps(prepare_impact(scene))
     else:
-        steps = planned_steps(scene)
+        steps = ladder.planned_steps(scene)
     return float(scene.shape.spheres * steps)
-
-
-def words(scene: Runnable) -> str:
-    """Return the scene in a few words."""
-    return scene.words if isinstance(scene, ImpactScene) else scene.wave_label
 
 
 @overload
 def run(what: Scene | Deck, folder: str | Path, **options: Any) -> Record: ...
 @overload
 def run(what: ImpactScene | ImpactDeck, folder: str | Path, **options: Any) -> ImpactRecord: ...
-def run(what: Runnable | Deck | ImpactDeck, folder: str | Path, **options: Any) -> Motion:
+def run(what: Runnable | AnyDeck, folder: str | Path, **options: Any) -> Motion:
     """Run a scene or a deck, of a wave or of an impact, in `folder`, which is created, and return its record.
 
     Parameters
@@ -100,12 +158,35 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Motion:
     return (resume_impact if is_impact(folder) else tolerance.resume)(folder, progress=progress)
 
 
-def load(folder: str | Path) -> Motion:
+def load(folder: str | Path, *, unfinished: bool = False) -> Motion:
     """Return the record of a finished run: a `Record`, or an `ImpactRecord`.
+
+    Parameters
+    ----------
+    folder : path
+    unfinished : bool
+        Read a run that was stopped or failed too.
 
     Raises
     ------
     RunFolderError
         If the folder holds no finished run, or one whose files were changed.
     """
-    return ImpactRecord.load(folder) if is_impact(folder) else Record.load(folder)
+    return (ImpactRecord if is_impact(folder) else Record).load(folder, unfinished=unfinished)
+
+
+def export(record: Motion, path: str | Path, monitor: str | None = None) -> None:
+    """Write a run for other programs, in the format of the file's ending (`granular_lmp.runs.export.export`).
+
+    Raises
+    ------
+    RunFolderError
+        Also if the record is that of an impact and the file is no CSV, or is to be that of a monitor.
+    """
+    if isinstance(record, Record):
+        return exports.export(record, path, monitor)
+    if monitor is not None:
+        raise RunFolderError(f"--monitor {monitor}: must be left out for an impact, which has no monitors")
+    if Path(path).suffix.lower() != ".csv":
+        raise RunFolderError(f"{path}: must end in .csv for an impact, whose dump.particles OVITO and ASE read")
+    return record.write_si(path)

@@ -38,8 +38,6 @@ from granular_lmp.studies.sweep_rows import (
     summary_of,
     table_of,
 )
-from granular_lmp.studies.sweep_rows import COLUMNS as COLUMNS
-from granular_lmp.studies.sweep_rows import IMPACT_COLUMNS as IMPACT_COLUMNS
 
 Progress = Callable[[int, int, float], None]
 
@@ -57,17 +55,17 @@ class Sweep(HasCard):
     ----------
     folder : Path
         Sweep folder.
-    scene : Scene or ImpactScene
+    scene : Scene
         Scene whose values are varied.
     over : dict of str to list
         Dotted key → its values.
     rows : list of dict
-        For each point of the outer product, the last key running fastest: the swept values as they ran, and `COLUMNS`,
-        of impacts `IMPACT_COLUMNS` (`granular_lmp.studies.sweep_impacts`). Where others ran than were asked for, as in
+        For each point of the outer product, the last key running fastest: the swept values as they ran, and the columns
+        of the scene: of a wave p, q, φ and the second harmonic (`granular_lmp.accuracy.second_harmonic`), else what
+        arrives at the farthest sphere (`granular_lmp.studies.far_sphere`). Where others ran than were asked for, as in
         a periodic cell, the latter are under "KEY_asked". ``status`` is "finished", "failed" or "unfinished"; what is
-        not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet,
-        ``second_harmonic`` is `granular_lmp.accuracy.second_harmonic`. Read-outs of monitors of motion follow
-        (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
+        not known is None. ``frequency`` is in rad/t0, ``guards`` names those that were not quiet. Read-outs of monitors
+        of motion follow (`granular_lmp.runs.readouts`), "NAME.u1", "NAME.u1_error", …
     notes : list of str
         A sentence for values that coincide, which are one run, with what tells them apart.
     """
@@ -103,6 +101,11 @@ class Sweep(HasCard):
     def columns(self) -> list[str]:
         """Names of the columns of the table."""
         return list(self.rows[0])
+
+    @property
+    def main_columns(self) -> tuple[str, str]:
+        """The two columns that are drawn and shown first."""
+        return ("far_speed", "far_tau") if self.scene.wave is None else ("largest_p", "second_harmonic")
 
     @property
     def axes(self) -> list[str]:
@@ -189,7 +192,7 @@ def sweep(
 
     Parameters
     ----------
-    scene : Scene or ImpactScene
+    scene : Scene
         Scene whose values are varied.
     over : mapping of str to iterable
         Dotted key → values: ``{"wave.wavenumber": np.linspace(0.05, 3.1, 62), "wave.mode": ["TR", "RT"]}``.

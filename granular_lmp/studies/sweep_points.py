@@ -12,10 +12,9 @@ from typing import Any
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import assignment
-from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.identity import names_of
-from granular_lmp.studies.runnable import Runnable, decided
+from granular_lmp.studies.runnable import Runnable, prepare
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
 _WAVE_VECTOR = ("wavenumber", "frequency", "direction")  # keys that together say which wave it is
@@ -79,9 +78,9 @@ class GridPoint:
         time step its sample.
     run : str
         Name of its run; points at which the same motion runs share that of one of them.
-    scene : Scene or ImpactScene
+    scene : Scene
         The scene that was asked for.
-    of_run : Scene or ImpactScene
+    of_run : Scene
         The scene of the run, which is another for points that share it.
     """
 
@@ -117,7 +116,7 @@ def points(scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = N
         asked = dict(zip(over, values, strict=True))
         try:
             one = scene.with_values(asked)
-            concrete = decided(one)
+            concrete = prepare(one).scene
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
@@ -146,7 +145,7 @@ def _ran(scene: Runnable, asked: dict[str, Any]) -> dict[str, Any]:
 def _motion(scene: Runnable) -> str:
     """Return all that a scene that runs says of its motion: equal for values that its cell or sample makes equal."""
     values = scene.to_dict()
-    if isinstance(scene, Scene):
+    if scene.wave is not None:
         named = {key: value for key, value in values["wave"].items() if key not in _WAVE_VECTOR}
         values["wave"] = named | {"vector": scene.vector.components}
     if scene.time.tolerance is None:
@@ -156,7 +155,7 @@ def _motion(scene: Runnable) -> str:
 
 def scene_hash(scene: Runnable) -> str:
     """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
-    return names_of(decided(scene))[0]
+    return names_of(prepare(scene).scene)[0]
 
 
 def _name(scene: Runnable, concrete: Runnable, runs: Path | None) -> str:

@@ -8,14 +8,12 @@ import numpy as np
 
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.errors import GranularError, RunFolderError, SceneError
-from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.linear import mode_of
-from granular_lmp.studies import sweep_impacts
+from granular_lmp.studies import far_sphere
 from granular_lmp.studies.identity import names_of
-from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in, words
+from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in
 from granular_lmp.studies.sweep_points import GridPoint
 
 Point = dict[str, Any]
@@ -25,14 +23,18 @@ ASKED = "_asked"  # behind a swept key: the column of the values that were asked
 _FIRST = ("run", "status", "message", "seconds", "steps", "particles")
 # What a line of the table says of a wave beside the swept values: of run.json; the largest |p|, |q|, |phi| of the
 # record, in D0; the second harmonic as measured, with the error of the fit, in D0, and in metres; of the guards, the
-# smallest overlap in Delta0 and the largest shear over sliding force. Read-outs of monitors follow
-COLUMNS = (
-    *(*_FIRST, "contacts_per_sphere", "wavenumber_used", "direction_used", "frequency"),
+# smallest overlap in Delta0 and the largest shear over sliding force
+_OF_WAVE = (
+    *("contacts_per_sphere", "wavenumber_used", "direction_used", "frequency"),
     *("frequency_Hz", "largest_p", "largest_q", "largest_phi"),
     *("second_harmonic", "second_harmonic_error", "second_harmonic_m"),
-    *("smallest_overlap", "largest_slip", "guards"),
+    *("smallest_overlap", "largest_slip"),
 )
-IMPACT_COLUMNS = (*_FIRST, *sweep_impacts.COLUMNS, "guards")
+
+
+def columns_of(scene: Runnable) -> tuple[str, ...]:
+    """Return the columns of a scene in the table; read-outs of its monitors follow."""
+    return (*_FIRST, *(far_sphere.COLUMNS if scene.wave is None else _OF_WAVE), "guards")
 
 
 def info_of(folder: Path) -> dict[str, Any]:
@@ -74,8 +76,9 @@ def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
         return
     names = names_of(scene)
     if folder.name not in names:
+        words = scene.words if scene.wave is None else scene.wave_label
         raise RunFolderError(
-            f"{folder}: holds the run of another scene ({words(scene)}), that of {RUNS}/{names[0]}; "
+            f"{folder}: holds the run of another scene ({words}), that of {RUNS}/{names[0]}; "
             "move it there, or away, and start the sweep again"
         )
 
@@ -108,12 +111,9 @@ def summary_of(scene: Runnable, info: dict[str, Any], record: Motion | None) -> 
         "seconds": info.get("wall_seconds", {}).get("total"),
         **{name: info.get(name) for name in ("steps", "particles")},
     }
-    guards = {"guards": " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"])}
-    if isinstance(scene, ImpactScene):
-        assert record is None or isinstance(record, ImpactRecord)
-        return first | sweep_impacts.read_outs(info, record) | guards
-    assert record is None or isinstance(record, Record)
-    return first | _of_wave(info, record) | guards | readout_columns(info)
+    own = far_sphere.read_outs(info, record) if scene.wave is None else _of_wave(info, record)  # type: ignore[arg-type]
+    guards = " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"])
+    return first | own | {"guards": guards} | readout_columns(info)
 
 
 def _of_wave(info: dict[str, Any], record: Record | None) -> Point:
@@ -128,7 +128,7 @@ def _of_wave(info: dict[str, Any], record: Record | None) -> Point:
 
 def _measured(record: Record | None) -> Point:
     """Return the numbers read off a record; None each where there is no record, or no second harmonic in it."""
-    names = COLUMNS[COLUMNS.index("frequency_Hz") : COLUMNS.index("smallest_overlap")]
+    names = _OF_WAVE[_OF_WAVE.index("frequency_Hz") : _OF_WAVE.index("smallest_overlap")]
     if record is None:
         return dict.fromkeys(names)
     scene, found = record.scene, second_harmonic(record)

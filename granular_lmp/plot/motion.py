@@ -1,4 +1,4 @@
-"""Pictures of an impact: velocities of a chain over time, a sheet at one moment or as a movie; bands of a chain."""
+"""Pictures of a run without a wave: speeds in a chain over time, in a sheet at a moment or as a movie; bands."""
 
 from pathlib import Path
 
@@ -21,8 +21,8 @@ COLOURS = "magma_r"
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
 
 
-def impact_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
-    """Return a picture of the speeds in an impact.
+def motion_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
+    """Return a picture of the speeds of the recorded spheres.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def impact_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
     return sheet.figure
 
 
-def impact_movie(record: ImpactRecord, path: str | Path) -> None:
+def motion_movie(record: ImpactRecord, path: str | Path) -> None:
     """Write a movie of a sheet, GIF or MP4, with a frame for each record.
 
     Raises

@@ -1,4 +1,4 @@
-"""The columns of an impact in the table of a sweep: arrival at the sphere farthest from the strikers, and energy.
+"""The columns of a scene without a wave in the table of a sweep: arrival at the farthest sphere, and energy.
 
 The *far sphere* is that of the recorded spheres that are not held whose centre at rest is farthest from the strikers
 and from what else moves at the beginning, across periodic sides too; of several the first, by row and then column.
