@@ -20,7 +20,8 @@ from analysis.theory.energy import ledger, opening_time
 from analysis.theory.frequency_shift import frequency_shift
 from analysis.theory.hierarchy import hierarchy
 from analysis.theory.lattice import torus
-from analysis.theory.network import Material, Network, forces, start
+from analysis.theory.network import Material, Network
+from analysis.theory.network_state import forces, start
 from analysis.theory.resonance import three_mode
 from analysis.theory.third_harmonic import third_harmonic_amplitude
 from analysis.theory.wave import Wave

@@ -11,8 +11,9 @@ import pytest
 
 from analysis.theory.chain import spheres
 from analysis.theory.chain_motion import integrate as chain_motion
-from analysis.theory.network import Material, Network, start
+from analysis.theory.network import Material, Network
 from analysis.theory.network_motion import integrate as network_motion
+from analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.accuracy import halving
 from granular_lmp.cli import main

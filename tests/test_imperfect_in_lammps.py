@@ -15,8 +15,9 @@ from analysis import compare
 from analysis.measure.norms import relative_error
 from analysis.measure.reference import SLIDING_STEP
 from analysis.measure.snapshot import FirstSnapshot, first_snapshot
-from analysis.theory.network import Network, contacts, search, start
+from analysis.theory.network import Network
 from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import contacts, search, start
 from granular_lmp import Record, Scene, run
 
 SHEET = Scene.load("tr_periodic").with_values(

@@ -12,9 +12,10 @@ from analysis.measure.norms import slope
 from analysis.theory import jkr as johnson
 from analysis.theory import lattice
 from analysis.theory.contact import Contact
-from analysis.theory.network import Material, Network, contacts, forces, present, searched_again, settled, start
+from analysis.theory.network import Material, Network
 from analysis.theory.network_ledger import energy, momentum
 from analysis.theory.network_motion import integrate, scales
+from analysis.theory.network_state import contacts, forces, present, searched_again, settled, start
 from analysis.theory.wave import Wave
 from granular_lmp.crystal.sphere import Sphere
 

@@ -12,8 +12,9 @@ from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal, Wall, find_contacts
 from analysis.theory.frequency_shift import frequency_shift as closed_shift
-from analysis.theory.network import Material, Network, contacts, mixed, start
+from analysis.theory.network import Material, Network, mixed
 from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import contacts, start
 from analysis.theory.quasilinear import Sheet, evolve
 from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
 from analysis.theory.validity import validity

@@ -7,8 +7,9 @@ import pytest
 
 from analysis.second_harmonic import mode as mode_of
 from analysis.theory.contact import Contact
-from analysis.theory.network import Material, Network, forces, start
+from analysis.theory.network import Material, Network
 from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import forces, start
 from analysis.theory.transfer import heavy_rows, rows_of, scattering
 from granular_lmp.crystal.sphere import Sphere
 

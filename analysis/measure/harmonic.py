@@ -32,8 +32,8 @@ from analysis.measure.runs import all_but
 from analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, NETWORK, OPENING, SLIDING, STRUCK
 from analysis.theory.choice import traits_of
-from analysis.theory.network import State, start
 from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import State, start
 from analysis.theory.scenes import Setting
 from granular_lmp.runs.record import Record, Scene
 

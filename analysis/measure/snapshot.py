@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from analysis.theory.bloch import frame
 from analysis.theory.catalogue import SLIDING
 from analysis.theory.choice import contact_of, others_of
-from analysis.theory.network import Law, Material, Network, State, start
+from analysis.theory.network import Law, Material, Network
 from analysis.theory.network_laws import Adhesion
 from analysis.theory.network_motion import Trajectory
+from analysis.theory.network_state import State, start
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]

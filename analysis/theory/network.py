@@ -28,28 +28,29 @@ LAMMPS says. It departs from that in one place: where a pair of types has no pai
 stiffness is NULL, LAMMPS 22Jul2025 takes for G* that of two equal spheres with E = E* and ν = √(ν_i ν_j). That is
 about half of G*, also if the two types are of one material. `shear_mixing = "lammps"` asks for it.
 
-Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. The state holds displacements from the
-places at rest, so that no digits are lost in large crystals. `analysis.theory.network_motion` integrates it, and
-`analysis.theory.network_ledger` keeps the books of energy and momentum.
+Units are any consistent ones: SI, those of a LAMMPS deck, or dimensionless. `analysis.theory.network_state` holds the
+motion, as displacements from the places at rest, so that no digits are lost in large crystals, and the forces of that
+moment. `analysis.theory.network_outside` holds what acts from outside: walls, pushes and prescribed motions.
+`analysis.theory.network_motion` integrates it, and `analysis.theory.network_ledger` keeps the books of energy and
+momentum.
 
 Breaks where contacts are not small against the spheres: the contacts of a sphere do not know of each other. The pull of
 spheres that are near and do not touch is left out, as in LAMMPS.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from numpy.typing import NDArray
 
-from analysis.theory.network_laws import LAWS, Adhesion, Dmt, Jkr
+from analysis.theory.network_laws import Adhesion
+from analysis.theory.network_outside import Drive, Wall
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
-Bools = NDArray[np.bool_]
 Law = Literal["secant", "incremental"]
 ShearMixing = Literal["mindlin", "lammps"]
 
@@ -95,6 +96,8 @@ class Network:
     viscosity : η of a dashpot along the normal and the tangent of every closed contact.
     restitution : e in (0, 1] that sets the dashpots instead, without adhesion only; None: it does not.
     adhesion : law of the normal force.
+    walls, drives : what acts from outside (`analysis.theory.network_outside`).
+    drag : (N,) rates, per time, at which velocity and spin of spheres decay; None: of none.
     """
 
     position: Floats
@@ -112,6 +115,9 @@ class Network:
     viscosity: float = 0.0
     restitution: float | None = None
     adhesion: Adhesion = "dmt"
+    walls: tuple[Wall, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    drag: Floats | None = None
 
     def __post_init__(self) -> None:
         for name in ("position", "radius", "density"):
@@ -123,7 +129,7 @@ class Network:
             values = getattr(self, name)
             if values.shape != (count,) or not np.all(np.isfinite(values) & (values > 0)):
                 raise ValueError(f"{name} must be positive, finite and of shape ({count},)")
-        for name in ("kind", "held"):
+        for name in ("kind", "held", "drag"):
             if getattr(self, name) is not None and np.shape(getattr(self, name)) != (count,):
                 raise ValueError(f"{name} must be of shape ({count},), not {np.shape(getattr(self, name))}")
         if not np.all((self.kinds >= 0) & (self.kinds < len(self.materials))):
@@ -165,8 +171,10 @@ class Network:
 
     @cached_property
     def mobility(self) -> Floats:
-        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held spheres."""
+        """Return accelerations per force and torque, (3, N): 1/m, 1/m, 1/I, and 0 for held and moved spheres."""
         free = np.ones(len(self.position)) if self.held is None else 1.0 - self.held
+        for each in self.drives:
+            free[each.spheres] *= not each.moves
         return np.stack([free / self.mass, free / self.mass, self.rotation * free / self.inertia])
 
     @property
@@ -190,14 +198,11 @@ class Network:
         A, B, F, _ = mixed(self.materials, (i, j), (self.radius[first], self.radius[second]), self.shear_mixing)
         return A, self.shear * B, F
 
-    def dashpots(self, pairs: "Pairs", root: Floats) -> Floats:
-        """Return η of pairs whose overlap has the root `root`, 0 where open, (M,)."""
-        if self.restitution is None:
-            return np.where(root > 0, self.viscosity, 0.0)
-        loss = -np.log(self.restitution)
-        mass = 1 / (1 / self.mass[pairs.first] + 1 / self.mass[pairs.second])
-        ratio = loss / np.hypot(np.pi, loss)
-        return np.asarray(np.sqrt(5 * pairs.A * mass * root) * ratio, dtype=np.float64)
+    def on_walls(self, spheres: Integers) -> tuple[Floats, Floats, Floats]:
+        """Return A, B and F of the contacts of spheres with a rigid wall that does not adhere, each (n,)."""
+        kinds, radii = self.kinds[spheres], self.radius[spheres]
+        A, B, F, _ = mixed(self.materials, (kinds, kinds), (radii, np.full(len(radii), np.inf)))
+        return 2 * A, 2 * self.shear * B, 0 * F  # E* and G* of two alike are half of those on a rigid body
 
 
 def mixed(
@@ -219,228 +224,3 @@ def mixed(
     radius = 1 / (1 / radii[0] + 1 / radii[1])
     root = np.sqrt(radius)
     return 4 / 3 * young * root, 8 * shear * root, 2 * np.pi * np.sqrt(adhesion[i] * adhesion[j]) * radius, radius
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """M pairs of spheres that touch or may do so before the next search.
-
-    Attributes
-    ----------
-    first, second : (M,) indices of the spheres.
-    apart : (2, M) from first to second at rest, to the image of second that is near; its length (M,).
-    overlap : (M,) at rest, negative for a gap.
-    radii : (2, M) of first and second.
-    A, B, F : (M,) coefficients of the contacts.
-    place : (2, N) displacements at which the search was made.
-    normal : law of the normal forces.
-    """
-
-    first: Integers
-    second: Integers
-    apart: Floats
-    length: Floats
-    overlap: Floats
-    radii: Floats
-    A: Floats
-    B: Floats
-    F: Floats
-    place: Floats
-    normal: Dmt | Jkr
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Motion of a network at one moment.
-
-    Attributes
-    ----------
-    motion : (6, N): displacement x, y, rotation θ, velocity x, y, spin ω.
-    pairs : the candidates for contacts.
-    shear : (M,) slip of the pairs, or their shear force under the incremental law; 0 where open.
-    begun : (M,) whether the pairs have touched and not parted since: by the JKR law these hold beyond an overlap of 0.
-    """
-
-    motion: Floats
-    pairs: Pairs
-    shear: Floats
-    begun: Bools
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """State of the pairs at one moment, by the terms at the top of this module; forces and slip rates are 0 where open.
-
-    Attributes
-    ----------
-    overlap : (M,) δ, 0 where open.
-    normal : (2, M).
-    closed : (M,) whether they touch.
-    radius : (M,) a/√Rc, δ^{1/2} by the DMT law.
-    stiffness : (M,) k = B a/√Rc.
-    repulsion, shear : (M,) P and S.
-    spring : (M,) S less its dashpot.
-    apart : (6, M) motion of the second sphere less that of the first.
-    slip_rate : (M,) ds/dt.
-    """
-
-    overlap: Floats
-    normal: Floats
-    closed: Bools
-    radius: Floats
-    stiffness: Floats
-    repulsion: Floats
-    shear: Floats
-    spring: Floats
-    apart: Floats
-    slip_rate: Floats
-
-
-def search(network: Network, displacement: Floats) -> Pairs:
-    """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
-    period = np.array(network.cell)
-    periodic = np.isfinite(period)
-    place = network.position + displacement.T
-    box = np.where(periodic, period, 0.0)
-    wrapped = np.where(periodic, np.mod(place, np.where(periodic, period, 1.0)), place)
-    wrapped[periodic & (wrapped >= period)] = 0.0  # np.mod of a tiny negative number is the period itself
-    found = cKDTree(wrapped, boxsize=box).query_pairs(network.reach, output_type="ndarray")
-    first, second = found[np.lexsort((found[:, 1], found[:, 0]))].T.astype(np.intp)
-
-    apart = network.position[second] - network.position[first]
-    now = apart + (displacement.T[second] - displacement.T[first])
-    apart = apart - np.where(periodic, box * np.round(now / np.where(periodic, period, 1.0)), 0.0)
-    radii = np.stack([network.radius[first], network.radius[second]])
-    now = apart + (displacement.T[second] - displacement.T[first])
-    near = np.hypot(*now.T) < radii.sum(axis=0) + network.margin
-    first, second, apart, radii = first[near], second[near], apart[near].T, radii[:, near]
-    length = np.hypot(*apart)
-    A, B, F = network.coefficients(first, second)
-    apart, law = np.ascontiguousarray(apart), LAWS[network.adhesion](A, F)
-    return Pairs(first, second, apart, length, radii.sum(axis=0) - length, radii, A, B, F, displacement, law)
-
-
-def contacts(network: Network, motion: Floats, pairs: Pairs, memory: Floats, begun: Bools | bool = False) -> Contacts:
-    """Return overlaps, forces and slip rates of the pairs.
-
-    Parameters
-    ----------
-    motion : (6, N).
-    memory, begun : `State.shear` and `State.begun`.
-    """
-    here, there = motion.take(pairs.first, axis=1), motion.take(pairs.second, axis=1)
-    apart = there - here
-    turning = pairs.radii[0] * here[5] + pairs.radii[1] * there[5]
-    now = pairs.apart + apart[:2]
-    distance = np.sqrt(now[0] ** 2 + now[1] ** 2)
-    # The distance less the one at rest, written so that no digits cancel
-    stretch = ((pairs.apart[0] + now[0]) * apart[0] + (pairs.apart[1] + now[1]) * apart[1]) / (distance + pairs.length)
-    depth = pairs.overlap - stretch
-    closed = (depth > 0) | (begun & (depth > pairs.normal.end))
-    overlap = np.where(closed, depth, 0.0)
-    normal = now / distance
-    radius = pairs.normal.radius(overlap, closed)
-    stiffness = pairs.B * radius
-    spring = np.where(closed, memory, 0.0) if network.law == "incremental" else stiffness * memory
-    slip_rate = (normal[0] * apart[4] - normal[1] * apart[3] - turning) * closed
-    repulsion = pairs.normal.repulsion(overlap, radius, closed)
-    shear, limit = spring, repulsion + 2 * pairs.normal.pull * pairs.F
-    if network.viscosity or network.restitution is not None:
-        dashpot = network.dashpots(pairs, radius)
-        repulsion = repulsion - dashpot * (normal[0] * apart[3] + normal[1] * apart[4])
-        shear = spring + network.shear * dashpot * slip_rate
-        limit = limit if network.adheres else np.abs(repulsion)
-    if np.isfinite(network.friction):
-        wanted, limit = shear, network.friction * limit
-        shear = np.clip(wanted, -limit, limit)
-        spring = np.where(shear == wanted, spring, shear - (wanted - spring))
-    return Contacts(overlap, normal, closed, radius, stiffness, repulsion, shear, spring, apart, slip_rate)
-
-
-def resultants(pairs: Pairs, now: Contacts, spheres: int) -> Floats:
-    """Return forces in x and y and torques on the spheres, (3, N)."""
-    force_x = -now.normal[0] * now.repulsion - now.normal[1] * now.shear
-    force_y = -now.normal[1] * now.repulsion + now.normal[0] * now.shear
-    levers = (pairs.radii - now.overlap / 2) * now.shear
-
-    def summed(on_first: Floats, on_second: Floats) -> Floats:
-        on_both = np.bincount(pairs.first, on_first, spheres) + np.bincount(pairs.second, on_second, spheres)
-        return np.asarray(on_both, dtype=np.float64)
-
-    return np.stack([summed(force_x, -force_x), summed(force_y, -force_y), summed(levers[0], levers[1])])
-
-
-def start(
-    network: Network,
-    displacement: ArrayLike,
-    velocity: ArrayLike,
-    rotation: ArrayLike = 0.0,
-    spin: ArrayLike = 0.0,
-) -> State:
-    """Return the state after one straight way without forces from rest, where no contact is sheared.
-
-    That is how a LAMMPS deck is to start: LAMMPS knows no shear from positions, so one step of `nve/noforce` takes the
-    spheres from rest to where they start. The slip is the whole way along the tangent of the step's end, less the
-    rotations.
-
-    Parameters
-    ----------
-    displacement, velocity : (N, 2), or broadcast to it.
-    rotation, spin : (N,), or broadcast to it; angles in rad.
-    """
-    count = len(network.position)
-    motion = np.empty((6, count))
-    for rows, values in ((slice(0, 2), displacement), (slice(3, 5), velocity)):
-        motion[rows] = np.broadcast_to(np.asarray(values, float), (count, 2)).T
-    for row, values in ((2, rotation), (5, spin)):
-        motion[row] = np.broadcast_to(np.asarray(values, float), (count,))
-    if not np.all(np.isfinite(motion)):
-        raise ValueError("displacement, velocity, rotation and spin must be finite")
-    pairs = search(network, motion[:2])
-    way = np.concatenate([motion[:3], motion[:3]])  # the way in one unit of time, as a velocity
-    begun = pairs.overlap > pairs.normal.end
-    arrived = contacts(network, way, pairs, np.zeros(len(pairs.first)), begun)
-    sheared = arrived.stiffness * arrived.slip_rate if network.law == "incremental" else arrived.slip_rate
-    still = np.concatenate([motion[:3], np.zeros((3, count))])  # so slow a way that no dashpot resists it
-    moved = settled(network, State(still, pairs, sheared, begun))
-    return settled(network, replace(moved, motion=motion))
-
-
-def present(network: Network, state: State) -> Contacts:
-    """Return the contacts of a state."""
-    return contacts(network, state.motion, state.pairs, state.shear, state.begun)
-
-
-def slip(now: Contacts) -> Floats:
-    """Return the force of the spring of S over k, 0 where open: the slip, within the limit of friction."""
-    return np.divide(now.spring, now.stiffness, out=np.zeros_like(now.shear), where=now.stiffness > 0)
-
-
-def settled(network: Network, state: State) -> State:
-    """Return the state without the slip of contacts that are open, or beyond the limit of friction."""
-    now = present(network, state)
-    if network.law == "incremental":
-        return replace(state, shear=now.spring, begun=now.closed)
-    sliding = now.spring != now.stiffness * state.shear
-    shear = np.where(now.closed, np.where(sliding, slip(now), state.shear), 0.0)
-    return replace(state, shear=shear, begun=now.closed)
-
-
-def searched_again(network: Network, state: State) -> State:
-    """Return the state with its candidate pairs searched again; contacts keep their shear."""
-    pairs = search(network, state.motion[:2])
-    count = len(network.position)
-    _, old, new = np.intersect1d(
-        state.pairs.first * count + state.pairs.second,
-        pairs.first * count + pairs.second,
-        assume_unique=True,
-        return_indices=True,
-    )
-    shear, begun = np.zeros(len(pairs.first)), np.zeros(len(pairs.first), dtype=bool)
-    shear[new], begun[new] = state.shear[old], state.begun[old]
-    return replace(state, pairs=pairs, shear=shear, begun=begun)
-
-
-def forces(network: Network, state: State) -> Floats:
-    """Return forces in x and y and torques on the spheres, (3, N), held ones included: at rest, the residuals."""
-    return resultants(state.pairs, present(network, state), len(network.position))

@@ -9,8 +9,9 @@ one and − for the incremental one, and of LAMMPS's lever arm, which is R for t
 
     dW/dt = Σ ±½ (dk/dδ)(S/k)² dδ/dt − S (δ/2)(ω_i + ω_j)
 
-E − W is constant where nothing slides, nothing is damped and no held sphere moves. Sliding and dashpots let it fall, by
-the heat. S is the force of the spring, but for the lever arm, on which the whole shear force acts.
+and by that of what pushes or moves spheres from outside. E − W is constant where nothing slides, nothing is damped and
+no held sphere moves by itself. Sliding, dashpots and drag let it fall, by the heat. S is the force of the spring, but
+for the lever arm, on which the whole shear force acts.
 
 Breaks where a contact of the incremental law opens: ½S²/k has no bound there.
 """
@@ -20,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.theory.network import Contacts, Network, Pairs, State, present, slip
+from analysis.theory.network import Network
+from analysis.theory.network_state import Contacts, Pairs, State, present, slip
 
 Floats = NDArray[np.float64]
 
@@ -64,6 +66,6 @@ def work_rate(network: Network, motion: Floats, pairs: Pairs, now: Contacts) -> 
     # ½ (dk/dδ)(S/k)² = ½ (S²/k) d(ln k)/dδ, and k ∝ a
     work = 2 * now.stiffness * pairs.normal.spreading(now.overlap, now.radius)
     law = closing * np.divide(now.spring**2, work, out=np.zeros_like(work), where=work > 0)
-    turning = motion[5].take(pairs.first) + motion[5].take(pairs.second)
+    turning = 2 * motion[5].take(pairs.first) + now.apart[5]
     lever = now.shear * now.overlap / 2 * turning
     return float(np.sum((-law if network.law == "incremental" else law) - lever))

@@ -22,8 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DOP853
 
-from analysis.theory.network import Network, State, contacts, forces, present, resultants, searched_again, settled
+from analysis.theory.network import Network
 from analysis.theory.network_ledger import energy, work_rate
+from analysis.theory.network_outside import imposed, pushes
+from analysis.theory.network_state import State, contacts, forces, present, resultants, searched_again, settled
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.intp]
@@ -80,12 +82,18 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     """
     motion, pairs = state.motion, state.pairs
     now = present(network, state)
-    inverse_mass = network.mobility[0]
+    inverse_mass = np.append(network.mobility[0], np.zeros(len(network.walls)))
     pull = np.abs(forces(network, state)) * network.mobility
     acceleration = float(max(pull[:2].max(), (pull[2] * network.radius).max()))
     length = float(max(np.abs(motion[:2]).max(), (np.abs(motion[2]) * network.radius).max()))
     speed = float(max(np.abs(motion[3:5]).max(), (np.abs(motion[5]) * network.radius).max()))
     stiffness = 1.5 * pairs.A * now.radius  # of a Hertz contact of that radius, above that of one that adheres
+    for each in network.drives:
+        lever = network.radius[each.spheres] if each.component == 2 else 1.0
+        reached = float(
+            np.max(each.size * lever * (1.0 if each.moves else network.mobility[each.component, each.spheres]))
+        )
+        length, acceleration = max(length, reached * each.moves), max(acceleration, reached * (not each.moves))
     rate = float(np.sqrt(np.max(stiffness * (inverse_mass[pairs.first] + inverse_mass[pairs.second]), initial=0.0)))
     if rate > 0:
         length = max(length, speed / rate, acceleration / rate**2)
@@ -128,7 +136,7 @@ def integrate(
     chosen = np.arange(len(network.position)) if spheres is None else np.asarray(spheres, dtype=np.intp)
     length, speed = scales(network, state)
     # A collision lasts three times the depth over the speed. Spheres in free flight give no error to shorten a step by.
-    longest_step = min(longest_step, 2 * length / speed)
+    longest_step = min(longest_step, 2 * length / speed, *(each.longest for each in network.drives))
     samples: list[tuple[Floats, float, float]] = []
     initial_energy = energy(network, state).total
     if times[0] == 0:
@@ -137,7 +145,7 @@ def integrate(
     steps = evaluations = 0
     while time < times[-1]:
         solver = DOP853(
-            lambda _, y, start=state: _rates(network, start, y),
+            lambda t, y, start=state: _rates(network, start, t, y),
             time,
             _packed(state, work),
             times[-1],
@@ -151,16 +159,16 @@ def integrate(
             message = solver.step()
             if solver.status == "failed":
                 raise RuntimeError(f"integration of the network failed at time {solver.t}: {message}")
-            reached = _unpacked(state, solver.y)
+            reached = _at(network, state, solver.t, solver.y)
             if _farthest(reached) > network.margin / 2:
                 # Contacts may have been missed: back to before the step, with other pairs and a shorter step
-                state = searched_again(network, _unpacked(state, solver.y_old))
+                state = searched_again(network, _at(network, state, solver.t_old, solver.y_old))
                 time, work, step = solver.t_old, solver.y_old[-1], (solver.t - solver.t_old) / 2
                 break
             due = times[(times > solver.t_old) & (times <= solver.t)]
             if due.size:
-                for y in solver.dense_output()(due).T:
-                    sample = settled(network, _unpacked(state, y))
+                for moment, y in zip(due, solver.dense_output()(due).T, strict=True):
+                    sample = settled(network, _at(network, state, moment, y))
                     samples.append((sample.motion[:, chosen], energy(network, sample).total, y[-1]))
             state = settled(network, reached)
             time, work, step, steps = solver.t, solver.y[-1], 2 * solver.step_size, steps + 1
@@ -176,10 +184,11 @@ def _packed(state: State, work: float) -> Floats:
     return np.concatenate([state.motion.ravel(), state.shear, [work]])
 
 
-def _unpacked(state: State, y: Floats) -> State:
+def _at(network: Network, state: State, time: float, y: Floats) -> State:
     """Return the motion and shear of a packed state, with the pairs of a state and those that had begun then."""
     cut = y.size - 1 - len(state.shear)
-    return replace(state, motion=y[:cut].reshape(6, -1).copy(), shear=y[cut:-1].copy())
+    motion = imposed(network.drives, time, y[:cut].reshape(6, -1).copy())
+    return replace(state, motion=motion, shear=y[cut:-1].copy())
 
 
 def _sizes(network: Network, state: State, length: float, speed: float) -> Floats:
@@ -199,16 +208,26 @@ def _farthest(state: State) -> float:
     return float(np.sqrt(np.max(way[0] ** 2 + way[1] ** 2)))
 
 
-def _rates(network: Network, start: State, y: Floats) -> Floats:
+def _rates(network: Network, start: State, time: float, y: Floats) -> Floats:
     """Return the time derivative of the packed state: the equations of `analysis.theory.network`."""
     spheres = len(network.position)
-    motion = y[: 6 * spheres].reshape(6, spheres)
+    motion = imposed(network.drives, time, y[: 6 * spheres].reshape(6, spheres))
     pairs = start.pairs
     now = contacts(network, motion, pairs, y[6 * spheres : -1], start.begun)
+    load = resultants(pairs, now, spheres)
     rate = np.empty_like(y)
     moved = rate[: 6 * spheres].reshape(6, spheres)
     moved[:3] = motion[3:]
-    moved[3:] = resultants(pairs, now, spheres) * network.mobility
     rate[6 * spheres : -1] = now.stiffness * now.slip_rate if network.law == "incremental" else now.slip_rate
     rate[-1] = work_rate(network, motion, pairs, now)
+    if network.drives:
+        push = pushes(network.drives, time, spheres)
+        rate[-1] += np.sum(push * motion[3:])
+        load += push
+        for each in network.drives:
+            if each.moves:  # what moves a sphere bears the forces of its contacts
+                rate[-1] -= np.sum((load * motion[3:])[:, each.spheres])
+    moved[3:] = load * network.mobility
+    if network.drag is not None:
+        moved[3:] -= network.drag * motion[3:]
     return rate

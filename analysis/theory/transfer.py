@@ -38,7 +38,8 @@ from scipy.sparse import coo_array
 
 from analysis.theory.bloch import BONDS, TANGENTS
 from analysis.theory.contact import Contact
-from analysis.theory.network import Network, search
+from analysis.theory.network import Network
+from analysis.theory.network_state import search
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complexfloating]

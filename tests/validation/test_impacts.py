@@ -9,8 +9,9 @@ import pytest
 
 from analysis.theory.chain import Chain, End, compressed, energies, spheres, uniform
 from analysis.theory.chain_motion import first_peak, march, peak
-from analysis.theory.network import Material, Network, start
+from analysis.theory.network import Material, Network
 from analysis.theory.network_motion import integrate
+from analysis.theory.network_state import start
 from analysis.theory.scattering import Meeting, crossing, impurity
 from analysis.theory.solitary import solitary_wave
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
