@@ -1,29 +1,36 @@
 """The coherent second harmonic of a scene's wave, in a crystal that is perfect or not, with its error.
 
-    granular-analysis harmonic SCENE_OR_RUN [--by network] [--csv FILE] [--json FILE]
+    granular-analysis harmonic SCENE_OR_RUN [--by theory|cell|network] [--csv FILE] [--json FILE]
     granular-analysis harmonic SWEEP_OVER_PHASES
 
-Of a scene, a file or the name of a shipped one, and of a run in a perfect crystal the theory of second order gives it.
-Of a run in another crystal the network of its spheres does, which needs snapshots (``output.particles``); ``--by
-network`` asks for it in any. Of a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in
-the snapshots by least squares. `analysis.measure.harmonic` says what is meant, and what the errors are.
+A scene, a file or the name of a shipped one, and a run are told by the first of three ways that holds them: the theory
+of second order of a perfect crystal or layers; the second order of the cell of its spheres; their network. The latter
+two begin from the first snapshot of a run; of a scene, one sample is run for it. ``--by`` asks for one of the three. Of
+a sweep over six or more values of ``wave.phase``, or of its runs, it is measured in the snapshots by least squares.
+`analysis.measure.harmonic` says what is meant, and what the errors are.
 """
 
 import argparse
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from analysis.measure.harmonic import Harmonic, by_network, by_runs, by_theory
-from analysis.measure.runs import load
+from analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory
+from analysis.measure.runs import begun, load
 from analysis.measure.swept import Swept
 from analysis.plotting import start, write
-from granular_lmp.runs.record import STATUS, GranularError, Scene
+from granular_lmp.runs.record import STATUS, GranularError, Record, Scene
+
+Floats = NDArray[np.float64]
 
 WAYS = ("along", "across")
 
@@ -42,25 +49,33 @@ def harmonic(targets: Sequence[str], by: str | None = None) -> Harmonic:
     if not (folders[0] / STATUS).is_file():
         return _of_scene(targets[0], by)
     record = load(folders[0])
-    if by == "network":
-        return by_network(record)
-    try:
-        return by_theory(record.scene, record.tau)
-    except ValueError:
-        if by:
-            raise
-        return by_network(record)
+    return _first(by, lambda: by_theory(record.scene, record.tau), lambda: record, record.tau)
 
 
 def _of_scene(target: str, by: str | None) -> Harmonic:
-    if by == "network":
-        raise ValueError("the network is that of a run; run the scene with output.particles and give the folder")
     scene = Scene.load(target)
     samples = int(scene.time.duration / scene.time.sample + 1e-9)
-    try:
-        return by_theory(scene, scene.time.sample * np.arange(samples + 1))
-    except ValueError as error:
-        raise ValueError(f"{error}; run the scene with output.particles and give the folder") from error
+    tau: Floats = scene.time.sample * np.arange(samples + 1.0)
+    with TemporaryDirectory() as folder:
+        found = _first(by, lambda: by_theory(scene, tau), cache(lambda: begun(scene, folder)), tau)
+    return replace(found, scene=scene)
+
+
+def _first(by: str | None, theory: Callable[[], Harmonic], record: Callable[[], Record], tau: Floats) -> Harmonic:
+    """Return what the first way that holds a wave finds, or the way that was asked for; ValueError if none holds it."""
+    ways = {
+        "theory": theory,
+        "cell": lambda: by_cell(record(), tau),
+        "network": lambda: by_network(record(), tau),
+    }
+    refusals = []
+    for name, way in ways.items():
+        if by in (None, name):
+            try:
+                return way()
+            except ValueError as error:
+                refusals.append(f"{name}: {error}")
+    raise ValueError("; ".join(refusals))
 
 
 def columns(found: Harmonic) -> dict[str, np.ndarray]:
@@ -111,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Command line; returns the exit status."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("targets", nargs="+", metavar="SCENE_OR_RUN", help="a scene, a run, or runs of several phases")
-    parser.add_argument("--by", choices=("theory", "network"), help="this one, not the one that suits")
+    parser.add_argument("--by", choices=("theory", "cell", "network"), help="this way, not the first that holds it")
     parser.add_argument("--csv", metavar="FILE", help="write C over tau as CSV")
     parser.add_argument("--json", metavar="FILE", help="write the summary as JSON")
     options = parser.parse_args(arguments)

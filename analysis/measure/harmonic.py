@@ -6,16 +6,20 @@ made to second order moves the spheres with e^{2iθ}. The coherent part of that 
     u(r, τ) = Re[C(τ) e^{2ik·r}] + scattered,        C ∝ e^{2iθ},
 
 with C along k and across in D0. The scattered part has other wave vectors. What disorder scatters to 2k in first order
-turns with e^{iθ}: several phases part the two, and one run cannot. There are three ways:
+turns with e^{iθ}: several phases part the two, and one run cannot. There are four ways:
 
-* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`. Its error is an upper estimate
-  of the next order, (a² + 2δω t)|C| with the shift δω of third order; nan, which is unknown, under the incremental law
-  and where more than one wave starts;
-* **network**, any periodic crystal whose spheres a run has dumped: it starts again with `PHASES` phases, at the
-  amplitude a of the run and at a/2. Of C(a) and C(a/2) follow the second order, which is C, and the fourth, its error;
+* **theory**, perfect crystals and layers: the second order of `analysis.theory.scenes`;
+* **cell**, any spheres at rest without dashpots: the second order of `analysis.theory.cell`, from the first snapshot of
+  a run. It takes no time step, and is the faster one of this and the next, at every size;
+* **network**, also with dashpots: it is integrated from the first snapshot with `PHASES` phases, at the amplitude a of
+  the run and at a/2. Of C(a) and C(a/2) follow the second order, which is C, and the fourth, its error;
 * **runs** of one scene that differ in `wave.phase`: C by least squares over the phases, e^{−2iθ} to e^{2iθ}, at each
   snapshot, with the standard error of the fit. At equal distances six phases keep third order out of C, but not out of
   the error.
+
+The error of theory and cell is an upper estimate of the next order, (a² + 2δω t) times the largest |C| so far, with the
+shift δω of third order in the perfect crystal (`analysis.theory.scenes.drift`). Of a cell a is the largest stretch over
+that which opens a contact, if that is larger, and δω grows with the mean square of both.
 
 When it breaks: where contacts open or slide, which is refused; at long times, as the error says; for runs whose cell is
 so short that 2k is no wave of its own.
@@ -27,14 +31,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.measure.coherent import project
+from analysis.measure.coherent import HARMONICS, project
 from analysis.measure.runs import all_but
 from analysis.measure.snapshot import FirstSnapshot, first_snapshot
 from analysis.theory.catalogue import AT_REST, ENVELOPE, FACES, HELD, HOLDS, NETWORK, OPENING, SLIDING, STRUCK
+from analysis.theory.cell import Cell, second_order
 from analysis.theory.choice import traits_of
 from analysis.theory.network_motion import integrate
-from analysis.theory.network_state import State, start
-from analysis.theory.scenes import Setting
+from analysis.theory.network_state import start
+from analysis.theory.scenes import Setting, drift
+from analysis.theory.validity import reached
 from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
@@ -42,8 +48,9 @@ Complexes = NDArray[np.complex128]
 
 PHASES = 2 * np.pi / 6 * np.arange(6)  # the next orders that look like e^{2iθ} on them are the fourth, and higher ones
 ORDERS = np.arange(-2, 3)
-HELD_HERE = HOLDS[NETWORK] - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - HELD - FACES
+HELD_HERE = (HOLDS[NETWORK] | HELD) - {AT_REST, ENVELOPE, SLIDING, OPENING} - STRUCK - FACES
 RTOL = 1e-9
+UNIFORM = {"inclusion": [], "disorder.radius": 0.0, "disorder.density": 0.0, "disorder.vacancies": 0.0}
 # Share of a start that is no plane wave at the places at rest, from which spheres of unequal radii lie overlaps away,
 # 1e-4 of a wavelength; one sphere of a thousand that a striker moves has more
 PLANE_WAVE = 1e-2
@@ -55,7 +62,7 @@ class Harmonic:
 
     Attributes
     ----------
-    by : "theory", "network" or "runs".
+    by : "theory", "cell", "network" or "runs".
     scene : of the wave.
     tau : (T,).
     amplitudes : (T, 2) complex, C along k and across, in D0.
@@ -86,23 +93,50 @@ def by_theory(scene: Scene, tau: ArrayLike) -> Harmonic:
     """
     times = np.asarray(tau, dtype=float)
     amplitudes, turned = Setting(scene).harmonic(times)
-    share = scene.wave.amplitude**2 + turned
-    return Harmonic("theory", scene, times, amplitudes, share[:, None] * np.abs(amplitudes))
+    return Harmonic("theory", scene, times, amplitudes, _next_order(scene.wave.amplitude**2 + turned, amplitudes))
 
 
-def by_network(record: Record) -> Harmonic:
-    """Return the second harmonic of a run's crystal at the times of its record.
+def by_cell(record: Record, tau: ArrayLike | None = None) -> Harmonic:
+    """Return the second harmonic of a run's spheres to second order, at times τ (T,); None: those of its record.
 
-    Raises ValueError for a run that is no wave which fills a periodic cell, whose contacts may slide or open, or that
-    the network leaves out.
+    Raises ValueError for a run that is no wave which fills its crystal, whose contacts may slide or open, also by what
+    is found here, or that the cell leaves out.
     """
-    _refuse(record)
-    first = first_snapshot(record)
-    places, k = _places(record, first)
-    wave = _start(first, places, k)
-    whole, half = (_over_starts(first, wave * share, places, k, record.tau) for share in (1.0, 0.5))
+    started = _Started.of(record)
+    first, times = started.first, record.tau if tau is None else np.asarray(tau, dtype=float)
+    cell = Cell.of(first.network)
+    size = np.ones((3, len(started.places)))
+    size[2] = first.network.radius
+    place, rate = ((part * size).T.ravel() for part in np.split(started.wave, 2))
+    found = second_order(cell, place, rate, readout(started.places, started.wavevector), times * first.time)
+    if found.reached.opening > 1:
+        raise ValueError(f"a contact is stretched {found.reached.opening:.3g} times as far as it holds: contacts open")
+    amplitudes = found.signal / first.length
+    setting = Setting(record.scene.with_values(UNIFORM))
+    lattice, mode = setting.crystal(), setting.mode().times(record.scene.displacement_amplitude)
+    uniform = reached(lattice.bonds.law, lattice.bonds.strain(mode.shape, mode.wavevector))
+    farther = found.reached.strength / uniform.strength
+    turned = 2 * drift(lattice, (mode,)) * times * record.scene.sphere.time_scale
+    share = max(record.scene.wave.amplitude, found.reached.opening) ** 2 + farther * turned
+    return Harmonic("cell", record.scene, times, amplitudes, _next_order(share, amplitudes))
+
+
+def _next_order(share: Floats, amplitudes: Complexes) -> Floats:
+    """Return the errors (T, 2) of amplitudes by their shares (T,): of the largest so far, as C passes through 0."""
+    return share[:, None] * np.maximum.accumulate(np.abs(amplitudes), axis=0)
+
+
+def by_network(record: Record, tau: ArrayLike | None = None) -> Harmonic:
+    """Return the second harmonic of a run's crystal at times τ (T,); None: those of its record.
+
+    Raises ValueError for a run that is no wave which fills its crystal, whose contacts may slide or open, or that the
+    network leaves out.
+    """
+    started = _Started.of(record)
+    times = record.tau if tau is None else np.asarray(tau, dtype=float)
+    whole, half = (started.over_phases(share, times) for share in (1.0, 0.5))
     fourth = 4 / 3 * (whole - 4 * half)  # of C = c a² + d a⁴ at a and a/2
-    return Harmonic("network", record.scene, record.tau, whole - fourth, np.abs(fourth))
+    return Harmonic("network", record.scene, times, whole - fourth, np.abs(fourth))
 
 
 def by_runs(records: Sequence[Record]) -> Harmonic:
@@ -114,8 +148,7 @@ def by_runs(records: Sequence[Record]) -> Harmonic:
         _refuse(record)
     if len({repr(all_but(record, "wave.phase")) for record in records}) > 1:
         raise ValueError("the runs differ in more than wave.phase")
-    first = first_snapshot(records[0])
-    places, k = _places(records[0], first)
+    places, k = _places(records[0], first_snapshot(records[0]))
     phases = np.array([record.scene.wave.phase for record in records])
     found = [project(places, record.snapshots().stack("displacement"), k.tolist()).amplitudes[1] for record in records]
     amplitudes, errors = over_phases(phases - phases[0], np.array(found))
@@ -154,31 +187,62 @@ def _places(record: Record, first: FirstSnapshot) -> tuple[Floats, Floats]:
     return network.position - network.position[first.recorded], np.where(np.isfinite(cell), fitting, wanted)
 
 
-def _start(first: FirstSnapshot, places: Floats, k: Floats) -> Complexes:
-    """Return the field Z (6, N) of which the real part is the motion at the start: Re[Z e^{iθ}] is another phase.
+@dataclass(frozen=True, eq=False)
+class _Started:
+    """A run at its start, as the wave Re[Z e^{iθ}] whose real part is the motion there.
 
-    Raises ValueError for a start that is no plane wave.
+    Attributes
+    ----------
+    first : the first snapshot.
+    places : (N, 2) from the recorded sphere.
+    wavevector : (2,) k.
+    wave : (6, N) Z of displacement, rotation, velocity and spin; held spheres have none.
     """
-    phase = places @ k
-    motion = first.state.motion
-    basis = np.stack([np.cos(phase), -np.sin(phase)], axis=1)
-    weights = np.linalg.lstsq(basis, motion.T)[0]  # of a wave Re[(a + ib) e^{ik·r}]
-    size = np.array([1, 1, first.radius] * 2)[:, None]
-    for rows in (slice(3), slice(3, 6)):
-        left = (size * (motion - (basis @ weights).T))[rows]
-        if np.linalg.norm(left) > PLANE_WAVE * np.linalg.norm((size * motion)[rows]):
-            raise ValueError("the first snapshot is no plane wave that fills the cell")
-    return np.asarray((weights[0] + 1j * weights[1])[:, None] * np.exp(1j * phase))
+
+    first: FirstSnapshot
+    places: Floats
+    wavevector: Floats
+    wave: Complexes
+
+    @classmethod
+    def of(cls, record: Record) -> "_Started":
+        """Return the start of a run; ValueError for one that is no plane wave, or that a second harmonic leaves out."""
+        _refuse(record)
+        first = first_snapshot(record)
+        places, k = _places(record, first)
+        free = np.ones(len(places), dtype=bool) if first.network.held is None else ~first.network.held
+        phase, motion = places @ k, first.state.motion * free
+        basis = np.stack([np.cos(phase), -np.sin(phase)], axis=1) * free[:, None]
+        weights = np.linalg.lstsq(basis, motion.T)[0]  # of a wave Re[(a + ib) e^{ik·r}]
+        size = np.array([1, 1, first.radius] * 2)[:, None]
+        for rows in (slice(3), slice(3, 6)):
+            left = (size * (motion - (basis @ weights).T))[rows]
+            if np.linalg.norm(left) > PLANE_WAVE * np.linalg.norm((size * motion)[rows]):
+                raise ValueError("the first snapshot is no plane wave that fills the cell")
+        return cls(first, places, k, (weights[0] + 1j * weights[1])[:, None] * np.exp(1j * phase) * free)
+
+    def over_phases(self, share: float, tau: Floats) -> Complexes:
+        """Return C (T, 2) of the network from starts Re[share Z e^{iθ}] over `PHASES`, in D0 of the run."""
+        found = []
+        for phase in PHASES:
+            motion = np.real(share * self.wave * np.exp(1j * phase))
+            state = start(self.first.network, motion[:2].T, motion[3:5].T, motion[2], motion[5])
+            run = integrate(self.first.network, state, tau * self.first.time, rtol=RTOL)
+            field = run.displacement / self.first.length
+            found.append(project(self.places, field, self.wavevector.tolist()).amplitudes[1])
+        return over_phases(PHASES, np.array(found))[0]
 
 
-def _over_starts(first: FirstSnapshot, wave: Complexes, places: Floats, k: Floats, tau: Floats) -> Complexes:
-    """Return C (T, 2) of starts Re[wave e^{iθ}] over `PHASES`, in D0 of the run."""
-    found = []
-    for phase in PHASES:
-        run = integrate(first.network, _state(first, np.real(wave * np.exp(1j * phase))), tau * first.time, rtol=RTOL)
-        found.append(project(places, run.displacement / first.length, k.tolist()).amplitudes[1])
-    return over_phases(PHASES, np.array(found))[0]
+def readout(places: Floats, wavevector: Floats) -> Complexes:
+    """Return P (2, 3N) of which P·Y is C along k and across, of a field Re[Y e^{2iθ}] of spheres at places (N, 2).
 
-
-def _state(first: FirstSnapshot, motion: Floats) -> State:
-    return start(first.network, motion[:2].T, motion[3:5].T, motion[2], motion[5])
+    It is that of `analysis.measure.coherent.project`, for what turns with e^{2iθ}.
+    """
+    phase = places @ wavevector
+    waves = [wave(n * phase) for n in HARMONICS for wave in (np.cos, np.sin)]
+    weights = np.linalg.pinv(np.stack([np.ones(len(places)), *waves], axis=1))
+    along = wavevector / np.hypot(*wavevector)
+    ways = np.array([along, [-along[1], along[0]]])
+    rows = np.zeros((2, len(places), 3), dtype=complex)
+    rows[:, :, :2] = ways[:, None] * (0.5 * (weights[3] - 1j * weights[4]))[:, None]
+    return rows.reshape(2, -1)

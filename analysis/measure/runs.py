@@ -1,5 +1,7 @@
 """Runs as a script reads them: what is wrong with one is a single line and the end of the script."""
 
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterable
 from math import isclose
@@ -9,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.measure.swept import Swept
-from granular_lmp.runs.record import GranularError, Record
+from granular_lmp.runs.record import GranularError, Record, Scene
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
@@ -28,6 +30,23 @@ def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     if not all(np.isfinite(x).all() for x in tracked):
         raise SystemExit(f"{folder}: the record holds numbers that are not finite; there is nothing to compare")
     return record
+
+
+def begun(scene: Scene, folder: str | Path) -> Record:
+    """Return a run of one sample of a scene in a folder, with a snapshot of its start, by the command granular-lmp.
+
+    Raises ValueError with what the command says if the scene cannot be run.
+    """
+    sample = scene.time.sample
+    short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
+    declared = Path(folder, "scene.toml")
+    declared.write_text(scene.with_values(short | {"packing.rows": scene.shape.rows}).to_toml(), encoding="utf-8")
+    run = Path(folder, "run")
+    command = [sys.executable, "-m", "granular_lmp", "run", str(declared), "-o", str(run)]
+    said = subprocess.run(command, capture_output=True, text=True)
+    if said.returncode:
+        raise ValueError(said.stderr.strip().rpartition("\n")[2])
+    return load(run)
 
 
 def _is_impact(folder: Path) -> bool:

@@ -37,6 +37,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from analysis.theory import jkr as johnson
 
@@ -192,12 +193,17 @@ class Bonds:
         """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""
         half = self._half(wavevector)
         ends = ends * np.stack([half, half.conj()], axis=-2)
-        where = np.zeros((spheres, 2 * len(self.first)))  # which end acts on which sphere
-        count = np.arange(len(self.first))
-        where[self.first, 2 * count] = 1.0
-        pairs = self.second >= 0
-        where[self.second[pairs], 2 * count[pairs] + 1] = 1.0
-        return np.asarray(where @ ends.reshape(*ends.shape[:-3], -1, 6))
+        # Sparse matrices multiply two dimensions: ends before all others
+        columns = np.moveaxis(ends.reshape(*ends.shape[:-3], -1, 6), -2, 0)
+        summed = self._acting(spheres) @ columns.reshape(len(columns), -1)
+        return np.ascontiguousarray(np.moveaxis(summed.reshape(spheres, *columns.shape[1:]), 0, -2))
+
+    def _acting(self, spheres: int) -> csr_array:
+        """Return which of both ends of the contacts acts on which sphere, (B, 2C) sparse."""
+        count, pairs = np.arange(len(self.first)), self.second >= 0
+        rows = np.concatenate([self.first, self.second[pairs]])
+        columns = np.concatenate([2 * count, 2 * count[pairs] + 1])
+        return csr_array((np.ones(len(rows)), (rows, columns)), (spheres, 2 * len(count)))
 
     def linear(self, strain: Strain) -> Complexes:
         """Return the first-order forces at both ends, (..., C, 2, 6)."""
@@ -219,23 +225,23 @@ class Bonds:
         Of fields Re(A e^{iα}) and Re(B e^{iβ}) these are, for each order of the two, ½Re of the form. frequencies are
         ω₁ and ω₂ (...), of either sign.
         """
+        difference = np.asarray(frequencies[0]) - np.asarray(frequencies[1])
+        winding = self.winding(one, other, -0.25j * np.asarray(difference)[..., None, None])
+        return Quadratic(*self.products(one, other), winding)
+
+    def products(self, one: Strain, other: Strain) -> tuple[Complexes, Complexes]:
+        """Return the second-order forces (..., C, 2, 6) that run with two fields, and those of a start with them."""
         law, n, curving = self.law, self.normal, self.curving
         k, growth = law.shear[:, None], law.shear_growth[:, None]
-        difference = np.asarray(frequencies[0]) - np.asarray(frequencies[1])
-        rate = -0.25j * np.asarray(difference)[..., None, None]
         x, y = (each.stretch[..., None] for each in (one, other))
         nu, mu = (each.sideways * curving[:, None] for each in (one, other))
         twists = tuple(each.twist[..., None] for each in (one, other))
 
         together = 0.5 * (x * mu + y * nu + np.cross(n, twists[0] * mu + twists[1] * nu))  # [x, ν] + [Φ·n, n × ν]
-        apart = x * mu - y * nu + np.cross(n, twists[0] * mu - twists[1] * nu)
         sheared = 0.5 * (x * other.slip + y * one.slip)
         gathered = 0.5 if self.shear_law == "incremental" else 0.0  # share of k′[x, s] that is memory
         tangent = -0.5 * k * together - (1 - gathered) * growth * sheared
         left = -0.5 * k * together - gathered * growth * sheared
-        winding = -k * rate * apart
-        if gathered:
-            winding = winding - growth * rate * (one.slip * y - other.slip * x)
 
         bending = law.stiffness * curving + law.push * curving**2
         rolled = bending * np.sum(one.sideways * other.sideways, axis=-1)
@@ -248,7 +254,20 @@ class Bonds:
         twisting = np.cross(n, tangent) + 0.5 * k * (np.cross(nu, other.slip) + np.cross(mu, one.slip))
         couples = self.arms[..., None] * twisting[..., None, :]
         couples = couples + self.widening[..., None] * (k * np.cross(n, sheared))[..., None, :]
-        return Quadratic(self._ends(force, couples), *(self._sheared(each) for each in (left, winding)))
+        return self._ends(force, couples), self._sheared(left)
+
+    def winding(self, one: Strain, other: Strain, rate: ArrayLike) -> Complexes:
+        """Return the rate (..., C, 2, 6) at which slip that winds up pushes.
+
+        rate : −¼i(ω₁ − ω₂) of two waves; −½ of a field and its velocity, which are `one` and `other`
+        """
+        law = self.law
+        x, y = (each.stretch[..., None] for each in (one, other))
+        nu, mu = (each.sideways * self.curving[:, None] for each in (one, other))
+        apart = x * mu - y * nu + np.cross(self.normal, one.twist[..., None] * mu - other.twist[..., None] * nu)
+        gathered = law.shear_growth[:, None] * (self.shear_law == "incremental")
+        wound = law.shear[:, None] * apart + gathered * (one.slip * y - other.slip * x)
+        return self._sheared(-np.asarray(rate) * wound)
 
     def cubic(self, one: Strain, two: Strain, three: Strain) -> Complexes:
         """Return the third-order forces of the law, not those of the geometry, at both ends (..., C, 2, 6).

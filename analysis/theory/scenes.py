@@ -6,7 +6,8 @@ pattern that repeats; then the wave, a mode of the lattice without the layers, s
 The start may run or stand. Whatever else a scene declares is refused by its key.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
 
@@ -167,7 +168,7 @@ class Setting:
         """Return C (T, 2) along k and across, in D0, of the second harmonic Re[C e^{2ik·r}], and an error of its phase.
 
         Of layers, C is the mean over the spheres of a cell, r from the centre sphere. The error (T,) is what third
-        order turns, 2δω t in rad; nan for more than one wave, which shift each other too, and for the incremental law.
+        order turns, 2δω t in rad with δω of `drift`.
         """
         scene = self.scene
         crystal, waves = self.start()
@@ -176,10 +177,20 @@ class Setting:
         for i, j in combinations_with_replacement(range(len(waves)), 2):
             field = Mixed(crystal, waves[i], waves[j]).signal(t)[..., :2].mean(axis=1)
             moved += field * (0.5 if i == j else 1.0)
-        known = len(waves) == 1 and scene.effects.shear_law == "secant"
-        shift = abs(float(frequency_shift(crystal, waves[0]))) if known else np.nan
         scaled: Complexes = moved @ frame(scene.direction).T / scene.displacement_amplitude
-        return scaled, 2 * shift * t
+        return scaled, 2 * drift(crystal, waves) * t
+
+
+def drift(crystal: Crystal, waves: Sequence[Wave]) -> float:
+    """Return an estimate of the largest shift of frequency of waves together, in rad per unit of time.
+
+    A wave shifts itself by δω of `analysis.theory.third_order`, and another one by up to twice its own. Under the
+    incremental law, whose third order is not known, it is twice what it is under the secant one.
+    """
+    secant = replace(crystal, bonds=replace(crystal.bonds, shear_law="secant"))
+    own = [abs(float(frequency_shift(secant, each))) if each.frequency else 0.0 for each in waves]
+    most = max(2 * sum(own) - each for each in own)
+    return most * (1 if crystal.bonds.shear_law == "secant" else 2)
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:

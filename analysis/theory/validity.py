@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from analysis.theory.bonds import Law, Strain
 from analysis.theory.crystal import Crystal
 from analysis.theory.second_order import Mixed, Wave
 from analysis.theory.third_order import frequency_shift
@@ -32,17 +33,55 @@ class Validity(NamedTuple):
     creep: float
 
 
+class Reached(NamedTuple):
+    """How far contacts are deformed in a field, or in several.
+
+    Attributes
+    ----------
+    opening : largest stretch over that which opens a contact, at any phase.
+    friction : coefficient of friction below which one slides.
+    energy : sum of k|stretch|² and k|slip|² over the contacts.
+    squared : sum of the same times |stretch|² + |slip|² over the square of the stretch that opens a contact.
+    """
+
+    opening: float
+    friction: float
+    energy: float
+    squared: float
+
+    @property
+    def strength(self) -> float:
+        """Return the mean square of stretch and slip over the stretch that opens a contact, weighted by energy."""
+        return self.squared / self.energy
+
+    def beside(self, other: "Reached") -> "Reached":
+        """Return what is reached in either of two fields."""
+        largest = max(self.opening, other.opening), max(self.friction, other.friction)
+        return Reached(*largest, self.energy + other.energy, self.squared + other.squared)
+
+
+def reached(law: Law, strain: Strain) -> Reached:
+    """Return how far contacts are deformed in complex fields, at any phase."""
+    stretch, slip = np.abs(strain.stretch) ** 2, np.sum(np.abs(strain.slip) ** 2, axis=-1)
+    longest = np.sqrt((slip + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # of Re(s e^{iα}) over α
+    energy = law.stiffness * stretch + law.shear * slip
+    return Reached(
+        opening=float(np.sqrt(np.max(stretch / law.reach**2))),
+        friction=float(np.max(law.shear * longest / law.friction)),
+        energy=float(energy.sum()),
+        squared=float(np.sum(energy * (stretch + slip) / law.reach**2)),
+    )
+
+
 def validity(crystal: Crystal, wave: Wave) -> Validity:
     """Return how far second order holds for a single wave with its amplitude."""
-    strain, law = crystal.bonds.strain(wave.shape, wave.wavevector), crystal.bonds.law
-    square = np.sum(np.abs(strain.slip) ** 2, axis=-1)
-    longest = np.sqrt((square + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # of Re(s e^{iα}) over α
+    far = reached(crystal.bonds.law, crystal.bonds.strain(wave.shape, wave.wavevector))
     size, period = _size(wave.shape), 2 * np.pi / float(wave.frequency)
     doubled, still = Mixed(crystal, wave, wave), Mixed(crystal, wave, wave.reversed)
     steady = crystal.bonds.shear_law == "secant" and not np.any(still.winds)
     return Validity(
-        opening=float(np.max(np.abs(strain.stretch) / law.reach)),
-        friction=float(np.max(law.shear * longest / law.friction)),
+        opening=far.opening,
+        friction=far.friction,
         second=0.5 * _size(doubled.forced()) / size,
         drift=float(frequency_shift(crystal, wave)) * period if steady else float("nan"),
         creep=0.5 * _size(still.creep) * period / size,

@@ -1,0 +1,237 @@
+"""Second order in a whole cell of N spheres, perfect or not, without a time step.
+
+A wave Re[X e^{iθ}] starts in a network of spheres at rest with X = Z and Ẋ = V. With the forces of the contacts to
+second order (`analysis.theory.bonds`), the part of the motion that turns with e^{2iθ} is Re[Y e^{2iθ}],
+
+    M Ẍ = −D X,        M Ÿ = −D Y + ½[Q(X, X) + Q₀ + ∫₀ᵗ Q_w dt],        Y = Ẏ = 0 at t = 0.
+
+Disorder scatters the wave in the first equation; its square drives the second. Neither is stepped. With A = M⁻¹D, whose
+eigenvalues lie between 0 and ω² (Gershgorin's bound), a function of A is a sum of Chebyshev polynomials,
+
+    f(A) = Σ_l f(ω_l²) δ_l(A),    δ_l(A) = (1/K) Σ_n (2 − δ_n0) T_n(x_l) T_n(2A/ω² − 1),    x_l = 2ω_l²/ω² − 1,
+
+exact to rounding once K exceeds ωt/2 by a few tens. So X(t) is known at any time from K sparse products; and a linear
+readout P·Y of the answer is that of K oscillators of the frequencies ω_l, driven by P·δ_l(A) M⁻¹ of the forces. These
+are evaluated at Chebyshev points in time, which are as many as the highest frequency in the integrand asks for, so
+that integrals over time are exact to rounding, too.
+
+Units are those of the network. Good values: any N up to 1e5 / (ωt/100), where the polynomials take a gigabyte or two.
+
+When it breaks: where contacts open or slide, where the second order is not small (`Second.reached` says how near
+contacts come to opening), and in a network that is not at rest or not stable. Dashpots are refused.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebint, chebval
+from numpy.typing import ArrayLike, NDArray
+from scipy.fft import dct, next_fast_len
+from scipy.sparse import csr_array
+
+from analysis.theory.bonds import Bonds, Strain, dmt, jkr
+from analysis.theory.crystal import PLANE, padded
+from analysis.theory.network import Network
+from analysis.theory.network_state import search
+from analysis.theory.validity import Reached, reached
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_MORE = 30  # polynomials and points beyond the number at which their error begins to fall faster than any power
+BAND = 3  # highest frequency in an integrand, the wave's twice and the answer's once, over the bound
+_BATCH = 20_000  # contacts times moments that are evaluated at once
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """N spheres at rest with their contacts.
+
+    Attributes
+    ----------
+    bonds : the contacts.
+    inverse_mass : (3, N) of u_x, u_y and φ = Rθ; 0 for what does not move.
+    radius : (N,).
+    """
+
+    bonds: Bonds
+    inverse_mass: Floats
+    radius: Floats
+
+    @classmethod
+    def of(cls, network: Network) -> "Cell":
+        """Return the cell of a network at rest.
+
+        Raises ValueError for a network with dashpots, or on which something acts from outside.
+        """
+        if network.viscosity or network.restitution is not None:
+            raise ValueError("viscosity and restitution are not in the second order of a cell; use the network")
+        if network.walls or network.drives or network.drag is not None:
+            raise ValueError("walls, drives and drag are not in the second order of a cell; use the network")
+        pairs = search(network, np.zeros((2, len(network.position))))
+        touch = np.flatnonzero(pairs.overlap > pairs.normal.end)
+        overlap, length, radii = pairs.overlap[touch], pairs.length[touch], pairs.radii[:, touch].T
+        A, B, F = (each[touch] for each in (pairs.A, pairs.B, pairs.F))
+        if network.adhesion == "jkr":
+            law = jkr(overlap, A, B, F, 1 / np.sum(1 / radii, axis=1))
+        else:
+            law = dmt(overlap, A, B, F)
+        apart = padded(pairs.apart[:, touch].T)
+        bonds = Bonds(
+            *(pairs.first[touch], pairs.second[touch], apart, apart / length[:, None], 1 / length),
+            arms=1 - overlap[:, None] / (2 * radii),
+            widening=1 / (2 * radii),
+            law=law,
+            shear_law=network.law,
+        )
+        mobility = network.mobility * np.array([np.ones_like(network.radius)] * 2 + [network.radius**2])
+        return cls(bonds, mobility, network.radius)
+
+    @cached_property
+    def matrix(self) -> csr_array:
+        """Return A = M⁻¹D, (3N, 3N) sparse, of the freedoms of all spheres one after the other."""
+        bonds, plane = self.bonds, np.array(PLANE)
+        ends = np.stack([bonds.first, bonds.second], axis=1)
+        freedoms = 3 * ends[:, :, None] + np.arange(3)  # (C, 2, 3)
+        values = -bonds.couplings[:, :, plane][..., plane]  # (C, 2, 3, 2, 3)
+        rows = np.broadcast_to(freedoms[:, :, :, None, None], values.shape)
+        columns = np.broadcast_to(freedoms[:, None, None], values.shape)
+        size = self.inverse_mass.size
+        weights = self.inverse_mass.T.ravel()
+        return csr_array((weights[rows.ravel()] * values.ravel(), (rows.ravel(), columns.ravel())), (size, size))
+
+    @cached_property
+    def highest(self) -> float:
+        """Return a bound of all squared frequencies, by Gershgorin."""
+        return float(np.abs(self.matrix).sum(axis=1).max())
+
+    def field(self, vectors: Complexes) -> Complexes:
+        """Return fields (..., N, 6) of their moving components (..., 3N)."""
+        result = np.zeros((*vectors.shape[:-1], len(self.radius), 6), dtype=vectors.dtype)
+        result[..., list(PLANE)] = vectors.reshape(*vectors.shape[:-1], -1, 3)
+        return result
+
+    def strain(self, vectors: Complexes) -> Strain:
+        """Return the deformation of the contacts in fields (..., 3N)."""
+        return self.bonds.strain(self.field(vectors), np.zeros(3))
+
+    def forces(self, ends: Complexes) -> Complexes:
+        """Return forces (..., 3N) of those at both ends (..., C, 2, 6) of the contacts."""
+        gathered = self.bonds.gather(ends, np.zeros(3), len(self.radius))
+        return gathered[..., list(PLANE)].reshape(*gathered.shape[:-2], -1)
+
+
+class Second(NamedTuple):
+    """A readout P·Y (T, R) of the second order of a wave, and how far its first order deforms contacts."""
+
+    signal: Complexes
+    reached: Reached
+
+
+def second_order(
+    cell: Cell, displacement: ArrayLike, velocity: ArrayLike, readout: ArrayLike, time: ArrayLike
+) -> Second:
+    """Return what a linear readout sees of the part e^{2iθ} of the second order of a wave.
+
+    Parameters
+    ----------
+    displacement, velocity : (3N,) Z and V: u_x, u_y, Rθ of a sphere after those of another
+    readout : (R, 3N) P
+    time : (T,)
+    """
+    start = np.array([displacement, velocity], dtype=complex)
+    course = Course.of(np.asarray(time, dtype=float), float(np.sqrt(cell.highest)))
+    moved = course.polynomials(cell.matrix, start)
+    heard = course.polynomials(csr_array(cell.matrix.T), np.asarray(readout, dtype=complex))
+    heard = heard * cell.inverse_mass.T.ravel()
+
+    here = cell.strain(start[:1])
+    far, left = reached(cell.bonds.law, here), cell.forces(cell.bonds.products(here, here)[1])
+    running, winding = [left[:0]], [left[:0]]
+    for times in np.array_split(course.points, 1 + len(course.points) * len(cell.bonds.first) // _BATCH):
+        here, onward = map(cell.strain, course.motion(moved, times))
+        running.append(cell.forces(cell.bonds.products(here, here)[0]))
+        winding.append(cell.forces(cell.bonds.winding(here, onward, -0.5)))
+        far = far.beside(reached(cell.bonds.law, here))
+    forces = np.concatenate(running).T + left.T + course.integral(np.concatenate(winding).T)
+    return Second(course.answer(0.5 * heard @ forces), far)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Functions of A and of time: K rates ω_l for the former, Chebyshev points from 0 to the last time for the latter.
+
+    Attributes
+    ----------
+    times : (T,) at which answers are wanted.
+    highest : bound ω of all frequencies.
+    whole : the last time.
+    rates : (K,) ω_l.
+    points : (S,) moments at which forces are evaluated.
+    """
+
+    times: Floats
+    highest: float
+    whole: float
+    rates: Floats
+    points: Floats
+
+    @classmethod
+    def of(cls, times: Floats, highest: float) -> "Course":
+        """Return the course of a network whose frequencies are below a bound."""
+        whole = max(float(times.max()), 1e-3 / highest)
+        turns = highest * whole / 2
+        count, moments = (next_fast_len(int(1.05 * each) + _MORE) for each in (turns, BAND * turns))
+        angles = np.pi * (np.arange(count) + 0.5) / count
+        points = 0.5 * whole * (1 - np.cos(np.pi * (np.arange(moments) + 0.5) / moments))
+        return cls(times, highest, whole, highest * np.cos(angles / 2), points)
+
+    def polynomials(self, matrix: csr_array, vectors: Complexes) -> Complexes:
+        """Return T_n(2A/ω² − 1) of vectors (m, 3N), (m, K, 3N)."""
+        found = np.empty((len(vectors), len(self.rates), vectors.shape[1]), dtype=complex)
+        found[:, 0] = vectors
+        for n in range(1, len(self.rates)):
+            last = found[:, n - 1]
+            turned = (2 / self.highest**2) * (matrix @ last.T).T - last
+            found[:, n] = turned if n == 1 else 2 * turned - found[:, n - 2]
+        return found
+
+    def motion(self, start: Complexes, moments: Floats) -> tuple[Complexes, Complexes]:
+        """Return X and Ẋ (S, 3N) at moments (S,), from the polynomials (2, K, 3N) of Z and V."""
+        phase = np.outer(moments, self.rates)
+        swing, sway = np.cos(phase), np.sin(phase)
+        still, swung, swayed = (self._coefficients(each) for each in (swing, sway / self.rates, -sway * self.rates))
+        displaced, moving = (each.view(float) for each in start)  # real coefficients take real numbers
+        place = still @ displaced + swung @ moving
+        rate = swayed @ displaced + still @ moving
+        return place.view(complex), rate.view(complex)
+
+    def _coefficients(self, values: Floats) -> Floats:
+        """Return the weights of the polynomials in functions with these values (S, K) at the ω_l."""
+        weights = np.asarray(dct(values, axis=1)) / len(self.rates)
+        weights[:, 0] /= 2
+        return weights
+
+    def answer(self, moments: Complexes) -> Complexes:
+        """Return P·Y (T, R) from P·T_n M⁻¹ of the forces at the points, (R, K, S)."""
+        driven = np.asarray(dct(moments, type=3, axis=1)) / len(self.rates)
+        turned = np.exp(1j * np.outer(self.rates, self.points))
+        onward, backward = self.integral(driven * turned.conj()), self.integral(driven * turned)
+        answers = np.sum((turned * onward - turned.conj() * backward) / (2j * self.rates[:, None]), axis=1)
+        return np.asarray(chebval(1 - 2 * self.times / self.whole, self._expanded(answers).T).T)
+
+    def _expanded(self, values: Complexes) -> Complexes:
+        """Return the Chebyshev coefficients (..., S) of a function of time from its values at the points."""
+        weights = np.asarray(dct(values, axis=-1), dtype=np.complex128) / len(self.points)
+        weights[..., 0] /= 2
+        return weights
+
+    def integral(self, values: Complexes) -> Complexes:
+        """Return the integrals (..., S) from time 0 to the points of a function with these values there."""
+        # Time ascends where the argument of the polynomials descends from 1
+        weights = chebint(self._expanded(values), lbnd=1, scl=-0.5 * self.whole, axis=-1)
+        lowered = weights[..., :-1].copy()
+        lowered[..., 1:] /= 2
+        return np.asarray(dct(lowered, type=3, axis=-1))
