@@ -31,6 +31,8 @@ from granular_lmp.crystal.disorder import Disorder, imperfect
 from granular_lmp.crystal.equilibrium import relax
 from granular_lmp.crystal.lattices import Shape, packed, unit_cell
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.law_formulas import JkrFormulas
+from granular_lmp.effects.reading import Reading
 from granular_lmp.effects.sliding import sliding_force
 from granular_lmp.errors import LaunchError, SceneError
 from granular_lmp.studies.kick import run_kicked
@@ -171,13 +173,11 @@ def test_contacts_of_a_crystal_found_from_its_places_have_the_constants_of_the_s
 
 
 def test_the_bound_of_the_sliding_force_is_below_it_for_all_overlaps_up_to_rest() -> None:
-    text = sliding_force("jkr", "looks").replace("^", "**").replace("v_mu", "1")
     for sphere in PRESSED:
         law, hold = sphere.contact_law, sphere.pull_off_distance / sphere.static_overlap
-        values = {"adhesive_force": sphere.pull_off_force, "holding_force": sphere.holding_force, "hold": hold}
+        reading = Reading(True, JkrFormulas(sphere, sphere.holding_force), adhesive_force=sphere.pull_off_force)
+        text = sliding_force("looks", reading).replace("^", "**").replace("v_mu", "1")
         filled = text.replace("v_overlap_looks", "x")
-        for name, value in values.items():
-            filled = filled.replace(f"<{name}>", repr(value))
         x = np.linspace(-hold, 1, 1001)
         ratio = eval(filled, {"x": x}) / law.sliding_force(np.maximum(x * sphere.static_overlap, law.pull_off_overlap))
         assert ratio.max() < 1 + ROUNDED

@@ -13,8 +13,8 @@ import pytest
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.cli import main
 from granular_lmp.errors import GranularError, LammpsError, RunFolderError
-from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.variables import said_variables
 from granular_lmp.runs.adopt import adopt
 
 Left = Callable[..., Path]

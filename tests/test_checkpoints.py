@@ -6,9 +6,9 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps.checkpoints import SHARE, SPEED, WRITING, minutes_between
-from granular_lmp.lammps.deck import checkpoint_steps
+from granular_lmp.lammps.checkpoints import SHARE, SPEED, WRITING, checkpoint_steps, minutes_between
 from granular_lmp.lammps.guards import line_interval
+from granular_lmp.problem import prepare
 from granular_lmp.studies.forecast import SERIAL, Forecast
 
 PERIODIC = Scene.load("tr_periodic")
@@ -23,10 +23,11 @@ def sheet(side: int, **output: float) -> Scene:
 @pytest.mark.parametrize("minutes", [0.01, 7.0])
 def test_steps_are_the_minutes_that_were_declared(minutes: float, ranks: int) -> None:
     scene = sheet(100, checkpoint=minutes)
-    steps = checkpoint_steps(scene, ranks)
+    problem = prepare(scene)
+    steps = checkpoint_steps(problem, ranks)
     took = steps * scene.shape.spheres / (SPEED * ranks * 60)
-    assert steps % line_interval(scene) == 0
-    assert minutes <= took < minutes + line_interval(scene) * scene.shape.spheres / (SPEED * ranks * 60) * (1 + 1e-9)
+    assert steps % line_interval(problem) == 0
+    assert minutes <= took < minutes + line_interval(problem) * scene.shape.spheres / (SPEED * ranks * 60) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("side", [20, 200, 1000, 3000])
@@ -45,7 +46,8 @@ def test_a_time_that_is_none_is_refused_by_name() -> None:
 def test_the_deck_is_for_one_rank_and_a_run_on_more_says_so_in_its_log(tmp_path: Path) -> None:
     scene = PERIODIC.with_values({"packing.rows": 20, "time.duration": 2.0})
     run(scene, tmp_path / "run", ranks=2)
-    one, two = checkpoint_steps(scene), checkpoint_steps(scene, 2)
+    problem = prepare(scene)
+    one, two = checkpoint_steps(problem), checkpoint_steps(problem, 2)
     assert two > one
     assert f"variable checkpoint index {one}  #" in build(scene).input_text
     assert f"restart      {two} checkpoint.a checkpoint.b" in (tmp_path / "run" / "log.lammps").read_text()

@@ -199,12 +199,12 @@ def test_what_is_off_is_guarded_and_openings_and_slip_are_measured_anyway() -> N
 @pytest.mark.parametrize("step", [0.0125, 0.05, 0.5])
 @pytest.mark.parametrize("mode", ["L", "TR", "RT"])
 def test_guards_look_forty_times_in_the_fastest_period_or_at_every_step(mode: str, step: float) -> None:
-    scene = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).scene
-    steps = look_interval(scene)
+    problem = build(PAPER.with_values({"time.timestep": step, "time.sample": 0.5, "wave.mode": mode})).problem
+    scene, steps = problem.scene, look_interval(problem)
     assert steps == 1 or steps * step * LOOKS <= 2 * pi / fastest(scene)
     assert scene.time.steps % steps == 0
-    assert fastest(scene) >= max(2 * build(scene).problem.mode.frequency, 1)
-    assert line_interval(scene) * step <= 10
+    assert fastest(scene) >= max(2 * problem.mode.frequency, 1)
+    assert line_interval(problem) * step <= 10
 
 
 # --- every combination ---

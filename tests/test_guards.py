@@ -9,9 +9,12 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.effects.effect import Case
+from granular_lmp.effects.guard import NEVER, watches_part
 from granular_lmp.errors import EffectError, RunInterrupted
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, NEVER, look_interval, measured, watches_part
+from granular_lmp.lammps.guard_results import measured
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, look_interval
 from granular_lmp.lammps.outputs import CONTACTS, LOG, read_log, read_snapshots
+from granular_lmp.problem import prepare
 from granular_lmp.runs.record import read_status
 from tests.hard.guard_study import FAMILIES, Comparison, blind_rules, compared, random_scene
 
@@ -82,8 +85,8 @@ def test_a_limit_that_was_passed_counts_where_the_log_rounds_the_value_to_the_li
     values = {guard.column: np.array([0.0, guard.limit_in(scene), 0.0]), "v_tau": np.array([0.0, 10.0, 20.0])}
     never = values | {f"{guard.column}_at": np.full(3, NEVER)}
     passed = values | {f"{guard.column}_at": np.array([NEVER, 3.5, NEVER])}
-    assert measured(name, never, scene, tmp_path).passed_at is None
-    assert measured(name, passed, scene, tmp_path).passed_at == 3.5
+    assert measured(name, never, prepare(scene), tmp_path).passed_at is None
+    assert measured(name, passed, prepare(scene), tmp_path).passed_at == 3.5
 
 
 # --- when, whom, and what is said ------------------------------------------------------------------------------------
@@ -164,7 +167,7 @@ def test_what_is_no_number_is_not_silent(tmp_path: Path) -> None:
     scene = build(STANDING).scene
     for at in (NEVER, 2.0):
         table = {"v_tau": np.array([0.0, 10.0]), "v_open": np.array([0.0, np.nan]), "v_open_at": np.array([NEVER, at])}
-        assert measured("open_contacts", table, scene, tmp_path).passed_at == (10.0 if at == NEVER else 2.0)
+        assert measured("open_contacts", table, prepare(scene), tmp_path).passed_at == (10.0 if at == NEVER else 2.0)
 
 
 def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_path: Path) -> None:
@@ -189,7 +192,7 @@ def test_a_stopped_run_says_what_its_looks_found(tmp_path: Path) -> None:
     table = read_log(tmp_path / "run" / LOG).table
     last = {name: values[-1] for name, values in table.items()}
     assert last["v_tau"] == pytest.approx(last["Step"] * scene.time.step)  # printed with all digits, and no rounding
-    assert last["Step"] % look_interval(build(scene).scene) == 0
+    assert last["Step"] % look_interval(build(scene).problem) == 0
     # The wave takes hundredths of the overlap
     assert 0.9 < last["v_overlap"] < 1
     assert 0 < last["v_slip"] < 1
@@ -202,7 +205,7 @@ def test_the_dump_of_contacts_whose_interval_is_a_time_misses_no_look(tmp_path: 
     with blind_rules(), pytest.raises(EffectError, match="sliding triggered its guard"):
         run(scene, tmp_path / "run")
     looks = [step for step, _, _ in read_snapshots(tmp_path / "run" / CONTACTS)]
-    assert looks == list(range(0, scene.time.steps + 1, look_interval(scene)))
+    assert looks == list(range(0, scene.time.steps + 1, look_interval(prepare(scene))))
 
 
 def test_every_guard_says_what_to_do() -> None:

@@ -85,7 +85,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "units": set(),
     "crystal": {"errors"},
     "scene": {"errors", "card", "crystal"},
-    "effects": {"errors", "crystal", "scene"},
+    "effects": {"errors", "units", "crystal", "scene"},
     "step_rules": {"errors", "scene"},
     "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules"},
     "lammps": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},

@@ -20,7 +20,7 @@ from analysis.theory.network_state import present, start
 from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.crystal.contacts import law_between
-from granular_lmp.lammps import openings
+from granular_lmp.effects import openings
 from granular_lmp.scene.at_rest import crystal_of
 from tests.matrix.features import WAVES
 

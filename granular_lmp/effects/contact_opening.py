@@ -4,15 +4,16 @@ import numpy as np
 
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
-from granular_lmp.effects.guard import Guard, bounded
+from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.openings import changed_lines
+from granular_lmp.effects.reading import bounded
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
-CHANGED = "<changed>"  # the lines of v_open_looks, contacts that opened or formed: `granular_lmp.lammps.openings`
 GUARD = Guard(
     title="open_contacts",
     name="open",
-    lines=(CHANGED,),
+    lines=changed_lines,
     limit=0.0,
     meaning="contacts opened or formed, so that no closed form holds and shear forces are lost",
     cure="set effects.contact_opening = true, or take a smaller wave.amplitude",

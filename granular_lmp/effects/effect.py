@@ -17,7 +17,7 @@ import numpy as np
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.contacts import Contacts, law_between
 from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, restored, row_stretches
-from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.guard import Guard, Lines
 from granular_lmp.scene.at_rest import contacts_of, crystal_of
 from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -286,8 +286,8 @@ class Effect:
     needs : str
         Name of another effect without which this one is off.
     lines, lines_off : mapping
-        Lines for the slots of the deck (`granular_lmp.lammps.deck`) while the effect is on, and while it is off but the
-        effect that it needs is on. ``<name>`` stands for a number of the scene.
+        Lines of blocks of the deck (`granular_lmp.lammps.deck`), name of the block → function of the problem, while the
+        effect is on, and while it is off but the effect that it needs is on.
     law : callable
         Part of the contact law, (Scene, on) → arguments of `granular_lmp.lammps.contact.model`.
     required : callable
@@ -315,8 +315,8 @@ class Effect:
     cost: str
     loss: Callable[[Case], str]
     needs: str = ""
-    lines: Mapping[str, str] = field(default_factory=dict)
-    lines_off: Mapping[str, str] = field(default_factory=dict)
+    lines: Mapping[str, Lines] = field(default_factory=dict)
+    lines_off: Mapping[str, Lines] = field(default_factory=dict)
     law: Callable[[Scene, bool], Mapping[str, Any]] = _no_law
     required: Callable[[Scene], str] = _not_required
     refuse: Callable[[Case], str] = _nothing_refused

@@ -6,36 +6,76 @@ components ``p`` of 0 where LAMMPS has no contact.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
+
+from granular_lmp.crystal.sphere import Sphere
 
 
-@dataclass(frozen=True)
-class Formulas:
-    """Formulas of one law; ``<name>`` stands for a number of the scene.
+class Formulas(Protocol):
+    """Formulas of one law, with the numbers of a sphere of the lattice at rest.
 
     Attributes
     ----------
-    above_pull_off : str
-        f_N + F of two equal spheres of the overlap {x}, in Δ0, or a lower bound of it.
-    overlap : str
-        Overlap, in Δ0, of two spheres of the lattice whose f_N + F is the share {u} of what it is at rest.
+    holding_force : float
+        F + F0 in units of the deck.
     cutoff : str
         Cutoff with which local computes list all contacts.
     mark : str
         Further columns of such a compute, which tell contacts from other pairs; "" where it lists contacts alone.
     """
 
-    above_pull_off: str
-    overlap: str
-    cutoff: str
-    mark: str
+    @property
+    def holding_force(self) -> float: ...
+    @property
+    def cutoff(self) -> str: ...
+    @property
+    def mark(self) -> str: ...
+
+    def above_pull_off(self, x: str) -> str:
+        """Return f_N + F of two equal spheres of the overlap x, in Δ0, or a lower bound of it, in units of the deck."""
+
+    def overlap(self, u: str) -> str:
+        """Return the overlap, in Δ0, of two spheres of the lattice whose f_N + F is the share u of that at rest."""
 
 
-_Y = "(0.5+0.5*sqrt({u}*<pressed>))"  # y of granular_lmp.crystal.adhesion_laws
-FORMULAS = {
-    "dmt": Formulas("<holding_force>*{x}^1.5", "{u}^(2/3)", "radius", ""),
-    # A contact holds to <hold> Δ0 beyond its end. The parabola touches zero where f_N + F does and is below it for all
-    # overlaps up to that at rest (tests/test_adhesion_laws.py)
-    "jkr": Formulas(
-        "<holding_force>*(({x}+<hold>)/(1+<hold>))^2", f"<unpressed_overlap>*{_Y}^(1/3)*(3*{_Y}-2)", "type", " p10 p11"
-    ),
-}
+@dataclass(frozen=True)
+class DmtFormulas:
+    """f_N + F = (F + F0) x^{3/2}; `holding_force` is F + F0 in units of the deck."""
+
+    sphere: Sphere
+    holding_force: float
+    cutoff: str = "radius"
+    mark: str = ""
+
+    def above_pull_off(self, x: str) -> str:
+        return f"{self.holding_force!r}*{x}^1.5"
+
+    def overlap(self, u: str) -> str:
+        return f"{u}^(2/3)"
+
+
+@dataclass(frozen=True)
+class JkrFormulas:
+    """A contact holds to `hold` Δ0 beyond its end.
+
+    The parabola touches zero where f_N + F does and is below it for all overlaps up to that at rest
+    (tests/test_adhesion_laws.py).
+    """
+
+    sphere: Sphere
+    holding_force: float
+    cutoff: str = "type"
+    mark: str = " p10 p11"
+
+    def above_pull_off(self, x: str) -> str:
+        hold = self.sphere.pull_off_distance / self.sphere.static_overlap
+        return f"{self.holding_force!r}*(({x}+{hold!r})/(1+{hold!r}))^2"
+
+    def overlap(self, u: str) -> str:
+        sphere = self.sphere
+        pressed = sphere.holding_force / sphere.pull_off_force
+        y = f"(0.5+0.5*sqrt({u}*{pressed!r}))"  # y of granular_lmp.crystal.adhesion_laws
+        return f"{sphere.unpressed_overlap / sphere.static_overlap!r}*{y}^(1/3)*(3*{y}-2)"
+
+
+FORMULAS: dict[str, type[DmtFormulas] | type[JkrFormulas]] = {"dmt": DmtFormulas, "jkr": JkrFormulas}

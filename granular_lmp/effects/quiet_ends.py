@@ -5,23 +5,41 @@ the whole step: a force of drag errs by first order in the step, and a resumed r
 """
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.scene.absorption import quiet_end_of
+from granular_lmp.effects.guard import Prepared
+from granular_lmp.scene.absorption import quiet_end_of, quiet_side
 from granular_lmp.scene.scene import Scene
 
-LINES = {
-    "quiet": "\n# --- quiet ends: in row n of the <quiet_rows> before a held one velocities decay at the rate\n"
-    "#     c = <quiet_strength> (n/<quiet_rows>)^<quiet_power> per t0, by (1 - c step/2)/(1 + c step/2) at the end of\n"
-    "#     a step; <quiet_reflection> of the amplitude comes back at this step\n"
-    "variable     depth atom round((<quiet_side>-<quiet_from>)/<quiet_row>)\n"
-    "variable     deep  atom v_depth>0\n"
-    "group        quiet variable deep\n"
-    "variable     loss  atom $(<quiet_strength>*v_step/v_t0/2:%.17g)*(v_depth/<quiet_rows>)^<quiet_power>\n"
-    "variable     keep  atom (1-v_loss)/(1+v_loss)\n"
-    "fix          kept quiet store/state 0 v_keep\n"
-    "variable     kept_x atom f_kept*vx\n"
-    "variable     kept_y atom f_kept*vy\n"
-    "<quiet_turn>fix          drag all set 1 0 group quiet vx v_kept_x vy v_kept_y<quiet_spin>",
-}
+
+def motion(problem: Prepared) -> list[str]:
+    """Return the lines that damp the rows in front of the held ones."""
+    scene, units = problem.scene, problem.units
+    end = quiet_end_of(scene)
+    assert end is not None  # the effect is on
+    row = scene.lattice.row_distance(scene.sphere.lattice_constant)
+    inside = (scene.shape.rows - 1 - scene.shape.centre_row - end.rows - 1) * row  # to the last row without damping
+    rows, strength, power = end.rows, repr(end.strength), repr(end.power)
+    place, first = f"({quiet_side(scene)}-{units.number(inside, length=1)!r})", units.number(row, length=1)
+    spin = [
+        "fix          spin quiet store/state 1 omegaz",
+        "variable     kept_turn atom f_kept*f_spin",
+    ]
+    turns = problem.on["rotation"]
+    return [
+        "",
+        f"# --- quiet ends: in row n of the {rows} before a held one velocities decay at the rate",
+        f"#     c = {strength} (n/{rows})^{power} per t0, by (1 - c step/2)/(1 + c step/2) at the end of",
+        f"#     a step; {end.reflection:.1e} of the amplitude comes back at this step",
+        f"variable     depth atom round({place}/{first!r})",
+        "variable     deep  atom v_depth>0",
+        "group        quiet variable deep",
+        f"variable     loss  atom $({strength}*v_step/v_t0/2:%.17g)*(v_depth/{rows})^{power}",
+        "variable     keep  atom (1-v_loss)/(1+v_loss)",
+        "fix          kept quiet store/state 0 v_keep",
+        "variable     kept_x atom f_kept*vx",
+        "variable     kept_y atom f_kept*vy",
+        *(spin if turns else []),
+        "fix          drag all set 1 0 group quiet vx v_kept_x vy v_kept_y" + " omega 0.0 0.0 v_kept_turn" * turns,
+    ]
 
 
 def called_for(case: Case) -> Finding:
@@ -46,7 +64,7 @@ QUIET_ENDS = Effect(
     cost="rows",
     loss=loss,
     needs="walls",
-    lines=LINES,
+    lines={"motion": motion},
     switch="absorb.rows",
     declared=declared,
     in_all=False,

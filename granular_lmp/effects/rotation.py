@@ -3,28 +3,41 @@
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
-from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
+from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 
-LINES = {
-    "motion": "nve/sphere",
-    "angle_field": " d_phi",
-    "spin_field": " d_vphi",
-    "spin_column": " omegaz",
-    "preload_spin": "variable     to_th atom v_D0*d_phi/v_R/v_slow\n"
-    "variable     zero  atom 0.0\n"
-    "set          group all omega v_zero v_zero v_to_th",
-    "start_spin": "variable     om atom v_D0*d_vphi/v_R/v_t0<state_spin>\n"
-    "set          group all omega v_zero v_zero v_om",
-}
+
+def preload(problem: Prepared) -> list[str]:
+    """Return the lines that turn the spheres on their way to the wave."""
+    return [
+        "variable     to_th atom v_D0*d_phi/v_R/v_slow",
+        "variable     zero  atom 0.0",
+        "set          group all omega v_zero v_zero v_to_th",
+    ]
+
+
+def wave(problem: Prepared) -> list[str]:
+    """Return the lines of the true spins."""
+    state = "+d_sspin" if problem.scene.start.state else ""
+    return [
+        f"variable     om atom v_D0*d_vphi/v_R/v_t0{state}",
+        "set          group all omega v_zero v_zero v_om",
+    ]
+
+
+def measured(problem: Prepared) -> list[str]:
+    """Return the lines of the largest torque at all looks."""
+    stiffness = problem.units.number(problem.scene.sphere.shear_stiffness, mass=1, time=-2)
+    return [
+        "compute      torques all property/atom tqz",
+        "compute      turn inside reduce maxabs c_torques",
+        f"variable     torque_looks vector look(c_turn)/(v_R*{stiffness!r}*v_D0)  # in R g1 D0",
+    ]
+
 
 GUARD = Guard(
     title="largest_torque",
     name="torque",
-    lines=(
-        "compute      torques all property/atom tqz",
-        "compute      turn inside reduce maxabs c_torques",
-        "variable     torque_looks vector look(c_turn)/(v_R*<shear_stiffness>*v_D0)  # in R g1 D0",
-    ),
+    lines=measured,
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,
     meaning="of R g1 D0 is the largest torque: the spheres would turn",
@@ -58,4 +71,12 @@ def loss(case: Case) -> str:
     return case.frequency_shift(Physics(shear=case.on.get("shear", True), rotation=False))
 
 
-ROTATION = Effect("rotation", called_for, cost="1.02", loss=loss, needs="shear", lines=LINES, guard=GUARD)
+ROTATION = Effect(
+    "rotation",
+    called_for,
+    cost="1.02",
+    loss=loss,
+    needs="shear",
+    lines={"preload": preload, "wave": wave},
+    guard=GUARD,
+)

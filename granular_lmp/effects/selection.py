@@ -1,12 +1,12 @@
 """The selection of effects: the list of all effects, and the choice among them for a scene."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
 from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
-from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.quiet_ends import QUIET_ENDS
 from granular_lmp.effects.rolling import ROLLING
 from granular_lmp.effects.rotation import ROTATION
@@ -82,13 +82,14 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
     return found
 
 
-def lines(on: Mapping[str, bool]) -> dict[str, str]:
-    """Return the lines of the effects for the slots of the deck; later effects replace the lines of earlier ones."""
-    written: dict[str, str] = {}
+def lines(block: str, problem: Prepared) -> list[str]:
+    """Return the lines of the effects for a block of the deck, in the order of the effects."""
+    text: list[str] = []
     for effect in EFFECTS:
-        if on.get(effect.needs, True):
-            written |= effect.lines if on[effect.name] else effect.lines_off
-    return written
+        if problem.on.get(effect.needs, True):
+            written = effect.lines if problem.on[effect.name] else effect.lines_off
+            text += written[block](problem) if block in written else []
+    return text
 
 
 def order(scene: Scene) -> int:

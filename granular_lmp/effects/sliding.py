@@ -6,25 +6,39 @@ If the effect is off, the deck has a friction at which no contact slides.
 from math import inf, isfinite
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BETWEEN, Guard, Reading, read
-from granular_lmp.effects.law_formulas import FORMULAS
+from granular_lmp.effects.guard import BETWEEN, Guard, Prepared
+from granular_lmp.effects.reading import Reading, read
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import AUTO
 
-LINES = {"friction": "variable friction index <friction_given>  # Coulomb friction: contacts may slide"}
-LINES_OFF = {
-    "friction": "variable friction index $(<no_slip_friction>*<largest_amplitude>:%.17g)"
-    "  # no sliding; much more would freeze the shear"
-}
+
+def variables(problem: Prepared) -> list[str]:
+    return [f"variable friction index {problem.scene.effects.friction!r}  # Coulomb friction: contacts may slide"]
+
+
+def variables_off(problem: Prepared) -> list[str]:
+    case = Case(problem.scene, problem.on)
+    amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"
+    return [
+        f"variable friction index $({case.no_slip_friction!r}*{amplitude}:%.17g)"
+        "  # no sliding; much more would freeze the shear"
+    ]
+
+
+def measured(problem: Prepared) -> list[str]:
+    """Return the lines of the largest slip of all looks."""
+    friction = problem.scene.effects.friction
+    return [
+        f"variable     mu equal {'v_friction' if friction == AUTO else repr(friction)}",
+        "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
+        f"variable     slip_looks vector look(c_extreme[2])/{sliding_force('looks', Reading.of(problem))}",
+    ]
+
 
 GUARD = Guard(
     title="largest_slip",
     name="slip",
-    lines=(
-        "variable     mu equal <friction_limit>",
-        "# the hardest sheared contact over the sliding force of the one that touches least: never below the truth",
-        "variable     slip_looks vector look(c_extreme[2])/<sliding_force_looks>",
-    ),
+    lines=measured,
     limit=1 - BETWEEN,
     meaning="of the sliding force: contacts may have slid, which the model does not",
     cure="set effects.sliding = true with effects.friction = the coefficient of the spheres, or take a smaller "
@@ -34,23 +48,21 @@ GUARD = Guard(
 )
 
 
-def sliding_force(law: str, of: str, how: Reading | None = None) -> str:
+def sliding_force(of: str, how: Reading) -> str:
     """Return a lower bound of the sliding force of two spheres in LAMMPS's syntax, exact in the DMT law.
 
     It is that of the smallest overlap, or of the smallest normal force if the limit is that of the `whole` force.
 
     Parameters
     ----------
-    law : str
-        Adhesion law.
     of : str
-        "looks", "now" or "all", as of `granular_lmp.effects.guard.overlap_lines`.
-    how : Reading, optional
+        "looks", "now" or "all", as of `granular_lmp.effects.reading.overlap_lines`.
+    how : Reading
     """
-    if how and how.whole:
+    if how.whole:
         force = read("weakest", of)
-        return f"(v_mu*(1e-9*<holding_force>+({force}>0)*{force}))"
-    return f"(v_mu*(<adhesive_force>+{FORMULAS[law].above_pull_off.format(x=f'v_overlap_{of}')}))"
+        return f"(v_mu*(1e-9*{how.formulas.holding_force!r}+({force}>0)*{force}))"
+    return f"(v_mu*({how.adhesive_force!r}+{how.formulas.above_pull_off(f'v_overlap_{of}')}))"
 
 
 def called_for(case: Case) -> Finding:
@@ -101,8 +113,8 @@ SLIDING = Effect(
     cost="1.00",
     loss=loss,
     needs="shear",
-    lines=LINES,
-    lines_off=LINES_OFF,
+    lines={"variables": variables},
+    lines_off={"variables": variables_off},
     refuse=refuse,
     order=order,
     guard=GUARD,

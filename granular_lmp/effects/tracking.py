@@ -1,20 +1,30 @@
 """Tracking: the angle of each sphere is recorded, by a dipole that turns with it."""
 
 from granular_lmp.effects.effect import Case, Effect, Finding
+from granular_lmp.effects.guard import Prepared
 from granular_lmp.scene.scene import Scene
 
-LINES = {
-    "motion": "nve/sphere update dipole",
-    "atom_style": "hybrid sphere dipole",
-    "mass": "mass         * 1.0  # asked for by the dipole style, not used: spheres have their own",
-    "start_angle": "variable     mx atom cos(v_D0*d_phi/v_R)\n"
-    "variable     my atom sin(v_D0*d_phi/v_R)\n"
-    "set          group all dipole v_mx v_my v_zero",
-    "read_angle": "compute      dipole <seen> property/atom mux muy\n"
-    "variable     theta atom atan2(c_dipole[2],c_dipole[1])",
-    "angle_column": " v_theta",
-    "angle_name": " colname v_theta theta",
-}
+
+def spheres(problem: Prepared) -> list[str]:
+    return ["mass         * 1.0  # asked for by the dipole style, not used: spheres have their own"]
+
+
+def wave(problem: Prepared) -> list[str]:
+    """Return the lines that turn the dipoles by the angles of the wave."""
+    return [
+        "variable     mx atom cos(v_D0*d_phi/v_R)",
+        "variable     my atom sin(v_D0*d_phi/v_R)",
+        "set          group all dipole v_mx v_my v_zero",
+    ]
+
+
+def record(problem: Prepared) -> list[str]:
+    """Return the lines of the angle of the spheres that are recorded."""
+    seen = "all" if problem.scene.output.particles > 0 or problem.scene.monitor else "centre"
+    return [
+        f"compute      dipole {seen} property/atom mux muy",
+        "variable     theta atom atan2(c_dipole[2],c_dipole[1])",
+    ]
 
 
 def called_for(case: Case) -> Finding:
@@ -43,5 +53,12 @@ def refuse(case: Case) -> str:
 
 
 TRACKING = Effect(
-    "tracking", called_for, cost="1.03", loss=loss, needs="rotation", lines=LINES, required=required, refuse=refuse
+    "tracking",
+    called_for,
+    cost="1.03",
+    loss=loss,
+    needs="rotation",
+    lines={"spheres": spheres, "wave": wave, "record": record},
+    required=required,
+    refuse=refuse,
 )

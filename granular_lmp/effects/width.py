@@ -1,19 +1,36 @@
 """Width: columns beyond the three that stand for any number where the spheres of a row all move alike."""
 
+import numpy as np
+
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard
+from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 from granular_lmp.scene.scene import Scene
 
-GUARD = Guard(
-    title="row_spread",
-    name="spread",
-    lines=(
-        "group        row id <centre_row>",
+
+def spread(problem: Prepared) -> list[str]:
+    """Return the lines of the distance by which spheres of the centre row have moved apart, at all looks."""
+    row = 1 + np.flatnonzero(problem.crystal.arrays["row"] == problem.scene.shape.centre_row)
+    return [
+        f"group        row id {row[0]}:{row[-1]}",
         "compute      most  row reduce max c_u[1] c_u[2]",
         "compute      least row reduce min c_u[1] c_u[2]",
         "variable     spread_looks vector (look(c_most[1])-look(c_least[1])+look(c_most[2])-look(c_least[2]))/v_D0"
         "  # in the centre row",
-    ),
+    ]
+
+
+def sideways(problem: Prepared) -> list[str]:
+    """Return the lines of the largest distance of a sphere from the line of the chain, at all looks."""
+    return [
+        "compute      aside inside reduce maxabs c_u[1]",
+        "variable     sideways_looks vector look(c_aside)/v_D0  # in D0",
+    ]
+
+
+GUARD = Guard(
+    title="row_spread",
+    name="spread",
+    lines=spread,
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,
     meaning="in D0, the distance by which spheres of the centre row have moved apart: the wave is no longer plane",
@@ -23,10 +40,7 @@ GUARD = Guard(
 SIDEWAYS = Guard(
     title="largest_sideways",
     name="sideways",
-    lines=(
-        "compute      aside inside reduce maxabs c_u[1]",
-        "variable     sideways_looks vector look(c_aside)/v_D0  # in D0",
-    ),
+    lines=sideways,
     limit=BROKEN_SYMMETRY,
     roundings=ROUNDINGS,
     meaning="in D0, the distance by which a sphere has left the line of the chain: pressed together, it buckles",

@@ -19,8 +19,8 @@ from granular_lmp.impact.sections import PERIODIC
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile, id_ranges
-from granular_lmp.lammps.deck import types
 from granular_lmp.lammps.outputs import CHECKPOINTS, LOG, SCENE, SNAPSHOTS, write_deck
+from granular_lmp.lammps.spheres import types
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 from granular_lmp.step_rules import LONGEST_STEP
 

@@ -13,6 +13,8 @@ time, never dearer.
 
 from math import ceil
 
+from granular_lmp.lammps.guards import line_interval
+from granular_lmp.problem import Problem
 from granular_lmp.scene.schema import AUTO
 
 # Spheres times steps a second on one core. Measured: 1e6 in a large sheet whose guards look at every step, 2.8e6 in the
@@ -26,6 +28,12 @@ LEAST = 0.5  # minutes, by default
 def minutes_between(declared: float | str, spheres: int) -> float:
     """Return the minutes between two checkpoints: as declared, or with "auto" the fewest that cost at most `SHARE`."""
     return max(LEAST, spheres * WRITING / SHARE / 60) if declared == AUTO else float(declared)
+
+
+def checkpoint_steps(problem: Problem, ranks: int = 1) -> int:
+    """Return the steps between two checkpoints of a problem."""
+    declared, spheres = problem.scene.output.checkpoint, problem.scene.shape.spheres
+    return steps_between(declared, spheres, line_interval(problem), ranks)
 
 
 def steps_between(declared: float | str, spheres: int, lines: int, ranks: int = 1) -> int:

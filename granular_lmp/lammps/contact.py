@@ -18,8 +18,14 @@ https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gra
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import combinations_with_replacement
+from typing import Any
 
+from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.effects.openings import at_rest_lines
+from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.problem import Problem
 from granular_lmp.units import AnyUnits
 
 NORMAL_LAWS = ("dmt", "hertz", "jkr")
@@ -27,6 +33,23 @@ NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 TANGENTIAL_LAWS = (*_MINDLIN, "none")
+
+
+def contacts(problem: Problem) -> list[str]:
+    """Return the block of the contact law of all effects together."""
+    law: dict[str, Any] = {"friction": "${friction}"}
+    for effect in EFFECTS:
+        law |= effect.law(problem.scene, problem.on[effect.name])
+    materials = problem.materials
+    laws = {
+        (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
+        for m, n in combinations_with_replacement(range(len(materials)), 2)
+    }
+    return [
+        "# --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction",
+        pairs(laws),
+        *at_rest_lines(problem),
+    ]
 
 
 def model(

@@ -7,10 +7,11 @@ The motion is a binary dump with the columns of a snapshot of all spheres. Conta
 from pathlib import Path
 
 from granular_lmp.effects.law_formulas import FORMULAS
-from granular_lmp.lammps.binary_dump import binary_snapshots
-from granular_lmp.lammps.blocks import SPHERE_COLUMNS, SPHERE_NAMES
+from granular_lmp.lammps.binary_dump import CONTINUED, binary_snapshots
+from granular_lmp.lammps.blocks import apart
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, last_step
+from granular_lmp.lammps.recording import SPHERE_NAMES, sphere_columns
 from granular_lmp.problem import Problem
 from granular_lmp.scene.monitors import PlacedMonitor
 from granular_lmp.scene.scene import Scene
@@ -47,22 +48,20 @@ def is_whole(path: Path, records: int, last: int) -> bool:
     return last_step(path) == last
 
 
-def lines(problem: Problem) -> str:
-    """Return the blocks of all monitors of a problem; their slots are those of `granular_lmp.lammps.blocks`."""
+def monitors(problem: Problem, checkpoint: str = "") -> list[str]:
+    """Return the blocks of all monitors of a problem; from a checkpoint on, their dumps are continued."""
+    return apart(_monitor(number, each, problem, checkpoint) for number, each in enumerate(problem.monitors, 1))
+
+
+def _monitor(number: int, placed: PlacedMonitor, problem: Problem, checkpoint: str) -> list[str]:
     # With the cutoff "type" pairs that LAMMPS has no contact of are among them: their vector is 0
-    cutoff = FORMULAS[problem.scene.sphere.adhesion_law].cutoff
-    rolling = problem.on["rolling"]
-    blocks = (_block(number, each, cutoff, rolling=rolling) for number, each in enumerate(problem.monitors, 1))
-    return "\n\n".join("\n".join(each) for each in blocks)
-
-
-def _block(number: int, placed: PlacedMonitor, cutoff: str, *, rolling: bool) -> list[str]:
+    cutoff, rolling = FORMULAS[problem.scene.sphere.adhesion_law].cutoff, problem.on["rolling"]
     name, tag = f"monitor{number}", str(number)
-    file = MONITOR.format(f"{placed.monitor.name}<continued>")
+    file = MONITOR.format(placed.monitor.name + (CONTINUED if checkpoint else ""))
     lines = [
         f"# --- {name}: {placed.monitor.name}, {placed.words}",
         f"group        {name} id {id_ranges(placed.spheres)}",
-        f"dump         {name} {name} custom ${{every}} {file} {SPHERE_COLUMNS}",
+        f"dump         {name} {name} custom ${{every}} {file} {sphere_columns(problem)}",
         f"dump_modify  {name} sort id {SPHERE_NAMES}",
     ]
     if placed.monitor.with_contacts:
@@ -76,6 +75,7 @@ def _block(number: int, placed: PlacedMonitor, cutoff: str, *, rolling: bool) ->
             f"compute      ends{tag} around{tag} property/local patom1 patom2 cutoff {cutoff}",
             f"compute      push{tag} around{tag} pair/local {_VALUES}{_ROLLING_VALUES * rolling} cutoff {cutoff}",
             f"dump         contacts{tag} around{tag} local ${{every}} {file} {' '.join(columns)}",
-            f'dump_modify  contacts{tag} format line "{_FORMAT}{_ROLLING_FORMAT * rolling}" {names}<append>',
+            f'dump_modify  contacts{tag} format line "{_FORMAT}{_ROLLING_FORMAT * rolling}" {names}'
+            + " append yes" * bool(checkpoint),
         ]
     return lines

@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import lattice_constant
-from granular_lmp.lammps.blocks import FIELD
+from granular_lmp.lammps import start
 from granular_lmp.lammps.datafile import DataFile
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import Units
 
 # Spheres from which a sheet is replicated. LAMMPS parses 1e5 of them in 0.9 s; smaller decks are data that one can read
 LARGE = 100_000
@@ -37,9 +36,9 @@ def suits(scene: Scene) -> bool:
     return made and alike and scene.shape.spheres >= LARGE
 
 
-def first_rows(problem: Problem, units: Units) -> DataFile:
+def first_rows(problem: Problem) -> DataFile:
     """Return the data file of the rows after which the lattice repeats, without a wave."""
-    scene = problem.scene
+    scene, units = problem.scene, problem.units
     period, to_deck = scene.lattice.row_period, units.number(scene.sphere.radius, length=1)
     first = problem.crystal[: period * scene.shape.columns]
     position = first.positions * to_deck
@@ -57,10 +56,10 @@ def first_rows(problem: Problem, units: Units) -> DataFile:
     )
 
 
-def slots(problem: Problem, units: Units) -> dict[str, str]:
+def lines(problem: Problem) -> list[str]:
     """Return the lines of the deck that make all spheres, hold those of the ends, and set the fields of the wave."""
     scene, period = problem.scene, problem.scene.lattice.row_period
-    (left, right), (bottom, top), _ = _box(problem, units.number(scene.sphere.radius, length=1)).tolist()
+    (left, right), (bottom, top), _ = _box(problem, problem.units.number(scene.sphere.radius, length=1)).tolist()
     count, columns, rows = scene.shape.spheres, scene.shape.columns, scene.shape.rows
     across = scene.lattice.column_distance(lattice_constant(scene.sphere))
     shift = f"+{scene.lattice.shift!r}*(abs(v_row)%2)" if scene.lattice.shift else ""
@@ -86,7 +85,7 @@ def slots(problem: Problem, units: Units) -> dict[str, str]:
             "set          group held type 2",
             "group        held delete",
         ]
-    return {"spheres": "\n".join([*lines, FIELD, *_wave(problem)]), "wave_is": "the variables wave_* are"}
+    return [*lines, start.field(problem), *_wave(problem)]
 
 
 def _wave(problem: Problem) -> list[str]:

@@ -18,12 +18,12 @@ keeps such a list as it was read, and a variable names the entry. A deck needs n
 from dataclasses import dataclass, replace
 
 from granular_lmp.errors import SceneError
+from granular_lmp.lammps.blocks import apart
 from granular_lmp.lammps.datafile import id_ranges
 from granular_lmp.problem import Problem
 from granular_lmp.scene.samples import pieces
 from granular_lmp.scene.signals import SAMPLES
 from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
-from granular_lmp.units import Units
 
 _RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
 _CARRIER = "cos(v_Omega<t>*v_<time>-<phase>)"
@@ -122,33 +122,35 @@ def _line(name: str, expression: str, comment: str = "") -> str:
     return f"variable     {name:6} equal {expression}" + (f"  # {comment}" if comment else "")
 
 
-DRIVEN_ROW = "\n".join(
-    (
+def driven_row(problem: Problem) -> list[str]:
+    """Return the block of the driven row of a wave, [] without one."""
+    wave = problem.scene.wave
+    if wave.form != "driven":
+        return []
+    return [
         "# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, "
         "r = 0 to 1.",
         "#     Contacts see the velocities that spheres had half a step ago: that of the row is its last way over the "
         "step",
-        "group        driven id 1:<columns>",
-        _line("Omega", "<frequency>", "rad per tau"),
-        *_Signal("tone", "", "v_D0", "v_ramp", "<phase>", "", "tau", "before").moved("v_step/v_t0"),
+        f"group        driven id 1:{problem.scene.shape.columns}",
+        _line("Omega", repr(problem.mode.frequency), "rad per tau"),
+        *_Signal("tone", "", "v_D0", "v_ramp", repr(wave.phase), "", "tau", "before").moved("v_step/v_t0"),
         "variable     swing_x atom v_swing*d_ux",
         "variable     swing_y atom v_swing*d_uy",
         "variable     speed_x atom v_speed*d_ux",
         "variable     speed_y atom v_speed*d_uy",
         "fix          drive driven move variable v_swing_x v_swing_y NULL v_speed_x v_speed_y NULL units box",
-    )
-)
+    ]
 
 
-def lines(problem: Problem, units: Units) -> str:
+def sources(problem: Problem) -> list[str]:
     """Return the blocks of all sources of a problem."""
-    blocks = (_block(str(number), each, problem, units) for number, each in enumerate(problem.sources, 1))
-    return "\n\n".join("\n".join(block) for block in blocks)
+    return apart(_source(str(number), each, problem) for number, each in enumerate(problem.sources, 1))
 
 
-def _block(tag: str, placed: PlacedSource, problem: Problem, units: Units) -> list[str]:
+def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
     source, sphere, name = placed.source, problem.scene.sphere, f"source{tag}"
-    stiffness = units.number(sphere.normal_stiffness, mass=1, time=-2)
+    stiffness = problem.units.number(sphere.normal_stiffness, mass=1, time=-2)
     unit = f"{source.amplitude if source.motion else source.amplitude * stiffness!r}*v_D0"
     unit = f"$({unit}{'*v_R' if source.force == TORQUE else ''}:%.17g)"
     beside = f"t_next{tag}" if source.motion == ROTATION else f"t_was{tag}"

@@ -18,11 +18,11 @@ import numpy as np
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects.effect import Case
 from granular_lmp.errors import RunFolderError, SceneError, one_line
-from granular_lmp.lammps.blocks import said_variables
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
-from granular_lmp.lammps.guards import first_decks
+from granular_lmp.lammps.guard_results import first_decks
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
+from granular_lmp.lammps.variables import said_variables
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked

@@ -13,8 +13,10 @@ import numpy as np
 
 from granular_lmp.errors import LammpsError, RunFolderError, RunInterrupted
 from granular_lmp.lammps.binary_dump import mend_binary
-from granular_lmp.lammps.deck import Deck, checkpoint_steps, deck_of, resume_text
-from granular_lmp.lammps.guards import GUARDS, columns, first_decks, line_interval
+from granular_lmp.lammps.checkpoints import checkpoint_steps
+from granular_lmp.lammps.deck import Deck, deck_of, resume_text
+from granular_lmp.lammps.guard_results import first_decks
+from granular_lmp.lammps.guards import GUARDS, columns, line_interval
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump, write_files
@@ -73,7 +75,7 @@ class WaveRun:
     @property
     def columns(self) -> tuple[str, ...]:
         """Thermo columns of the guards."""
-        return tuple(columns(self.deck.problem.guards, self.deck.scene))
+        return tuple(columns(self.deck.problem))
 
     def files(self) -> dict[str, Iterable[str]]:
         """Return the files of the deck; its scene has every "auto" decided."""
@@ -85,11 +87,11 @@ class WaveRun:
 
     def checkpoint_steps(self, ranks: int) -> int:
         """Return the steps between two checkpoints."""
-        return checkpoint_steps(self.deck.scene, ranks)
+        return checkpoint_steps(self.deck.problem, ranks)
 
     def resume_text(self, checkpoint: str) -> str:
         """Return the input that continues from a checkpoint."""
-        return resume_text(self.deck, checkpoint)
+        return resume_text(self.deck.problem, checkpoint)
 
     def mend(self, folder: Path) -> None:
         """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
@@ -119,7 +121,7 @@ class WaveRun:
 
     def outcome(self, folder: Path, record: Record, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
         """Return the entries of ``run.json`` after the run."""
-        return outcome(folder, record, log.table, dict(info))
+        return outcome(self.deck.problem, folder, record, log.table, dict(info))
 
     def defect(self, record: Record, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
         """Return an error if the record or the log is incomplete or wrong although LAMMPS reported success, else None.
@@ -139,7 +141,7 @@ class WaveRun:
         last, table = record.scene.time.steps, log.table
         older = "adopted" in info and first_decks(table)
         missed = sorted(
-            {*range(0, last, log.every if older else line_interval(record.scene)), last} - {*table.get("Step", ())}
+            {*range(0, last, log.every if older else line_interval(self.deck.problem)), last} - {*table.get("Step", ())}
         )
         ends = ("",) if older else ("", "_at")
         needed = {name: {f"{GUARDS[name].column}{end}" for end in ends} for name in info["guards"]}

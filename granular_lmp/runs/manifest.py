@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval, measured
+from granular_lmp.lammps.guard_results import measured
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import CrystalAtRest
-from granular_lmp.scene.scene import Scene
 
 
 def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict
         "Delta0_m": scene.scale.length,
         "t0_s": scene.scale.time,
         "overlap_ratio": sphere.overlap_ratio,
-        "looks": {"every_tau": look_interval(scene) * time_.step, "fastest": fastest(scene)},
+        "looks": {"every_tau": look_interval(problem) * time_.step, "fastest": fastest(scene)},
         "effects": effects_of(problem),
         "remarks": problem.warnings(),
         **({"edited": edits} if edits else {}),
@@ -83,7 +83,7 @@ def wall_seconds(before: Mapping[str, Any], phases: Mapping[str, float]) -> dict
     return {"total": total, "loop": loop, "other": None if loop is None else total - loop, "phases": both}
 
 
-def outcome(folder: Path, record: Record, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
+def outcome(problem: Problem, folder: Path, record: Record, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
     """Return the entries of ``run.json`` after the run from its record and its thermo table."""
     return {
         "samples": len(record.tau),
@@ -95,7 +95,7 @@ def outcome(folder: Path, record: Record, table: Signals, before: dict[str, Any]
             if len(table.get(name, ()))
         },
         "guards": {
-            effect["guard"]: _outcome_of(effect["guard"], name, effect, table, record.scene, folder)
+            effect["guard"]: _outcome_of(effect["guard"], name, effect, table, problem, folder)
             for name, effect in before["effects"].items()
             if effect["guard"]
         },
@@ -108,7 +108,7 @@ def _outcome_of(
     name: str,
     effect: dict[str, Any],
     table: dict[str, NDArray[np.float64]],
-    scene: Scene,
+    problem: Problem,
     folder: Path,
 ) -> dict[str, Any]:
     """Return the result of one guard.
@@ -116,12 +116,12 @@ def _outcome_of(
     It judges only an effect that is off and that the scene does not call for. While the effect is on, a value above the
     limit is expected and the guard counts as quiet.
     """
-    found = measured(guard, table, scene, folder)
+    found = measured(guard, table, problem, folder)
     return {
         "effect": name,
         "value": _finite(found.value),
         "bound": _finite(found.bound),
-        "limit": GUARDS[guard].limit_in(scene),
+        "limit": GUARDS[guard].limit_in(problem.scene),
         "quiet": found.passed_at is None or effect["on"],
         "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],

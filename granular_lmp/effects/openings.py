@@ -19,11 +19,11 @@ import numpy as np
 
 from granular_lmp.crystal.contacts import law_between
 from granular_lmp.crystal.search import overlapping
-from granular_lmp.effects.guard import LOOKS, alike
+from granular_lmp.effects.guard import LOOKS, Prepared, watches_part
 from granular_lmp.effects.law_formulas import FORMULAS
+from granular_lmp.effects.reading import alike, bounded, nearly_open
 from granular_lmp.scene.at_rest import contacts_of, crystal_of
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import units_for
 
 PULL_OFF = 1e-9  # share of a pull-off distance within which no contact is counted, against rounding
 WIDER = 1.2  # times the largest pull-off distance, so that no rounding leaves a contact out
@@ -52,49 +52,46 @@ def begins_wider(scene: Scene) -> bool:
     return _by_pairs(scene) and bool((contacts_of(scene).overlap <= 0).any())
 
 
-def begin_block(scene: Scene) -> str:
-    """Return the block that begins all contacts at rest; "" where LAMMPS does."""
-    if not begins_wider(scene):
-        return ""
-    at_rest = crystal_of(scene)
+def begin(problem: Prepared) -> list[str]:
+    """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
+    if not begins_wider(problem.scene):
+        return []
+    at_rest = crystal_of(problem.scene)
     contacts = at_rest.contacts
     law = law_between(at_rest.atoms, at_rest.materials, contacts.i, contacts.j)
     reach = float(np.max(-law.pull_off_overlap / contacts.radii))
-    return "\n".join(
-        (
-            "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
-            "fix          own all store/state 0 diameter",
-            "variable     own atom f_own",
-            f"variable     wider atom f_own*{1 + WIDER * reach!r}",
-            "set          group all diameter v_wider",
-            "thermo_style custom step",
-            "run          0 post no",
-            "set          group all diameter v_own",
-            "unfix        own",
-        )
-    )
+    return [
+        "# --- begin: LAMMPS begins a contact at overlap 0, and some adhere beyond: wider for a moment, all begin",
+        "fix          own all store/state 0 diameter",
+        "variable     own atom f_own",
+        f"variable     wider atom f_own*{1 + WIDER * reach!r}",
+        "set          group all diameter v_wider",
+        "thermo_style custom step",
+        "run          0 post no",
+        "set          group all diameter v_own",
+        "unfix        own",
+    ]
 
 
-def at_rest_lines(scene: Scene) -> list[str]:
+def at_rest_lines(problem: Prepared) -> list[str]:
     """Return the lines that count the contacts of each sphere at rest, before the first run.
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if _by_pairs(scene):
+    if _by_pairs(problem.scene):
         return []
-    sphere, units = scene.sphere, units_for(scene.sphere.radius)
-    count = "contact/atom"
+    sphere, count = problem.scene.sphere, "contact/atom"
     if sphere.pull_off_distance:
         reach = 2 * sphere.radius + sphere.pull_off_distance * (1 - PULL_OFF)
-        count = f"coord/atom cutoff {units.number(reach, length=1)!r}"
+        count = f"coord/atom cutoff {problem.units.number(reach, length=1)!r}"
     return [f"compute      touching all {count}", "fix          at_rest all store/state 0 c_touching"]
 
 
-def changed_lines(scene: Scene, *, part: bool = False, everywhere: bool = False) -> list[str]:
-    """Return the lines of v_open_looks, the contacts that have opened or formed, or of v_open_all, of all spheres.
-
-    `part` is True if guards look at a part of the spheres.
-    """
+def changed_lines(problem: Prepared, *, everywhere: bool = False) -> list[str]:
+    """Return the lines of v_open_looks, the contacts that have opened or formed, or of v_open_all, of all spheres."""
+    scene = problem.scene
+    judged_singly = bounded(scene) and not scene.sphere.pull_off_distance
+    near = f"{_OPEN_LOOKS}{'' if judged_singly else f'+({nearly_open(scene):.4f}>v_overlap_looks)'}{_MAY}"
     if not _by_pairs(scene):
         group, tag, name = ("all", "_all", "open_all") if everywhere else ("inside", "", "changed")
         missed = "variable     missed atom abs(f_at_rest-c_touching)"
@@ -102,7 +99,7 @@ def changed_lines(scene: Scene, *, part: bool = False, everywhere: bool = False)
             *([] if everywhere else [f"{missed}  # contacts that a sphere had at rest and has not now, or new"]),
             f"compute      missing{tag} {group} reduce sum v_missed",
             f"variable     {name} equal ceil(c_missing{tag}/2)",
-            *([] if everywhere else [f"{_OPEN_LOOKS}<or_nearly>{_MAY}"]),
+            *([] if everywhere else [near]),
         ]
     if everywhere:
         return ["variable     open_all equal v_changed"]
@@ -115,20 +112,22 @@ def changed_lines(scene: Scene, *, part: bool = False, everywhere: bool = False)
     most = "ternary(v_off_x>v_off_y,v_off_x,v_off_y)" if len(axes) > 1 else f"v_off_{_AXES[next(iter(axes))]}"
     return [
         "# contacts that were there at rest and are not now, or new",
-        *([f"compute      pairs all pair/local{law.mark} cutoff {law.cutoff}"] if part else []),
+        *([f"compute      pairs all pair/local{law.mark} cutoff {law.cutoff}"] if watches_part(scene) else []),
         *off,
         f"variable     changed equal {most}",
-        _OPEN_LOOKS if _lingers(scene) else f"{_OPEN_LOOKS}<or_nearly>{_MAY}",
+        _OPEN_LOOKS if _lingers(scene) else near,
     ]
 
 
-def counted_lines(scene: Scene, *, part: bool) -> list[str]:
-    """Return the lines that count LAMMPS's own contacts at each look; `part` as of `changed_lines`."""
+def counted_lines(problem: Prepared) -> list[str]:
+    """Return the lines that count LAMMPS's own contacts at each look."""
+    scene = problem.scene
     if not _by_pairs(scene):
         return []
     # Bins are R wide. Pairs without contact are in the middle one, and those that are farther than 1.5 R in the outer
-    most = repr(1.5 * units_for(scene.sphere.radius).number(scene.sphere.radius, length=1))
-    columns = ("c_pairs[1]", "c_pairs[2]") if part else ("c_contact[4]", "c_contact[5]")  # those of `contact_lines`
+    most = repr(1.5 * problem.units.number(scene.sphere.radius, length=1))
+    # Columns of `contact_lines`, or of the pairs of all spheres
+    columns = [f"c_pairs[{n}]" if watches_part(scene) else f"c_contact[{n + 3}]" for n in (1, 2)]
     return [
         f"fix          along_{_AXES[axis]} all ave/histo ${{look}} 1 ${{look}} -{most} {most} 3 {columns[axis]} "
         "mode vector kind local beyond end"

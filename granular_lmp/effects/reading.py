@@ -1,0 +1,139 @@
+"""What guards read of contacts in LAMMPS, and the lines of a deck that measure it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from granular_lmp.effects.effect import Case
+from granular_lmp.effects.guard import BETWEEN, Prepared
+from granular_lmp.effects.law_formulas import FORMULAS, Formulas
+from granular_lmp.scene.at_rest import crystal_of
+from granular_lmp.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What guards read of the contacts of a scene.
+
+    LAMMPS gives lengths and forces of contacts, and no radii. Dashpots are in the forces, which may then pull although
+    the spheres are pressed, or press although they are about to part.
+
+    Attributes
+    ----------
+    lengths : bool
+        True if overlaps are those of lengths, as all contacts are alike. Otherwise they follow from normal forces.
+    dashpots : bool
+        True if these forces hold dashpots. Overlaps are then lower bounds: the fastest two spheres may part.
+    whole : bool
+        True if contacts slide at μ times the whole normal force, with its dashpot: LAMMPS's Hertz contacts.
+    formulas : Formulas
+        Of the adhesion law.
+    adhesive_force, dashpot : float
+        Adhesion of the weakest contact and dashpot of the strongest one, in units of the deck.
+    """
+
+    lengths: bool
+    formulas: Formulas
+    dashpots: bool = False
+    whole: bool = False
+    adhesive_force: float = 0.0
+    dashpot: float = 0.0
+
+    @classmethod
+    def of(cls, problem: Prepared) -> "Reading":
+        """Return the reading of a problem."""
+        scene, units, sphere = problem.scene, problem.units, problem.scene.sphere
+        holding = units.number(sphere.holding_force, mass=1, length=1, time=-2)
+        case = Case(scene, problem.on)
+        weakest = sphere.pull_off_force if scene.perfect else float(case.contacts.adhesive_force.min())
+        adhesive = units.number(weakest, mass=1, length=1, time=-2)
+        formulas = FORMULAS[sphere.adhesion_law](sphere, holding)
+        if scene.effects.damping is not True:
+            return cls(scene.perfect, formulas, adhesive_force=adhesive)
+        same, whole = alike(scene), scene.effects.adhesion is not True
+        dashpot = units.number(case.strongest_dashpot, mass=1, time=-1)
+        return cls(same, formulas, not same, whole, adhesive, dashpot)
+
+    @property
+    def forces(self) -> bool:
+        """True if normal forces are read."""
+        return not self.lengths or self.whole
+
+
+def alike(scene: Scene) -> bool:
+    """Return whether all contacts of a crystal are between spheres of one radius and material."""
+    crystal = crystal_of(scene)
+    return len(crystal.materials) == 1 and bool(np.ptp(crystal.atoms.arrays["radius"]) == 0)
+
+
+def bounded(scene: Scene) -> bool:
+    """Return whether the smallest overlap that the guards of a scene know is only a lower bound."""
+    return scene.effects.damping is True and not alike(scene)
+
+
+def nearly_open(scene: Scene) -> float:
+    """Return the overlap, in Δ0, below which a contact may open between two looks; in JKR's law it is negative."""
+    hold = scene.sphere.pull_off_distance / scene.sphere.static_overlap
+    return BETWEEN - hold * (1 - BETWEEN)
+
+
+def contact_lines(group: str, tag: str, how: Reading) -> list[str]:
+    """Return the lines that measure the contacts of a group: shear forces, lengths, and normal forces if they are read.
+
+    Parameters
+    ----------
+    group : str
+        Spheres that are looked at.
+    tag : str
+        End of the names of the computes: "" for the spheres that are judged, "_all" for all.
+    how : Reading
+    """
+    forces = f" force{how.formulas.mark} cutoff {how.formulas.cutoff}" if how.forces else ""
+    lines = [
+        f"compute      contact{tag} {group} pair/local dist p4{forces}",
+        f"compute      extreme{tag} {group} reduce max c_contact{tag}[1] c_contact{tag}[2] inputs local",
+    ]
+    if how.forces:
+        lines.append(f"compute      weakest{tag} {group} reduce min c_contact{tag}[3] inputs local")
+    if how.dashpots:
+        lines.append(f"compute      swift{tag} {group} reduce maxabs vx vy")
+    return lines
+
+
+def overlap_lines(of: str, how: Reading) -> list[str]:
+    """Return the lines of the variable ``overlap_OF``, the smallest overlap of contacts that touch, in Δ0.
+
+    Parameters
+    ----------
+    of : str
+        "looks" for all looks since the last line of the thermo table, "now" for the present one, "all" for the present
+        one and all spheres.
+    how : Reading
+        With `lengths` the overlap of a contact is 2R less its length. Otherwise it is that of two spheres of the
+        lattice that have the smallest normal force; with `dashpots` of that force less the most that a dashpot adds.
+    """
+    style, longest, weakest = "vector" if of == "looks" else "equal", read("extreme", of, 1), read("weakest", of)
+    if how.lengths:
+        return [
+            f"variable     overlap_{of} {style} (2*v_R-{longest})/v_Delta0"
+            "  # the smallest, in Delta0, of contacts that touch"
+        ]
+    least, holding = f"{weakest}+{how.adhesive_force!r}", repr(how.formulas.holding_force)
+    if not how.dashpots:
+        overlap = how.formulas.overlap(f"(({least}>0)*({least})/{holding})")
+        return [f"variable     overlap_{of} {style} {overlap}  # of the smallest normal force, in Delta0"]
+    swift, spring = f"sqrt({read('swift', of, 1)}^2+{read('swift', of, 2)}^2)", f"v_spring_{of}"
+    share = f"(1e-9+({spring}>0)*(({spring}<1)*{spring}+({spring}>=1)))"
+    # The dashpot of a restitution grows with the force: its bound, and so that of the overlap, are of the force at rest
+    return [
+        f"variable     spring_{of} {style} ({least}-2*{how.dashpot!r}*{swift})/{holding}"
+        "  # the smallest normal force, as if the strongest dashpot added the most to it",
+        f"variable     overlap_{of} {style} {how.formulas.overlap(share)}"
+        "  # of that force, in Delta0: never above the truth",
+    ]
+
+
+def read(compute: str, of: str, column: int = 0) -> str:
+    """Return an extreme of `contact_lines` as it stands in the line of a variable; `of` as of `overlap_lines`."""
+    name = f"c_{compute}{'_all' if of == 'all' else ''}" + (f"[{column}]" if column else "")
+    return f"look({name})" if of == "looks" else name

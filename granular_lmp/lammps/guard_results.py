@@ -1,0 +1,112 @@
+"""The results of the guards of a run: from its thermo table, and from single contacts where that does not decide."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.crystal.contacts import law_between
+from granular_lmp.effects.guard import NEVER
+from granular_lmp.effects.reading import Reading, nearly_open
+from granular_lmp.effects.sliding import GUARD as SLIP
+from granular_lmp.lammps.guards import GUARDS
+from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
+from granular_lmp.problem import Problem
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Result of a guard in a run.
+
+    Attributes
+    ----------
+    value : float
+        Extreme over all looks; for contacts judged one by one, over the looks where the bound is above the limit.
+    passed_at : float or None
+        Time τ at which the guard first triggered; None if it did not.
+    bound : float
+        Extreme of the thermo column, an upper bound of the value.
+    """
+
+    value: float
+    passed_at: float | None
+    bound: float
+
+
+def first_decks(table: Mapping[str, object]) -> bool:
+    """Return whether a thermo table is of a first deck of release 0.1.0, which looked only when it wrote a line."""
+    return bool(table) and not any(column.endswith("_at") for column in table)
+
+
+def measured(name: str, table: Mapping[str, NDArray[np.float64]], problem: Problem, folder: Path) -> Measured:
+    """Return the result of a guard in a run.
+
+    Parameters
+    ----------
+    name : str
+        Key of `GUARDS`.
+    table : dict
+        Thermo table of the run by column.
+    problem : Problem
+    folder : Path
+        Run folder, which may hold single contacts if the table only bounds the value.
+    """
+    guard, scene = GUARDS[name], problem.scene
+    limit = guard.limit_in(scene)
+    # A run whose log lacks a column fails by that, or has not come so far
+    value = np.abs(table.get(guard.column, np.empty(0)))
+    at = table.get(f"{guard.column}_at", np.full(len(value), NEVER))
+    if len(at) != len(value):
+        value = at = np.empty(0)
+    bound = float(np.max(value, initial=0.0)) if np.isfinite(value).all() else float("nan")
+    triggered = ~((value <= limit) & (at >= NEVER))  # a nan triggers the guard too
+    first = None
+    if triggered.any():
+        first = float(np.min(at[triggered]))
+        first = first if first < NEVER else float(table["v_tau"][np.argmax(triggered)])
+    if not (guard.per_contact(scene) and (folder / CONTACTS).is_file()):
+        return Measured(bound, first, bound)
+    looks = judged_contacts(folder / CONTACTS, problem, float(table.get("v_mu", [np.nan])[0]))
+    if guard is SLIP:
+        ratios = [(step, look.slip) for step, look in looks] if first is not None else []
+        worst = max((ratio for _, ratio in ratios), default=bound if first is None else 0.0)
+        return Measured(
+            worst, next((step * scene.time.step for step, ratio in ratios if not ratio <= limit), None), bound
+        )
+    nearly = next((step * scene.time.step for step, look in looks if look.overlap < nearly_open(scene)), None)
+    known = [tau for tau in (first, nearly) if tau is not None]
+    return Measured(max(bound, float(nearly is not None)), min(known, default=None), bound)
+
+
+class Look(NamedTuple):
+    """The contacts at one look: the largest ratio of shear to sliding force of one, and the smallest overlap, in Δ0."""
+
+    slip: float
+    overlap: float
+
+
+def judged_contacts(path: Path, problem: Problem, friction: float) -> Iterator[tuple[int, Look]]:
+    """Yield step and the contacts, each judged by its own radii and materials, look by look.
+
+        slip F_t / (μ (F + (F + F0) (δ/Δ0)^{3/2})),    in the JKR law F_t / (μ (f_N(δ) + 2F))
+
+    With dashpots, LAMMPS's Hertz contacts slide at μ times the normal force with its dashpot. The ratio is infinite if
+    a contact without adhesion has just opened, or its dashpot pulls.
+    """
+    sphere, units, crystal = problem.scene.sphere, problem.units, problem.crystal
+    radius = crystal.arrays["radius"] * sphere.radius
+    how = Reading.of(problem)
+    for step, _, contacts in read_snapshots(path):
+        *others, distance, shear = (contacts[:, :-1] if how.whole else contacts).T
+        # The contacts of equal spheres are all alike, and only those of others are written with their spheres
+        i, j = (end.astype(int) - 1 for end in others) if others else np.zeros((2, len(shear)), dtype=int)
+        law = law_between(crystal, problem.materials, i, j)
+        overlap = np.maximum(radius[i] + radius[j] - distance / units.number(1.0, length=1), law.pull_off_overlap)
+        force = contacts[:, -1] if how.whole else units.number(law.sliding_force(overlap), mass=1, length=1, time=-2)
+        sliding = friction * np.maximum(force, 0.0)
+        ratio = np.divide(shear, sliding, out=np.full(len(shear), np.inf), where=sliding > 0)
+        least = float(np.min(overlap, initial=np.inf)) / sphere.static_overlap
+        yield step, Look(float(np.max(ratio, initial=0.0)), least)

@@ -1,0 +1,120 @@
+"""The head of a deck: its title, the variables that ``-var`` overrides, its units and its clock."""
+
+from granular_lmp.effects import selection
+from granular_lmp.errors import RunFolderError
+from granular_lmp.lammps import guards
+from granular_lmp.lammps.checkpoints import checkpoint_steps
+from granular_lmp.lammps.outputs import DUMP, LOG, SNAPSHOTS
+from granular_lmp.problem import Problem
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import cut
+
+# Names that somebody would try with -var, and that would be ignored
+NO_VARIABLES = ("xi", "mode", "rows", "columns", "amp")
+_SAID = "granular-lmp variables: "
+
+
+def title(scene: Scene) -> str:
+    """Return name, wave, size and ends of a scene in one line."""
+    shape = scene.shape
+    differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
+    return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.cut}{differing}"
+
+
+def heading(problem: Problem) -> list[str]:
+    """Return what a deck is, how it is run, and when its run is invalid."""
+    scene = problem.scene
+    return [
+        f"# {title(scene)}",
+        f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
+        f"# With other values:             lmp -in in.{scene.name} -var amplitude 0.1 -var timestep 0.025",
+        *guards.header(problem),
+    ]
+
+
+def continues(problem: Problem, checkpoint: str) -> list[str]:
+    """Return the head of the input that continues from a checkpoint."""
+    return [f"# {title(problem.scene)}: continues from {checkpoint}", f"log {LOG} append"]
+
+
+def variables(problem: Problem) -> list[str]:
+    """Return the variables that may be overridden."""
+    scene, time = problem.scene, problem.scene.time
+    ramp = f"variable ramp      index {scene.envelope.ramp!r}  # tau in which the first row is switched on"
+    snapshots = [
+        f"variable particles index {scene.output.particles!r}  # tau between snapshots of all spheres",
+        f"variable snapshots index {SNAPSHOTS}",
+    ]
+    return [
+        "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
+        f"variable amplitude index {scene.wave.amplitude!r}  # D0/Delta0",
+        f"variable timestep  index {time.timestep!r}  # tau; rounded down to fit a whole number of steps into a sample",
+        f"variable sample    index {time.sample!r}  # tau between records",
+        f"variable duration  index {time.duration!r}  # tau",
+        *([ramp] if scene.wave.form == "driven" else []),
+        *selection.lines("variables", problem),
+        f"variable data      index data.{scene.name}",
+        f"variable dump      index {DUMP}",
+        *(snapshots if scene.output.particles > 0 else []),
+        f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
+        "variable marked    index unmarked  # a group without spheres, by which a checkpoint tells of which scene it "
+        "is",
+        _refusal(),
+        f'print "{_said(problem)}"',
+    ]
+
+
+def _refusal() -> str:
+    """Return the line that ends a run with a variable that the deck has not."""
+    tried = " || ".join(f"is_defined(variable,{name})" for name in NO_VARIABLES)
+    names = " or ".join(NO_VARIABLES)
+    said = f"ERROR: this deck is of one wave in one lattice: {names} is no variable of it"
+    return f'if "$({tried})" then "print \'{said}\'" "quit 1"'
+
+
+def _said(problem: Problem) -> str:
+    """Return what a deck prints of its variables, so that the log of a run says what -var made of them."""
+    scene = problem.scene
+    optional = {
+        "friction": bool(selection.lines("variables", problem)),
+        "ramp": scene.wave.form == "driven",
+        "particles": scene.output.particles > 0,
+    }
+    names = ["amplitude", "timestep", "sample", "duration", "dump", *(name for name in optional if optional[name])]
+    return _SAID + " ".join(f"{name}=${{{name}}}" for name in names)
+
+
+def said_variables(log: str) -> dict[str, str] | None:
+    """Return the variables of the run of a log, name → value; None if the log does not say them.
+
+    Raises
+    ------
+    RunFolderError
+        If it says a word that is not NAME=VALUE.
+    """
+    lines = [line for line in log.splitlines() if line.startswith(_SAID)]
+    if not lines:
+        return None
+    said = {}
+    for word in lines[-1].removeprefix(_SAID).split():
+        name, equals, value = word.partition("=")
+        if not (name and equals and value):
+            raise RunFolderError(f"{LOG}: says {cut(word)!r} among its variables: must be NAME=VALUE")
+        said[name] = value
+    return said
+
+
+def units(problem: Problem) -> list[str]:
+    """Return the lengths and times of the scene in the units of the deck, and the clock of the run."""
+    of, scale = problem.units, problem.scale
+    return [
+        f"# --- units {of.style}: {of.names}",
+        f"variable Delta0 equal {of.number(scale.length, length=1)!r}  # static overlap",
+        f"variable R      equal {of.number(problem.scene.sphere.radius, length=1)!r}  # radius",
+        f"variable t0     equal {of.number(scale.time, time=1)!r}  # one tau",
+        "variable D0     equal v_amplitude*v_Delta0",
+        "variable every  equal ceil(v_sample/v_timestep-1e-9)",
+        "variable step   equal $(v_sample/v_every*v_t0:%.17g)",
+        "variable steps  equal v_every*floor(v_duration/v_sample+1e-9)",
+        "variable tau    equal step*v_step/v_t0",
+    ]
