@@ -53,7 +53,7 @@ def test_a_deck_that_was_not_edited_has_no_edits(small: Scene) -> None:
 
 def test_asking_for_the_edits_builds_no_lattice(small: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     deck = build(small)
-    monkeypatch.setattr("granular_lmp.lammps.deck.initial_fields", None)
+    monkeypatch.setattr("granular_lmp.lammps.start.initial_fields", None)
     assert deck.edits() == []
 
 
