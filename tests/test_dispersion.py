@@ -10,7 +10,7 @@ from analysis.cases.dispersion import case as dispersion_figure
 from analysis.measure import dispersion
 from analysis.theory.contact import Contact
 from analysis.theory.directions import modes
-from granular_lmp import Scene, build
+from granular_lmp import Scene, load, prepare, run
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.studies.kick import kicked, run_kicked
@@ -107,20 +107,31 @@ def test_a_sheet_that_the_linear_theory_does_not_hold_is_refused(
 
 
 def test_a_kick_changes_nothing_but_the_wave() -> None:
-    deck = build(SMALL)
-    other = kicked(deck, seed=3)
-    assert other.input_text == deck.input_text
-    assert np.array_equal(other.data.position, deck.data.position)
-    displacement, velocity = np.split(other.data.wave, 2, axis=1)
+    other, unit = kicked(SMALL, seed=3), SMALL.displacement_amplitude / SMALL.sphere.time_scale
+    state = prepare(other).state
+    displacement, velocity = np.split(state / unit, [2], axis=1)
+    velocity[:, 2] *= SMALL.sphere.radius
     assert not displacement.any()
     assert np.abs(velocity[:, :2].mean(axis=0)).max() < 1e-15  # rounding
-    assert np.array_equal(kicked(deck, seed=3).data.wave, other.data.wave)
-    assert not np.array_equal(kicked(deck, seed=4).data.wave, other.data.wave)
+    assert (np.ptp(velocity, axis=0) <= 1).all()
+    assert velocity.std(axis=0) == pytest.approx(np.full(3, 1 / np.sqrt(12)), rel=0.1)  # uniform, of 144 spheres
+    assert np.array_equal(prepare(kicked(SMALL, seed=3)).state, state)
+    assert not np.array_equal(prepare(kicked(SMALL, seed=4)).state, state)
+    changed = {key for key, value in other.departures().items() if value != prepare(SMALL).scene.departures().get(key)}
+    assert changed == {"wave.form", "start.noise", "start.seed", "output.particles", "time.allow_echo"}
+
+
+def test_a_kicked_sheet_is_a_run(tmp_path: Path) -> None:
+    path = run_kicked(SMALL.with_values({"time.duration": 12.0}), tmp_path / "run", 3)
+    with np.load(path) as sheet:
+        first = run(Scene.load(tmp_path / "run"), tmp_path / "again").snapshots()[-1]
+        assert np.array_equal(sheet["velocity"][-1], np.column_stack([first.velocity, first.spin]))
+    assert load(path.parent).scene.start.seed == 3
 
 
 def test_spheres_that_do_not_turn_are_refused() -> None:
     with pytest.raises(SceneError, match=r"effects\.rotation is off: must be on for a sheet that is kicked"):
-        kicked(build(SMALL.with_values({"effects.rotation": False})))
+        kicked(SMALL.with_values({"effects.rotation": False}))
 
 
 @pytest.mark.parametrize(

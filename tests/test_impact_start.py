@@ -8,7 +8,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
+import granular_lmp
+from granular_lmp import ImpactRecord, ImpactScene, Scene, run, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.deck import deck_of
@@ -21,6 +22,10 @@ CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "tim
 SHEET = ImpactScene.load("point_impact").with_values(
     {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 6.0}
 )
+SMALL = {
+    **{"packing.rows": 9, "packing.columns": 6, "disorder.vacancies": 0.0, "time.duration": 2.0},
+    **{"striker.1.spheres": [[4, 2]], "monitor.1.rows": [5, 5]},
+}
 
 
 def with_state(scene: ImpactScene, state: Any, **tables: Any) -> ImpactScene:
@@ -238,6 +243,32 @@ def test_numbers_of_numpy_are_written_as_any_other() -> None:
     ],
 )
 def test_the_schema_of_a_state_is_that_of_its_reader(state: Any, fits: bool) -> None:
-    ((_, rule),) = declared_fields(Start, None)
+    rule = next(rule for item, rule in declared_fields(Start, None) if item.name == "state")
     schema = jsonschema.Draft202012Validator(rule.own_schema())
     assert schema.is_valid(state) == fits
+
+
+@pytest.mark.parametrize(
+    ("scene", "free"),
+    [
+        (CHAIN.with_values({"packing.last": "held"}), 8),
+        (Scene.load("struck_sheet").with_values(SMALL), 41),
+    ],
+    ids=["a struck chain that is held at one end", "an uneven sheet"],
+)
+def test_noise_is_the_state_that_it_draws(scene: Any, free: int, tmp_path: Path) -> None:
+    """A striker and a held sphere have none, the others no momentum, and a state of the same numbers moves alike."""
+    noisy = scene.with_values({"start.noise": 0.01 * scene.striker[0].velocity, "start.seed": 5})
+    problem = granular_lmp.prepare(noisy)
+    mass, moves = problem.crystal.arrays["radius"] ** 3 * problem.crystal.arrays["density"], problem.state.any(axis=1)
+    assert np.count_nonzero(moves) == free
+    assert not problem.state[np.concatenate(problem.strikers)].any()
+    assert np.abs(mass @ problem.state[:, 2:4]).max() < 1e-12 * np.abs(mass @ np.abs(problem.state[:, 2:4])).max()
+    if scene.lattice.name == "chain":
+        assert not problem.state[:, [0, 1, 2, 4]].any()
+    row, column = (problem.crystal.arrays[name] for name in ("row", "column"))
+    lines = np.column_stack([row, column, problem.state])[moves].tolist()
+    same = scene.with_values({"start.state": lines})
+    one, other = run(noisy, tmp_path / "noisy"), run(same, tmp_path / "same")
+    first, second = (each.velocity if scene.wave is None else each.snapshots()[-1].velocity for each in (one, other))
+    np.testing.assert_allclose(first, second, rtol=0, atol=1e-9 * np.abs(first).max())  # the units differ by rounding

@@ -6,13 +6,14 @@ from granular_lmp.impact.record import ImpactRecord
 def require(record: ImpactRecord, *held: str) -> None:
     """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
 
-    held : any of "start.state", "packing.contact_force", "effects.friction", "effects.restitution", "disorder",
-        "inclusion".
+    held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
+        "disorder", "inclusion".
     """
     scene = record.scene
     disorder = scene.disorder
     there = {
         "start.state": bool(scene.start.state),
+        "start.noise": scene.start.noise > 0,
         "packing.contact_force": scene.packing.contact_force > 0,
         "effects.friction": scene.effects.friction > 0,
         "effects.restitution": scene.effects.restitution < 1,

@@ -30,7 +30,8 @@ def said(key: str, value: str) -> str:
 
 
 RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("running", "standing", "driven", "none"))
-STRUCK = {"striker", "start.state"}  # in the first snapshot of a run, as all that moves at the beginning
+# In the first snapshot of a run, as all that moves at the beginning
+STRUCK = {"striker", "start.state", "start.noise", "start.seed"}
 LATTICES = {said("packing.lattice", name) for name in ("square", "chain")}  # beside the hexagonal one of the theories
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave

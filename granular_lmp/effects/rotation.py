@@ -17,7 +17,7 @@ def preload(problem: Prepared) -> list[str]:
 
 def wave(problem: Prepared) -> list[str]:
     """Return the lines of the true spins."""
-    state = "+d_sspin" if problem.scene.start.state else ""
+    state = "+d_sspin" if problem.scene.start.moves else ""
     return [
         f"variable     om atom v_D0*d_vphi/v_R/v_t0{state}",
         "set          group all omega v_zero v_zero v_om",

@@ -265,7 +265,7 @@ def _minutes(problem: ImpactProblem) -> float:
 
 def _fields(problem: ImpactProblem) -> tuple[str, ...]:
     """Return the names of the state of each sphere in the section ``wave`` of the data file; () where there is none."""
-    if not problem.scene.start.state:
+    if not problem.scene.start.moves:
         return ()
     return ("d_ux", "d_uy", "d_vx", "d_vy", *(["d_spin"] if problem.on["rotation"] else []))
 

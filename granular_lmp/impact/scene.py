@@ -185,9 +185,9 @@ class ImpactScene(HasCard, Document):
 
     @property
     def fastest(self) -> str:
-        """Where the scene says which sphere is the fastest at the beginning: "striker", or "start.state"."""
+        """Where the scene says how fast spheres are at the beginning: "striker", "start.state" or "start.noise"."""
         strikes = self._fastest_striker >= self.start.fastest(self.sphere.radius) and self.striker
-        return "striker" if strikes else "start.state"
+        return "striker" if strikes else "start.state" if self.start.state else "start.noise"
 
     @property
     def rest_overlap(self) -> float:
@@ -219,6 +219,7 @@ class ImpactScene(HasCard, Document):
             rest = f"with gaps (disorder.radius = {gaps:g})"
         struck = [f"struck at {self._fastest_striker:.6g} m/s"] if self.striker else []
         begins = ["which begins in a given state"] if self.start.state else []
+        begins += [f"with random velocities of up to {self.start.noise:.6g} m/s"] if self.start.noise else []
         return ", ".join([f"{size} {rest}", *struck, *begins])
 
     def remarks(self) -> list[str]:
@@ -242,7 +243,7 @@ class ImpactScene(HasCard, Document):
             )
 
     def _check_striker_tables(self) -> None:
-        if not self.striker and not self.start.motion.any():
+        if not self.striker and not self.start.moves:
             raise SceneError(
                 "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
             )

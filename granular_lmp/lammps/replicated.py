@@ -31,7 +31,7 @@ def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
-    made = waved and scene.perfect and not scene.start.state and not moved
+    made = waved and scene.perfect and not scene.start.moves and not moved
     alike = scene.lattice.sheet and scene.shape.infinite and scene.lattice.column_period == 1
     return made and alike and scene.shape.spheres >= LARGE
 

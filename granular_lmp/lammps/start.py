@@ -15,7 +15,7 @@ STEP = "timestep     $(v_step:%.17g)"
 
 def field(problem: Problem) -> str:
     """Return the line that names the columns of the section ``wave`` of the data file."""
-    turns, state = problem.on["rotation"], problem.scene.start.state
+    turns, state = problem.on["rotation"], problem.scene.start.moves
     names = ["d_ux", "d_uy", *["d_phi"] * turns, "d_vx", "d_vy", *["d_vphi"] * turns]
     if state:
         names += ["d_sx", "d_sy", "d_svx", "d_svy", *["d_sspin"] * turns]
@@ -37,7 +37,7 @@ def columns(problem: Problem) -> NDArray[np.float64]:
 
 def _state(problem: Problem) -> NDArray[np.float64]:
     """Return the columns of the state, (N, 4 or 5) with the spin; (N, 0) without a state."""
-    if not problem.scene.start.state:
+    if not problem.scene.start.moves:
         return np.empty((len(problem.crystal), 0))
     units = problem.units
     length, velocity = units.number(1.0, length=1), units.number(1.0, length=1, time=-1)
@@ -47,14 +47,14 @@ def _state(problem: Problem) -> NDArray[np.float64]:
 
 def _moves(problem: Problem) -> bool:
     """Return whether spheres begin displaced or with velocities, other than those of strikers."""
-    return bool(problem.scene.start.state) or problem.scene.wave.form in ("running", "standing")
+    return problem.scene.start.moves or problem.scene.wave.form in ("running", "standing")
 
 
 def preload(problem: Problem) -> list[str]:
     """Return the lines that move the spheres from rest to their places, or that count displacements from rest."""
     if not _moves(problem):
         return reference(problem)
-    state = problem.scene.start.state
+    state = problem.scene.start.moves
     ux, uy = ("(v_D0*d_ux+d_sx)", "(v_D0*d_uy+d_sy)") if state else ("v_D0*d_ux", "v_D0*d_uy")
     return [
         "# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in "
@@ -92,7 +92,7 @@ def wave(problem: Problem) -> list[str]:
     """Return the lines of the true velocities, spins and angles."""
     if not _moves(problem):
         return []
-    vx, vy = ("+d_svx", "+d_svy") if problem.scene.start.state else ("", "")
+    vx, vy = ("+d_svx", "+d_svy") if problem.scene.start.moves else ("", "")
     return [
         "# --- wave: the true velocities",
         f"variable     vx atom v_D0*d_vx/v_t0{vx}",

@@ -350,6 +350,7 @@ class Scene(HasCard, Document):
     def uniform_rows(self) -> bool:
         """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
         whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
+        whole = whole and not self.start.noise
         return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
 
     @property
@@ -366,7 +367,7 @@ class Scene(HasCard, Document):
     @property
     def struck(self) -> bool:
         """True if strikers or a state move spheres at the beginning, beside the wave."""
-        return bool(self.striker or self.start.state)
+        return bool(self.striker or self.start.moves)
 
     @property
     def strike(self) -> float:
@@ -378,6 +379,7 @@ class Scene(HasCard, Document):
         """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
         counts = {"source": len(self.source), "striker": len(self.striker), "state": bool(self.start.state)}
         said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
+        said += ["noise"] if self.start.noise else []
         return " and ".join(said) + (" in units of " if self.wave.form == "none" else " beside ") if said else ""
 
     @property

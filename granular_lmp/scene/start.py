@@ -1,4 +1,4 @@
-"""The state in which a run begins: displacements from rest and velocities of single spheres.
+"""The state in which a run begins: displacements from rest and velocities of single spheres, and noise of all.
 
 A scene has them in a CSV file or as numbers. A file is read when its scene is: from then on the scene and its run
 folder hold the numbers themselves. The columns of a file are those of ``granular-lmp export``, so that a file of one
@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
 from itertools import islice
-from math import hypot, isfinite
+from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import SceneError, one_line
 from granular_lmp.scene.files import LARGEST_TABLE, file_text
 from granular_lmp.scene.places import AtPlaces, place_of, spheres_at
-from granular_lmp.scene.schema import Rule, shown
+from granular_lmp.scene.schema import Rule, count, number, shown
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 
 State = Sequence[tuple[float, ...]]  # for each sphere the numbers of COLUMNS, the first two whole
@@ -79,9 +79,15 @@ class StateRule(Rule):
 
 @dataclass(frozen=True)
 class Start:
-    """Where spheres are and how they move at the beginning; those that are not named are at rest, in their places."""
+    """Where spheres are and how they move at the beginning; those that are not named are at rest, in their places.
+
+    With ``noise`` v every sphere that is free to move has a random velocity on top: along x, along y, and of its
+    surface where it turns, each uniform in ±v less their mean: they have no momentum. In a chain it is along y alone.
+    """
 
     state: State = field(default=(), metadata={"rule": StateRule(str, "SI units", "of single spheres; others rest")})
+    noise: float = number("m/s", "largest random velocity along each axis, of all spheres", 0, 1e4, default=0.0)
+    seed: int = count("of the random velocities", 0, 2**32 - 1, default=0)
 
     @property
     def places(self) -> list[tuple[int, int]]:
@@ -97,9 +103,19 @@ class Start:
         """Displacements ux, uy (m), velocities vx, vy (m/s) and spin (rad/s) of each sphere, (n, 5)."""
         return np.array([each[2:] for each in self.state]).reshape(-1, 5)
 
+    @property
+    def moves(self) -> bool:
+        """True if spheres are displaced or move at the beginning."""
+        return bool(self.noise or self.motion.any())
+
     def fastest(self, radius: float) -> float:
         """Return the largest velocity, m/s, also of the surface of a sphere of this radius that turns."""
-        return max((max(hypot(vx, vy), radius * abs(spin)) for *_, vx, vy, spin in self.state), default=0.0)
+        own = max((max(hypot(vx, vy), radius * abs(spin)) for *_, vx, vy, spin in self.state), default=0.0)
+        return own + 2 * sqrt(2) * self.noise  # less the mean velocity, which is below the noise
+
+    def random(self, count: int) -> NDArray[np.float64]:
+        """Return random velocities along x and y and of the surface, m/s, of spheres in the order of a crystal."""
+        return np.random.default_rng(self.seed).uniform(-self.noise, self.noise, (count, 3))
 
     @property
     def farthest(self) -> float:
@@ -130,8 +146,32 @@ def state_in(
         If the state moves a vacancy or what cannot move, or presses spheres too deep.
     """
     motion = np.zeros((len(crystal), 5))
-    if not start.state:
-        return motion
+    if start.noise:
+        motion += _noise(start, crystal, radius, struck, turns=turns)
+    return motion + _declared(start, crystal, radius, struck, turns=turns) if start.state else motion
+
+
+def _noise(
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+) -> NDArray[np.float64]:
+    """Return the random part of `state_in`, without momentum."""
+    free = ~crystal.arrays["fixed"]
+    free[np.concatenate([np.empty(0, dtype=int), *struck])] = False
+    random = start.random(len(crystal)) * free[:, None]
+    if crystal.info["lattice_name"] == CHAIN.name:
+        random[:, 0] = 0.0
+    size, density = (crystal.arrays.get(name, np.ones(len(crystal))) for name in ("radius", "density"))
+    mass = density * size**3 * free
+    random[free, :2] -= mass @ random[:, :2] / mass.sum()
+    spin = random[:, 2] / (radius * size) * turns
+    return np.column_stack([np.zeros((len(crystal), 2)), random[:, :2], spin])
+
+
+def _declared(
+    start: Start, crystal: ase.Atoms, radius: float, struck: Sequence[NDArray[np.int64]], *, turns: bool
+) -> NDArray[np.float64]:
+    """Return the declared part of `state_in`."""
+    motion = np.zeros((len(crystal), 5))
     row, column = np.array(start.places).T
     ascending = np.lexsort((column, row))  # as the spheres of a crystal
     motion[spheres_at((), start.places, crystal, "sphere that moves")] = start.motion[ascending]
@@ -212,13 +252,13 @@ def _read(name: str, key: str) -> Iterable[tuple[str, list[Any]]]:
             raise SceneError(f"{file}: column {shown(each)}: must be one of {', '.join(COLUMNS)}, each once")
     if not set(names) & set(COLUMNS[2:]):
         raise SceneError(f"{file}: must have one of the columns {', '.join(COLUMNS[2:])}, as else nothing moves")
-    for number, line in enumerate(lines[1:], start=2):
+    for where, line in enumerate(lines[1:], start=2):
         if not line:
             continue
         if len(line) != len(names):
-            raise SceneError(f"{file}: line {number}: {len(line)} values: must be {len(names)}, one for each column")
+            raise SceneError(f"{file}: line {where}: {len(line)} values: must be {len(names)}, one for each column")
         said = dict(zip(names, line, strict=True))
-        yield f"{file}: line {number}", [_number(said.get(each, "0")) for each in COLUMNS]
+        yield f"{file}: line {where}", [_number(said.get(each, "0")) for each in COLUMNS]
 
 
 def _number(text: str) -> Any:

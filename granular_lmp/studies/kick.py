@@ -1,69 +1,56 @@
-"""A periodic sheet kicked at random: one run that excites every wave of the lattice, with a record of all spheres.
+"""A periodic sheet kicked at random: one run that excites every wave of the lattice, with snapshots of all spheres.
 
-The deck is that of the scene; in place of the wave its data file holds random velocities, small enough to stay linear.
-A second input includes the deck with a duration of 0, which makes the sheet and kicks it, then records and runs: the
-deck itself is not touched. ``granular-analysis dispersion`` reads what comes out.
+The scene is the declared one with noise (``start.noise``) in place of its wave, small enough to stay linear, and it is
+run as any scene. ``analysis.measure.dispersion`` reads what comes out.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from granular_lmp.accuracy.ladder import build
+from granular_lmp.accuracy.tolerance import run
 from granular_lmp.crystal.lattices import HEXAGONAL, lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, LammpsError, SceneError
-from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.lammps.outputs import LOG, SCENE, read_dump, read_log, writable
-from granular_lmp.runs.directory import absolute
-from granular_lmp.runs.launch import run_files
+from granular_lmp.errors import EffectError, SceneError
+from granular_lmp.lammps.outputs import writable
+from granular_lmp.problem import prepare
+from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import units_for
 
-INPUT = "in.sheet"
-SHEET_DUMP = "dump.sheet"
-SHEET_COLUMNS = ("id", "vx", "vy", "omegaz")
 SHEET_RECORD = "sheet.npz"
 FEWEST_SAMPLES = 8  # records after tau = 0; with fewer the window of a spectrum leaves hardly any data
 
 # What a scene may say that is kicked: of anything else, the record does not tell its reader
 _HAS = frozenset({"name", "sphere", "packing", "wave", "time", "effects", "output"})
-# Guards of the deck, the values from which on the sheet is not linear, and the reasons
-_LINEAR = (("v_slip", 1.0, "contacts slid"), ("v_open", 1.0, "contacts opened"))
-
-_INPUT_TEXT = """\
-# The sheet of {deck}, all spheres recorded. Runs in this folder:  lmp -in {name}
-variable duration index 0  # the deck makes the sheet, kicks it, and stops there
-include  {deck}
-group    inside static  # all spheres are recorded, so that guards judge all
-group    inside union all
-dump     sheet all custom ${{every}} {dump}
-dump_modify sheet sort id format float %.9g
-run      {steps}
-"""
+# Guards of a sheet that is not linear any more, and the reasons
+_LINEAR = {"largest_slip": "contacts slid", "open_contacts": "contacts opened"}
 
 
-def kicked(deck: Deck, seed: int = 0) -> Deck:
-    """Return the deck with random velocities instead of its wave: ẋ, ẏ and Rθ̇ uniform in ±½ D0/t0, no displacement.
+def kicked(scene: Scene, seed: int = 0) -> Scene:
+    """Return the scene with noise in place of its wave: ẋ, ẏ and Rθ̇ uniform in ±½ D0/t0, no displacement.
 
-    Every mode gets the same mean energy. The mean velocity is subtracted, because it would carry the sheet away.
+    Every mode gets the same mean energy, and the sheet has no momentum, which would carry it away. Effects and size are
+    those of the declared scene, and snapshots of all spheres are taken at each sample.
 
     Raises
     ------
     SceneError
-        If the spheres of the deck do not turn.
+        If spheres do not turn.
     """
-    if not deck.problem.physics.rotation:
+    problem = prepare(scene)
+    if not problem.on["rotation"]:
         raise SceneError(
             "effects.rotation is off: must be on for a sheet that is kicked, for instance with wave.mode = TR"
         )
-    if len(deck.data.wave) < len(deck.packing):  # LAMMPS would make the spheres and their wave
-        deck = deck_of(deck.problem, all_spheres=True)
-    velocity = np.random.default_rng(seed).uniform(-0.5, 0.5, (len(deck.data.wave), 3))
-    velocity[:, :2] -= velocity[:, :2].mean(axis=0)
-    return replace(deck, data=replace(deck.data, wave=np.hstack([np.zeros_like(velocity), velocity])))
+    return problem.scene.with_values(
+        {
+            "wave.form": "none",
+            "start.noise": problem.scene.displacement_amplitude / scene.sphere.time_scale / 2,
+            "start.seed": seed,
+            "output.particles": scene.time.sample,
+            "time.allow_echo": True,
+        }
+    )
 
 
 def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool = False) -> Path:
@@ -73,9 +60,9 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     ----------
     scene : Scene
         Periodic sheet. The amplitude D0 of its wave sets the velocities, its times the duration and the interval of the
-        records of all spheres.
+        snapshots.
     folder : path
-        Run folder, which is created.
+        Run folder, which is created, of the scene that `kicked` returns.
     seed : int
         Seed of the random velocities.
     force : bool
@@ -100,24 +87,15 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
-    folder = absolute(folder)
     _refuse_unfit(scene)
-    deck = kicked(build(scene), seed)
-    scene = deck.scene
-    dump = " ".join([SHEET_DUMP, *SHEET_COLUMNS])
-    text = _INPUT_TEXT.format(deck=deck.input_name, name=INPUT, dump=dump, steps=scene.time.steps)
-    run_files(folder, deck.files() | {SCENE: [scene.to_toml()], INPUT: [text]}, INPUT, force=force)
-    log = read_log(folder / LOG).table
-    for column, limit, what in _LINEAR:
-        if log.get(column, np.zeros(1)).max() >= limit:
+    record = run(kicked(scene, seed), folder, force=force)
+    for guard, what in _LINEAR.items():
+        if not record.info["guards"].get(guard, {}).get("quiet", True):
             raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
-    table = read_dump(folder / SHEET_DUMP, len(deck.packing), SHEET_COLUMNS)
-    velocity = np.stack([table[name] for name in SHEET_COLUMNS[1:]], axis=-1)
-    if len(velocity) != scene.time.samples + 1 or not np.isfinite(velocity).all():
-        raise LammpsError(f"{SHEET_DUMP} is cut off or holds numbers that are not finite", INPUT, "")
-    with writable(folder):
-        _save(folder / SHEET_RECORD, deck, table["step"], velocity)
-    return folder / SHEET_RECORD
+    assert record.folder is not None
+    with writable(record.folder):
+        _save(record.folder / SHEET_RECORD, record)
+    return record.folder / SHEET_RECORD
 
 
 def _refuse_unfit(scene: Scene) -> None:
@@ -165,20 +143,19 @@ def _refuse_unfit(scene: Scene) -> None:
         )
 
 
-def _save(path: Path, deck: Deck, steps: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-    """Write ``sheet.npz`` from LAMMPS's dump, which is in the units of the deck."""
-    scene, sphere = deck.scene, deck.scene.sphere
-    units, constant = units_for(sphere.radius), lattice_constant(sphere)
-    radius = units.number(sphere.radius, length=1)
-    unit = units.number(scene.displacement_amplitude / sphere.time_scale, length=1, time=-1)
+def _save(path: Path, record: Record) -> None:
+    """Write ``sheet.npz`` from the snapshots of a run."""
+    scene, snapshots = record.scene, record.snapshots()
+    spheres = [snapshots[number] for number in range(len(snapshots))]
+    constant = lattice_constant(scene.sphere)
     np.savez(
         path,
-        tau=steps * scene.time.step,
-        velocity=velocity * [1.0, 1.0, radius] / unit,
-        position=deck.packing.positions[:, :2] / constant,
-        box=deck.packing.cell.lengths()[:2] / constant,
-        poisson_ratio=sphere.poisson_ratio,
-        overlap_ratio=sphere.overlap_ratio,
-        contact_force=sphere.contact_force,
-        effects=[effect.name for effect in deck.problem.effects if effect.on],
+        tau=snapshots.tau,
+        velocity=np.stack([np.column_stack([each.velocity, each.spin]) for each in spheres]),
+        position=snapshots.crystal.positions[:, :2] / constant,
+        box=snapshots.crystal.cell.lengths()[:2] / constant,
+        poisson_ratio=scene.sphere.poisson_ratio,
+        overlap_ratio=scene.sphere.overlap_ratio,
+        contact_force=scene.sphere.contact_force,
+        effects=[name for name, effect in record.info["effects"].items() if effect["on"]],
     )
