@@ -22,7 +22,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from analysis.second_harmonic import Ratios, doubled_frequency, nonlinearity, refuse_oblique, source, start_wave
 from analysis.theory.contact import Contact
@@ -110,9 +109,16 @@ def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
         drive += of_shear * mode.frequency * step / 2 * (np.cos(2 * (phase - turns)) - np.cos(2 * phase))
     drive[0] /= 2
     free = doubled_frequency(mode, ratios)
-    p = lfilter([0, step**2], [1, (free * step) ** 2 - 2, 1], drive)
-    slower = 2 * np.arcsin(free * step / 2) / (free * step)
+    turn = 2 * np.arcsin(free * step / 2)
+    p = _leapfrog(drive, turn) * step**2
+    slower = turn / (free * step)
     return p[np.rint(tau / step).astype(int)] + start_wave(mode, ratios, wave.amplitude, slower * tau, 0, phase)
+
+
+def _leapfrog(drive: Floats, turn: float) -> Floats:
+    """Return x_n of x_{n+1} − 2 x_n cos θ + x_{n−1} = drive_n, x_0 = x_{−1} = 0: Σ_m drive_m sin((n−m)θ)/sin θ."""
+    wheel = np.exp(1j * turn * np.arange(len(drive)))
+    return np.asarray((wheel * np.cumsum(drive / wheel)).imag / np.sin(turn))
 
 
 def _strength(wave: Wave, ratios: Ratios) -> float:

@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from math import ceil, pi
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
@@ -55,6 +54,8 @@ def _remedy(shape: Shape, waves: set[WaveVector], *, along_y: bool) -> str:
 
     Along y the cell is the one with fewest rows, else a multiple of the cell that is there.
     """
+    from scipy.spatial import cKDTree  # slow to import, and only waves that coincide need it
+
     advances = np.array([(each.per_row, each.per_column) for each in waves])
     nearest = cKDTree(advances).query(advances, k=2, p=np.inf)[0][:, 1].min()
     step, rows, columns = shape.lattice.row_period, shape.rows, shape.columns
