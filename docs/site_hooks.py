@@ -66,10 +66,9 @@ def on_page_markdown(text: str, page: Any, **rest: Any) -> str:
 
         text = text.replace("<!-- scene keys -->", reference())
     if "<!-- impact keys -->" in text:
-        from granular_lmp.impact.scene import ImpactScene
         from granular_lmp.scene.json_schema import reference
 
-        text = text.replace("<!-- impact keys -->", reference(ImpactScene))
+        text = text.replace("<!-- impact keys -->", reference(bare=True))
     if "<!-- commands -->" in text:
         text = text.replace("<!-- commands -->", _commands())
     source = {place: source for source, place in PAGES.items() if place != "index.md"}

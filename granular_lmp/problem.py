@@ -28,6 +28,7 @@ from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, e
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of
+from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
 from granular_lmp.scene.start import state_in
@@ -181,6 +182,7 @@ def prepare(scene: Scene) -> Problem:
         the crystal (`granular_lmp.scene.sources`, `granular_lmp.scene.monitors`), or the time step is beyond the
         stability limit of velocity Verlet.
     """
+    require_wave(scene)
     chosen = select(scene)
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}

@@ -15,14 +15,14 @@ from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import ArrayRule
 
-SCHEMA = json_schema()
-IMPACT = json_schema(ImpactScene)
+WHOLE = json_schema()
+SCHEMA, IMPACT = WHOLE["then"], WHOLE["else"]  # with [wave], and without
 INPUTS = Path(__file__).parents[1] / "lammps_inputs"
 SCENES = sorted(INPUTS.glob("*/scene.toml"))
 IMPACTS = sorted(INPUTS.glob("impacts/*/scene.toml"))
 STRUCK = INPUTS / "impacts" / "solitary_chain" / "scene.toml"
 KEYS = list(keys())
-IMPACT_KEYS = list(keys(ImpactScene))
+IMPACT_KEYS = list(keys(bare=True))
 
 
 def fits(key: Key, value: Any, schema: dict[str, Any] = SCHEMA) -> bool:

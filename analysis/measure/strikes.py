@@ -15,7 +15,7 @@ def require(record: ImpactRecord, *held: str) -> None:
         "start.state": bool(scene.start.state),
         "start.noise": scene.start.noise > 0,
         "packing.contact_force": scene.packing.contact_force > 0,
-        "effects.friction": scene.effects.friction > 0,
+        "effects.friction": float(scene.effects.friction) > 0,
         "effects.restitution": scene.effects.restitution < 1,
         "disorder": max(disorder.radius, disorder.density, disorder.vacancies) > 0,
         "inclusion": bool(scene.inclusion),

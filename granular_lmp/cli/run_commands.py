@@ -1,7 +1,7 @@
 """Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from granular_lmp.cli.arguments import (
     Commands,
@@ -16,9 +16,6 @@ from granular_lmp.cli.arguments import (
 )
 from granular_lmp.cli.output import interruptible, remark, say
 from granular_lmp.runs.phases import phase
-
-if TYPE_CHECKING:
-    from granular_lmp.studies.runnable import Motion
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -100,7 +97,7 @@ def _accept(options: Options) -> int:
     return 0
 
 
-def _say_how_it_went(folder: str, record: "Motion") -> int:
+def _say_how_it_went(folder: str, record: Any) -> int:
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
     of = f" of {info['recorded']} spheres" if "recorded" in info else ""

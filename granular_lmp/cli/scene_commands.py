@@ -92,11 +92,11 @@ def _list(options: Options) -> int:
 
 
 def _schema(options: Options) -> int:
-    from granular_lmp.impact.scene import ImpactScene
     from granular_lmp.scene.json_schema import json_schema
-    from granular_lmp.scene.scene import Scene
 
-    say_json(json_schema(ImpactScene if options.kind == "impact" else Scene))
+    whole = json_schema()
+    head = {key: whole[key] for key in ("$schema", "title")}
+    say_json(head | whole["else" if options.kind == "impact" else "then"])
     return 0
 
 
@@ -209,7 +209,7 @@ def _effects(options: Options) -> int:
             effect.name: {"cost": effect.cost, "without_it": effect.loss, "key": effect.switch}
             for effect in problem.effects
         }
-        effects = {name: said | own[name] for name, said in effects_of(problem).items()}  # type: ignore[arg-type]
+        effects = {name: said | own[name] for name, said in effects_of(problem).items()}
         size = {"rows": shape.rows, "columns": shape.columns, "spheres": spheres, "steps": steps}
         say_json({"name": scene.name, **size, "effects": effects, "sources": _sources(problem)})
         return 0

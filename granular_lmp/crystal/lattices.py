@@ -109,7 +109,7 @@ CHAIN = Lattice("chain", 1.0, 0.0, False, ((0.0, 0.0), (0.0, pi)))
 LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN)}
 
 
-HELD, FREE, PERIODIC = "held", "free", "periodic"  # what a face of a packing is
+HELD, FREE, PERIODIC, WALL = "held", "free", "periodic", "wall"  # what a face of a packing is
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import equivalent
+from granular_lmp.crystal.lattices import PERIODIC
 from granular_lmp.impact.problem import ImpactProblem
-from granular_lmp.impact.sections import PERIODIC
 from granular_lmp.lammps import contact
 from granular_lmp.lammps.checkpoints import minutes_between, steps_between
 from granular_lmp.lammps.datafile import DataFile, id_ranges

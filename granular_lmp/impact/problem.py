@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts, contacts_between, law_between
-from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
 from granular_lmp.crystal.scale import Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
@@ -19,10 +19,10 @@ from granular_lmp.effects.effect import Chosen
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.sections import FREE, HELD, PERIODIC, WALL, Output
 from granular_lmp.scene.monitors import PlacedMonitor
 from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.remarks import on_step
+from granular_lmp.scene.sections import Output
 from granular_lmp.scene.sources import PlacedSource
 from granular_lmp.scene.start import refuse_motion, state_in
 from granular_lmp.scene.strikers import struck
@@ -194,7 +194,8 @@ class ImpactProblem:
         """Rigid walls that the outermost sphere of a side touches, or is pressed on, "ylo" → place, radii."""
         packing, places, radius = self.scene.packing, self.crystal.positions, self.crystal.arrays["radius"]
         pressed = [
-            (self.scene.rest_overlap / self._on_wall(end) ** (2 / 3)) / self.scene.sphere.radius for end in (0, -1)
+            (self.scene.sphere.static_overlap / self._on_wall(end) ** (2 / 3)) / self.scene.sphere.radius
+            for end in (0, -1)
         ]
         found = {}
         for axis, name, low, high in ((1, "y", packing.first, packing.last), (0, "x", packing.sides, packing.sides)):
@@ -222,6 +223,11 @@ class ImpactProblem:
         walls = {end: coefficient * overlap**1.5 for end, (coefficient, overlap) in self.on_walls.items()}
         low, high = ([walls[end]] if end in walls else [] for end in (0, -1))
         return float(np.max(np.abs(np.diff([*low, *self.rest_force, *high])), initial=0.0))
+
+    @property
+    def rest_rate(self) -> float:
+        """√(K/m), 1/t0, of spheres of ``[sphere]`` at rest, K = (3/2) A √δ."""
+        return sqrt(1.5 * sqrt(self.scene.sphere.static_overlap / self.scale.length))
 
     @cached_property
     def rest_stiffness(self) -> Floats:
@@ -265,7 +271,7 @@ class ImpactProblem:
         return {
             "contact_force_N": force,
             "contact_force_over_impact": float(np.mean(self.rest_force)),
-            "overlap_m": self.scene.rest_overlap,
+            "overlap_m": self.scene.sphere.static_overlap,
             "sound_m_s": self.sound,
             "residual_force_over_impact": self.residual_force,
         }
@@ -274,11 +280,12 @@ class ImpactProblem:
     def effects(self) -> tuple[Chosen, ...]:
         """Effects that the deck holds, with the reasons, as for the scene of a wave."""
         scene, effects = self.scene, self.scene.effects
-        rubs, loses = effects.friction > 0, effects.restitution < 1
+        rubs, loses = float(effects.friction) > 0, effects.restitution < 1
         ends = [name for name in ("first", "last", "sides") if getattr(scene.packing, name) in (HELD, WALL)]
         smooth = "nothing is sheared in a chain" if scene.lattice == CHAIN else "effects.friction is 0"
         law = f"by the {effects.shear_law} law" if rubs else smooth
-        turns = smooth if not rubs else "shear forces turn spheres" if effects.rotation else "effects.rotation is off"
+        turning = effects.rotation is True
+        turns = smooth if not rubs else "shear forces turn spheres" if turning else "effects.rotation is off"
         holds = scene.packing.contact_force or inf
         opens = "N press the contacts together" if holds < inf else "no force holds the contacts together"
         slides, closed = "is the coefficient of friction", f"held or rigid: {', '.join(ends)}"
@@ -288,8 +295,8 @@ class ImpactProblem:
             ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres part without a pull", ""),
             ("contact_opening", "packing.contact_force", True, holds, opens, ""),
             ("shear", "effects.friction", rubs, inf, law, ""),
-            ("rotation", "effects.rotation", rubs and effects.rotation, inf, turns, ""),
-            ("sliding", "effects.friction", rubs, effects.friction, slides, ""),
+            ("rotation", "effects.rotation", rubs and turning, inf, turns, ""),
+            ("sliding", "effects.friction", rubs, float(effects.friction), slides, ""),
             ("damping", "effects.restitution", loses, effects.restitution, "is the restitution of a collision", ""),
             ("walls", "packing", bool(ends), inf, closed if ends else "all ends are free", ""),
             ("deep_overlap", "striker", False, inf, "Hertz's law is one of small overlaps", "largest_overlap"),
@@ -337,10 +344,10 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     """
     packing = scene.packing
     crystal, materials = touching(
-        scene.sphere,
+        scene.material,
         scene.lattice,
-        packing.rows,
-        packing.columns,
+        scene.shape.rows,
+        scene.shape.columns,
         held=(packing.first == HELD, packing.last == HELD),
         periodic=packing.sides == PERIODIC,
         force=packing.contact_force,
@@ -351,7 +358,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
     recorded = np.arange(len(crystal))
     if not scene.output.everyone:
         recorded = _recorded(scene.output, crystal)
-    turns = scene.effects.friction > 0 and scene.effects.rotation
+    turns = float(scene.effects.friction) > 0 and scene.effects.rotation is True
     state = state_in(scene.start, crystal, scene.sphere.radius, strikers, turns=turns)
     problem = ImpactProblem(scene, scene, crystal, materials, strikers, recorded, state)
     contacts = problem.contacts
@@ -362,11 +369,11 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
             f"packing.contact_force = {scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of the "
             f"diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
         )
-    if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, scene.rest_rate):
+    if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, problem.rest_rate):
         raise SceneError(
             f"packing.contact_force = {scene.packing.contact_force!r}: rounding of the places leaves a force of "
             f"{problem.residual_force:.2g} m v/t0 on a sphere at rest, and at most "
-            f"{LARGEST_RESIDUAL * max(1, scene.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
+            f"{LARGEST_RESIDUAL * max(1, problem.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
         )
     if scene.start.state:
         _check_start(problem)

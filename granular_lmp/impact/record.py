@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.card import HasCard
-from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.crystal.lattices import CHAIN, WALL
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.deck import dump_columns
 from granular_lmp.impact.problem import ImpactProblem, prepare
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.impact.sections import WALL
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, read_dump, writable
 from granular_lmp.runs.agreement import refuse_other_scene
 from granular_lmp.runs.record import read_status

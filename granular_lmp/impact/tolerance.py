@@ -71,7 +71,7 @@ def planned_steps(problem: ImpactProblem) -> int:
 def order(scene: ImpactScene) -> int:
     """Return the order of the error in the step: 1 where LAMMPS has forces of half a step before, else 2."""
     effects = scene.effects
-    halfway = effects.restitution < 1 or (effects.friction > 0 and effects.shear_law == "incremental")
+    halfway = effects.restitution < 1 or (float(effects.friction) > 0 and effects.shear_law == "incremental")
     return 1 if halfway else 2
 
 

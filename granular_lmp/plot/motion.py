@@ -16,6 +16,7 @@ from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.plot.movie import refuse_movie, write_movie
 from granular_lmp.plot.signals import Picture, frequency_axis
+from granular_lmp.scene.strikers import leads
 
 COLOURS = "magma_r"
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
@@ -95,7 +96,9 @@ def _title(record: ImpactRecord) -> str:
 
 
 def _label(record: ImpactRecord) -> str:
-    unit = "that of the striker" if record.scene.fastest == "striker" else f"{record.scale.velocity:.3g} m/s"
+    scene = record.scene
+    struck = leads(scene.striker, scene.start, scene.sphere.radius)
+    unit = "that of the striker" if struck else f"{record.scale.velocity:.3g} m/s"
     return f"speed ({unit})"
 
 

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from granular_lmp.errors import ViewError
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.scene import ImpactScene
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.plot.motion import motion_figure
 from granular_lmp.plot.signals import dispersion_figure, png
@@ -37,7 +36,6 @@ def html(thing: Any) -> str:
 
 
 @html.register(Scene)
-@html.register(ImpactScene)
 def _(scene: Runnable) -> str:
     scale, time = scene.scale, {"time": f"tau 0..{scene.time.duration:g}"}
     if scene.wave is None:
@@ -57,7 +55,7 @@ def _(record: Motion) -> str:
         "guards": ", ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]) or "quiet",
         "folder": str(record.folder or "none"),
     }
-    return _card(repr(record), facts, motion_figure(record) if record.scene.wave is None else record.plot())
+    return _card(repr(record), facts, motion_figure(record) if isinstance(record, ImpactRecord) else record.plot())
 
 
 @html.register

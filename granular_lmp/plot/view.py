@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
+from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
@@ -100,7 +101,7 @@ def view(
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     what = "an impact" if record.scene.wave is None else "a run"
     _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {}))
-    if record.scene.wave is None:
+    if isinstance(record, ImpactRecord):
         _refuse(folder, what, of_a_run | {"tau": None})
         if movie:
             motion_movie(record, path)
@@ -180,7 +181,8 @@ def sweep_figure(sweep: Sweep, column: str | None = None) -> Picture:
         if read_off:
             bars = np.array([row[f"{column}_error"] for row in rows], dtype=float)
             axes.errorbar(places, np.array(heights, dtype=float), bars, fmt="none", ecolor="0.6", capsize=2)
-    comment = note(key, type(sweep.scene)).partition("; ")[0]  # what follows is advice to who writes the scene
+    # What follows a semicolon is advice to who writes the scene
+    comment = note(key, type(sweep.scene), bare=sweep.scene.bare).partition("; ")[0]
     unit = comment.partition(", ")[0] if read_off else comment
     said = _LABELS.get(column, f"{column} ($D_0$)" if read_off else column)
     axes.set(xlabel=f"{key} ({unit})" if unit else key, ylabel=said)

@@ -21,6 +21,7 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
+from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 
 
@@ -72,6 +73,7 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
     CrystalError
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
+    require_wave(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing = scene.packing

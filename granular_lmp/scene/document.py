@@ -1,7 +1,7 @@
 """A declared document, a scene or a collision: a name and sections of keys, read from TOML and written back."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -9,11 +9,12 @@ from typing import Any, ClassVar, Self
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import file_text, toml_tables
 from granular_lmp.scene.schema import (
+    DeclaredKey,
     Rules,
     checked_description,
     checked_name,
     cut,
-    declared_fields,
+    declared_keys,
     default_name,
     head_lines,
     plain,
@@ -47,10 +48,10 @@ class Document:
         Sections that are written only if they differ from their defaults.
     exclusive : mapping
         Dotted key → keys that it replaces: a document never holds both, and `with_values` of the key removes them.
-    assumed : mapping
-        Dotted key → default of a key whose record has none; `completed` fills it in.
+    lacking : str
+        Section without which the document is `bare`: keys may then have other rules and defaults, or not be there.
     marks : tuple of str
-        Tables by which a document of this kind is known: it has at least one of them.
+        Tables of which a bare document has at least one.
     named : str
         The files that are called after the name, for error messages.
     """
@@ -63,7 +64,7 @@ class Document:
     repeated: ClassVar[Mapping[str, type]] = {}
     optional: ClassVar[tuple[str, ...]] = ()
     exclusive: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    assumed: ClassVar[Mapping[str, Any]] = {}
+    lacking: ClassVar[str] = ""
     marks: ClassVar[tuple[str, ...]] = ()
     named: ClassVar[str]
 
@@ -97,20 +98,34 @@ class Document:
         refuse_unknown(tables, ("name", "description", *cls.sections, *cls.repeated), "")
         name = checked_name(tables, default or cls.__name__.lower(), cls.named)
         tables = cls.completed(tables)
-        records = {
-            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key))
+        bare = cls.is_bare(tables)
+        records: dict[str, Any] = {
+            cls.attributes.get(key, key): record(kind, tables.get(key), key, cls.rules.get(key), bare=bare)
             for key, kind in cls.sections.items()
+            if not (bare and key == cls.lacking)
         }
-        records |= {key: cls._records(key, tables.get(key, ())) for key in cls.repeated}
+        records |= {key: cls._records(key, tables.get(key, ()), bare) for key in cls.repeated}
         return cls(name=name, description=checked_description(tables), **cls.solved(records))
 
     @classmethod
-    def _records(cls, key: str, tables: Any) -> tuple[Any, ...]:
+    def is_bare(cls, tables: Mapping[str, Any]) -> bool:
+        """Return whether tables are those of a bare document."""
+        return bool(cls.lacking) and cls.lacking not in tables and not tables.keys().isdisjoint(cls.marks)
+
+    @property
+    def bare(self) -> bool:
+        """True if the document lacks the section without which it is bare."""
+        return bool(self.lacking) and getattr(self, self.lacking) is None
+
+    @classmethod
+    def _records(cls, key: str, tables: Any, bare: bool) -> tuple[Any, ...]:
         """Return the records of an array of tables; errors count them from 1."""
         if not isinstance(tables, list | tuple):
             raise SceneError(f"{key} = {shown(tables)}: must be tables, each under a line [[{key}]]")
         kind, rules = cls.repeated[key], cls.rules.get(key)
-        return tuple(record(kind, table, f"{key}.{number}", rules) for number, table in enumerate(tables, start=1))
+        return tuple(
+            record(kind, table, f"{key}.{number}", rules, bare=bare) for number, table in enumerate(tables, start=1)
+        )
 
     @classmethod
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -126,24 +141,28 @@ class Document:
         """Return nested plain values with every default."""
         held = {key: getattr(self, self.attributes.get(key, key)) for key in self.sections}
         tables: dict[str, Any] = {
-            key: plain(value, self.rules.get(key))
+            key: plain(value, self.rules.get(key), bare=self.bare)
             for key, value in held.items()
-            if key not in self.optional or value != type(value)()
+            if value is not None and (key not in self.optional or value != type(value)())
         }
         tables |= {key: self._written(key) for key in self.repeated if getattr(self, key)}
         return {"name": self.name, "description": self.description} | tables
 
     def _written(self, key: str) -> list[dict[str, Any]]:
         """Return the values of an array of tables that differ from their defaults."""
-        default = plain(self.repeated[key](), self.rules.get(key))
-        tables = (plain(each, self.rules.get(key)) for each in getattr(self, key))
+        default = plain(self.repeated[key](), self.rules.get(key), bare=self.bare)
+        tables = (plain(each, self.rules.get(key), bare=self.bare) for each in getattr(self, key))
         return [{name: value for name, value in table.items() if value != default[name]} for table in tables]
+
+    def keys_of(self, section: str) -> list[DeclaredKey]:
+        """Return the keys of a section, with their defaults in this document."""
+        return declared_keys(self.sections[section], self.rules.get(section), bare=self.bare)
 
     def given(self) -> dict[str, Any]:
         """Return nested plain values without the defaults, which never change: what a file has to say."""
         tables = self.to_dict()
-        for key, kind in self.sections.items():
-            defaults = {item.name: self.assumed.get(f"{key}.{item.name}", item.default) for item in fields(kind)}
+        for key in self.sections:
+            defaults = {each.name: each.default for each in self.keys_of(key)}
             said = {name: value for name, value in tables.pop(key, {}).items() if repr(value) != repr(defaults[name])}
             tables |= {key: said} if said else {}
         return tables
@@ -163,10 +182,10 @@ class Document:
         lines = head_lines(self.name, self.description)
         for key, kind in self.sections.items():
             if key in tables:
-                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key))]
+                lines += ["", f"[{key}]", *toml_lines(kind, tables[key], self.rules.get(key), bare=self.bare)]
         for key, kind in self.repeated.items():
             for table in tables.get(key, ()):
-                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key))]
+                lines += ["", f"[[{key}]]", *toml_lines(kind, table, self.rules.get(key), bare=self.bare)]
         return "\n".join(lines) + "\n"
 
     def with_values(self, changes: Mapping[str, Any]) -> Self:
@@ -177,7 +196,7 @@ class Document:
         SceneError
             If a key is unknown or a value is not allowed.
         """
-        tables = self.to_dict()
+        tables = self.given()
         for key, value in changes.items():
             table, _, name = key.rpartition(".")
             inner = self._table(tables, key, table)
@@ -215,10 +234,12 @@ def _lists(value: Any) -> Any:
     return [_lists(each) for each in value] if isinstance(value, tuple) else value
 
 
-def note(key: str, document: type[Document]) -> str:
+def note(key: str, document: type[Document], *, bare: bool = False) -> str:
     """Return the comment behind a key in a kind of scene file, mostly a unit, for a dotted key."""
     if key == "wave.wavevector":
         return "[kx, ky], rad per lattice constant, in place of wavenumber and direction"
     table, *_, name = key.split(".")  # "source.1.frequency" is that of the first [[source]]
-    rules = declared_fields({**document.sections, **document.repeated}[table], document.rules.get(table))
-    return next(rule.note for item, rule in rules if item.name == name)
+    kind = {**document.sections, **document.repeated}[table]
+    return next(
+        each.rule.note for each in declared_keys(kind, document.rules.get(table), bare=bare) if each.name == name
+    )

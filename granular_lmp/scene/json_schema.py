@@ -11,6 +11,7 @@ from typing import Any
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.refusals import NEEDS_WAVE
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import (
     LONGEST_DESCRIPTION,
@@ -19,7 +20,7 @@ from granular_lmp.scene.schema import (
     ArrayRule,
     NameRule,
     Rule,
-    declared_fields,
+    declared_keys,
     toml,
 )
 
@@ -49,13 +50,16 @@ class Key:
     required: bool
 
 
-def keys(document: type[Document] = Scene) -> Iterator[Key]:
-    """Yield every key of a kind of file, section by section."""
+def keys(document: type[Document] = Scene, *, bare: bool = False) -> Iterator[Key]:
+    """Yield every key of a kind of file, section by section; `bare` is true for a scene without ``[wave]``."""
     for section, kind in {**document.sections, **document.repeated}.items():
-        for item, rule in declared_fields(kind, document.rules.get(section)):
-            default = document.assumed.get(f"{section}.{item.name}", item.default)
-            required = default is MISSING or (default not in _NOTHING and not _allowed(rule, default))
-            yield Key(section, item.name, rule, None if required else default, required)
+        if bare and section in (document.lacking, *NEEDS_WAVE):
+            continue
+        for each in declared_keys(kind, document.rules.get(section), bare=bare):
+            required = each.default is MISSING or (
+                each.default not in _NOTHING and not _allowed(each.rule, each.default)
+            )
+            yield Key(section, each.name, each.rule, None if required else each.default, required)
 
 
 def _allowed(rule: Rule, value: Any) -> bool:
@@ -67,17 +71,28 @@ def _allowed(rule: Rule, value: Any) -> bool:
 
 
 def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a kind of scene file."""
+    """Return the JSON Schema (draft 2020-12) of a kind of scene file.
+
+    A scene with ``[wave]`` and one without it have other keys: "then" holds the first, "else" the second.
+    """
+    head = {"$schema": DIALECT, "title": "A scene of granular-lmp"}
+    if not document.lacking:
+        return head | _tables(document, bare=False)
+    with_wave, without = (_tables(document, bare=bare) for bare in (False, True))
+    marked = {"anyOf": [{"required": [mark]} for mark in document.marks]}
+    return head | {"if": {"required": [document.lacking]}, "then": with_wave, "else": without | marked}
+
+
+def _tables(document: type[Document], *, bare: bool) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "name": {"type": "string", "pattern": f"^[A-Za-z0-9_-]{{1,{LONGEST_NAME}}}$"},
         "description": {"type": "string", "maxLength": LONGEST_DESCRIPTION},
     }
-    sections: dict[str, dict[str, Any]] = {section: {} for section in (*document.sections, *document.repeated)}
-    needed: dict[str, list[str]] = {section: [] for section in sections}
-    for key in keys(document):
-        sections[key.section][key.name] = _value(key)
-        if key.required:
-            needed[key.section].append(key.name)
+    sections: dict[str, dict[str, Any]] = {}
+    needed: dict[str, list[str]] = {}
+    for key in keys(document, bare=bare):
+        sections.setdefault(key.section, {})[key.name] = _value(key)
+        needed.setdefault(key.section, []).extend([key.name] if key.required else [])
     for section, inner in sections.items():
         table: dict[str, Any] = {"type": "object", "properties": inner, "additionalProperties": False}
         if document is Scene and section == "wave":  # a wave vector replaces wave number and direction
@@ -86,16 +101,12 @@ def json_schema(document: type[Document] = Scene) -> dict[str, Any]:
             needed["wave"].remove("wavenumber")
             table["oneOf"] = [{"required": [name]} for name in ("wavenumber", "wavevector", "frequency")]
         table |= {"required": needed[section]} if needed[section] else {}
-        array = {"type": "array", "items": table} | ({"minItems": 1} if section in document.marks else {})
+        array = {"type": "array", "items": table} | ({"minItems": 1} if bare and section in document.marks else {})
         properties[section] = array if section in document.repeated else table
-    marked = {"anyOf": [{"required": [mark]} for mark in document.marks]} if document.marks else {}
     return {
-        "$schema": DIALECT,
-        "title": "A scene of granular-lmp",
         "type": "object",
         "properties": properties,
-        "required": [section for section in document.sections if needed[section]],
-        **marked,
+        "required": [section for section in document.sections if needed.get(section)],
         "additionalProperties": False,
     }
 
@@ -130,11 +141,11 @@ def _values(rule: Rule) -> dict[str, Any]:
     return {"anyOf": [numbers, *others]} if others else numbers
 
 
-def reference(document: type[Document] = Scene) -> str:
+def reference(document: type[Document] = Scene, *, bare: bool = False) -> str:
     """Return tables of all keys in Markdown, one per section: key, unit, default, allowed values, meaning."""
     lines: list[str] = []
     section = ""
-    for key in keys(document):
+    for key in keys(document, bare=bare):
         if key.section != section:
             section = key.section
             title = f"[[{section}]]" if section in document.repeated else f"[{section}]"

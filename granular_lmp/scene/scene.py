@@ -1,10 +1,14 @@
 """The scene: the user's declaration, read from TOML, checked value by value, and written back with every default.
 
 A scene has the tables ``[sphere]``, ``[packing]``, ``[disorder]``, ``[wave]``, ``[envelope]``, ``[time]``,
-``[effects]``, ``[output]`` and ``[absorb]`` (`granular_lmp.scene.sections`), and any number of ``[[inclusion]]``,
-``[[source]]`` (`granular_lmp.scene.sources`) and ``[[monitor]]`` (`granular_lmp.scene.monitors`). Times are in units of
-t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0. An "auto" of the packing is decided
-here (`Scene.shape`), an "auto" of the physics in `granular_lmp.effects`.
+``[effects]``, ``[output]``, ``[absorb]`` and ``[start]`` (`granular_lmp.scene.sections`), and any number of
+``[[inclusion]]``, ``[[source]]`` (`granular_lmp.scene.sources`), ``[[monitor]]`` (`granular_lmp.scene.monitors`) and
+``[[striker]]`` (`granular_lmp.scene.strikers`). Times are in units of t0 (τ), wave numbers in rad per row, amplitudes
+in units of the static overlap Δ0. An "auto" of the packing is decided here (`Scene.shape`), an "auto" of the physics
+in `granular_lmp.effects`.
+
+A scene without ``[wave]`` has a striker or a state: spheres that just touch, a sheet of spheres with gaps, or a
+compressed chain, and what moves. Velocities are in m/s, times in t0 of the impact (`granular_lmp.crystal.scale`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,12 +24,13 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
-from granular_lmp.scene import remarks, validation
+from granular_lmp.scene import remarks, validation, words
 from granular_lmp.scene.document import Document
 from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import hertz_of, wavenumbers_at, with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
+from granular_lmp.scene.refusals import NEEDS_WAVE, refuse, refuse_tables
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.sections import (
     DISORDER_RULES,
@@ -46,7 +51,7 @@ from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.scene.sources import Source, check_quiet, check_sources, echo_at
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
-from granular_lmp.scene.strikers import Striker, check_strikes, stretch
+from granular_lmp.scene.strikers import Striker, check_strikes, scale_of, stretch
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
@@ -64,7 +69,8 @@ class Scene(HasCard, Document):
     SceneError
         If the values contradict each other: nothing holds the lattice together, even rows between fixed ends, odd
         rows in a periodic cell, a duration beyond the echo of the walls (unless ``time.allow_echo``), a static overlap
-        that is not small, D0 beyond R/10, snapshots that fall between two records.
+        that is not small, D0 beyond R/10, snapshots that fall between two records; without a wave what
+        `granular_lmp.scene.refusals` lists.
 
     Notes
     -----
@@ -85,6 +91,8 @@ class Scene(HasCard, Document):
     }
     repeated = {"inclusion": Inclusion, "source": Source, "monitor": Monitor, "striker": Striker}
     optional = ("disorder", "absorb", "start")
+    lacking = "wave"
+    marks = ("striker", "start")
     rules = {"sphere": LATTICE_SPHERE_RULES, "disorder": DISORDER_RULES, "inclusion": INCLUSION_RULES}
     attributes = {"sphere": "material"}
     exclusive = {
@@ -97,8 +105,8 @@ class Scene(HasCard, Document):
 
     material: Sphere
     packing: Packing
-    wave: Wave
     time: Time
+    wave: Wave = None  # type: ignore[assignment]  # what needs a wave asks for it first
     envelope: Envelope = Envelope()
     effects: Effects = Effects()
     output: Output = Output()
@@ -128,8 +136,8 @@ class Scene(HasCard, Document):
             If there is no such file, it is not a scene, or a value is out of range.
         """
         path = Path(source)
-        shipped_at = (SHIPPED / path / "scene.toml", SHIPPED / "impacts" / path / "scene.toml")  # an impact is refused
-        found = first_file(source, (path, path / "scene.toml", *shipped_at))
+        folders = (path, SHIPPED / path, SHIPPED / "impacts" / path)
+        found = first_file(source, (path, *(folder / "scene.toml" for folder in folders)))
         if found is None:
             if str(source) in {each.stem for each in SHIPPED.glob("collisions/*.toml")}:
                 raise SceneError(f"{source}: is a collision, not a scene: granular-lmp collide {source} runs it")
@@ -151,18 +159,15 @@ class Scene(HasCard, Document):
     def completed(cls, tables: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the tables with a wave vector as wave number and direction; refuse a step beside a tolerance."""
         refuse_step_beside_tolerance(tables)
-        if "wave" not in tables and not tables.keys().isdisjoint(("striker", "start")):
-            raise SceneError(
-                "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, in Python "
-                "an ImpactScene, which adopt, kick, scatter, view --at-rest and granular-analysis compare do not take"
-            )
+        if cls.is_bare(tables):
+            refuse_tables(tables)
         return with_placeholder(without_wavevector(tables))
 
     @classmethod
     def solved(cls, records: dict[str, Any]) -> dict[str, Any]:
         """Return the records with the smallest wave number at which the wave has its frequency, if that is declared."""
-        wave, material, effects = records["wave"], records["material"], records["effects"]
-        if wave.frequency is None:
+        wave, material, effects = records.get("wave"), records["material"], records["effects"]
+        if wave is None or wave.frequency is None:
             return records
         validation.check_adhesion_law(material, effects)
         sphere, lattice = at_rest(material, records["packing"], effects), LATTICES[records["packing"].lattice]
@@ -172,12 +177,17 @@ class Scene(HasCard, Document):
     def to_dict(self) -> dict[str, Any]:
         """Return nested plain values with every default; either the time step or the tolerance, as declared.
 
-        The adhesion law is written only if it is not the default, so that scene files of earlier versions stay equal.
+        The adhesion law is written only if it is not the default, so that scene files of earlier versions stay equal,
+        and so is ``[output]`` without a wave.
         """
         tables = super().to_dict()
         if self.material.adhesion_law == Sphere.adhesion_law:
-            del tables["sphere"]["adhesion_law"]
+            tables["sphere"].pop("adhesion_law", None)
         del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
+        if self.bare:
+            output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
+            tables |= {"output": output} if output else {}
+            return {name: table for name, table in tables.items() if name not in NEEDS_WAVE}
         del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
         return tables
 
@@ -199,6 +209,8 @@ class Scene(HasCard, Document):
         return found
 
     def __repr__(self) -> str:
+        if self.bare:
+            return f"<Scene {self.name}: {self.words}, t0 = {self.scale.time:.3g} s>"
         shape = self.shape
         return (
             f"<Scene {self.name}: {self.wave_label}, {shape.rows} x {shape.columns} spheres, {shape.cut}, "
@@ -214,8 +226,8 @@ class Scene(HasCard, Document):
 
     @cached_property
     def scale(self) -> Scale:
-        """Units of the scene: m, Δ0 and t0 of the spheres at rest."""
-        return Scale.of(self.sphere)
+        """Units of the scene: m, Δ0 and t0 of the spheres at rest; without a wave those of the impact."""
+        return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
 
     @property
     def displacement_amplitude(self) -> float:
@@ -236,6 +248,9 @@ class Scene(HasCard, Document):
     def shape(self) -> Shape:
         """Rows, columns and faces of the packing with every "auto" decided."""
         packing = self.packing
+        if self.bare:
+            size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
+            return Shape(*size, "fixed", self.lattice, *faces)
         return decide(
             packing.rows,
             packing.columns,
@@ -290,6 +305,8 @@ class Scene(HasCard, Document):
     @property
     def used(self) -> dict[str, Any]:
         """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
+        if self.bare:
+            return remarks.used_step(self.time)
         hertz = partial(hertz_of, self.vector, self.sphere, self.effects.physics, self.wave.mode, self.lattice)
         return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
 
@@ -307,15 +324,8 @@ class Scene(HasCard, Document):
 
     @property
     def imperfections(self) -> str:
-        """Imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
-        disorder = self.disorder
-        spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
-        words = [f"{name} {value!r}" for name, value in spread.items() if value]
-        drawn = bool(words) or any(each.share for each in self.inclusion)
-        words += [f"seed {disorder.seed}"] if drawn else []
-        count = len(self.inclusion)
-        words += [f"{count} inclusion{'s' if count > 1 else ''}"] if count else []
-        return ", ".join(words)
+        """Imperfections in words, "" in a perfect lattice."""
+        return words.imperfections(self.disorder, self.inclusion)
 
     @property
     def layered(self) -> bool:
@@ -334,17 +344,6 @@ class Scene(HasCard, Document):
         running = self.wave.form == "running" and not self.envelope.finite
         running = running and not self.struck and not self.source
         return running and self.vector.axis == "y" and self.vector.per_row > 0
-
-    @property
-    def _across(self) -> str:
-        """First key that moves spheres across y or turns them, with its value; "" if all moves along y."""
-        words = [] if self.wave.form == "none" or self.wave.mode == "L" else [f"wave.mode = {self.wave.mode!r}"]
-        for number_, each in enumerate(self.source, 1):
-            kind = "motion" if each.motion else "force"
-            words += [] if getattr(each, kind) == "y" else [f"source {number_}: {kind} = {getattr(each, kind)!r}"]
-        # Strikers and states that move spheres across a chain are refused in any
-        words += ["start.state: a spin above 0"] if self.start.motion[:, 4].any() else []
-        return next(iter(words), "")
 
     @property
     def uniform_rows(self) -> bool:
@@ -377,10 +376,7 @@ class Scene(HasCard, Document):
     @property
     def shaken(self) -> str:
         """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
-        counts = {"source": len(self.source), "striker": len(self.striker), "state": bool(self.start.state)}
-        said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
-        said += ["noise"] if self.start.noise else []
-        return " and ".join(said) + (" in units of " if self.wave.form == "none" else " beside ") if said else ""
+        return words.shaken(self.source, self.striker, self.start, self.wave)
 
     @property
     def wave_words(self) -> str:
@@ -392,11 +388,13 @@ class Scene(HasCard, Document):
 
     @property
     def words(self) -> str:
-        """What the scene is, for titles."""
-        return self.wave_words
+        """Return the scene in words, for titles: its wave, or size and strikers."""
+        return words.of_impact(self) if self.bare else self.wave_words
 
     def remarks(self) -> list[str]:
         """Return a sentence for each change that made the scene fit."""
+        if self.bare:
+            return remarks.on_step(self.time)
         said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
         if self.wave.frequency is not None:
             found = _wavenumbers(self.wave, self.sphere, self.effects, self.lattice)
@@ -418,6 +416,9 @@ class Scene(HasCard, Document):
         return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
 
     def __post_init__(self) -> None:
+        if self.bare:
+            refuse(self)
+            return
         validation.check_adhesion_law(self.material, self.effects, self.inclusion)
         wave, shape = self.wave, self.shape
         validation.check_sphere(self.material, self.sphere, self.effects, wave.amplitude)
@@ -427,7 +428,7 @@ class Scene(HasCard, Document):
         check_monitors(self.monitor, self.packing, shape)
         validation.check_faces(self.packing, shape)
         validation.check_lattice(shape, self.packing, wave, self.envelope, self.effects, self.sphere)
-        validation.check_straight(self.lattice, self.packing, self._across)
+        validation.check_straight(self.lattice, self.packing, words.across(wave, self.source, self.start))
         validation.check_wave(wave, self.envelope, self.packing, shape)
         validation.check_imperfections(self.packing, self.sphere, self.inclusion, self.layered, self.perfect)
         validation.check_arrangement(self.lattice, self.packing, self.material, self.disorder, self.inclusion)

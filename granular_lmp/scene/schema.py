@@ -62,6 +62,8 @@ class Rule:
         Allowed range of a number.
     words : tuple of str
         Allowed words, beside numbers and switches or alone.
+    bare : Bare, optional
+        How the key is declared in a scene without ``[wave]``, where that differs.
     """
 
     kind: type
@@ -69,6 +71,7 @@ class Rule:
     meaning: str
     interval: Interval | None = None
     words: tuple[str, ...] = ()
+    bare: "Bare | None" = None
 
     @property
     def note(self) -> str:
@@ -115,6 +118,18 @@ class Rule:
         if not right or (self.interval is not None and value not in self.interval):
             raise SceneError(f"{key} = {shown(value)}: must be {self.allowed}")
         return self.kind(value)  # numpy's floats write themselves into a deck with their type
+
+
+@dataclass(frozen=True)
+class Bare:
+    """A key of a scene without ``[wave]``: its rule, and its default, `MISSING` where the key must be given.
+
+    Without a rule the key is none of such a scene. `only` is true if it is none of a scene with a wave.
+    """
+
+    rule: Rule | None
+    default: Any
+    only: bool = False
 
 
 @dataclass(frozen=True)
@@ -185,31 +200,36 @@ def number(
     open_low: bool = False,
     or_zero: bool = False,
     words: tuple[str, ...] = (),
+    bare: Any = None,
     **default: Any,
 ) -> Any:
-    """Return a dataclass field for a number in an interval."""
+    """Return a dataclass field for a number in an interval; `bare` is the field of a scene without ``[wave]``."""
     interval = Interval(low, high, open_low, or_zero)
-    return field(metadata={"rule": Rule(float, unit, meaning, interval, words)}, **default)
+    return field(metadata={"rule": Rule(float, unit, meaning, interval, words, bare=_bare(bare))}, **default)
 
 
-def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), **default: Any) -> Any:
+def count(meaning: str, low: int, high: int, *, words: tuple[str, ...] = (), bare: Any = None, **default: Any) -> Any:
     """Return a dataclass field for a whole number."""
-    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words)}, **default)
+    return field(metadata={"rule": Rule(int, "", meaning, Interval(low, high), words, bare=_bare(bare))}, **default)
 
 
-def choice(meaning: str, options: tuple[str, ...], **default: Any) -> Any:
+def choice(meaning: str, options: tuple[str, ...], *, bare: Any = None, **default: Any) -> Any:
     """Return a dataclass field for one of several words."""
-    return field(metadata={"rule": Rule(str, "", meaning, words=options)}, **default)
+    return field(metadata={"rule": Rule(str, "", meaning, words=options, bare=_bare(bare))}, **default)
 
 
-def flag(meaning: str, **default: Any) -> Any:
+def flag(meaning: str, *, bare: Any = None, **default: Any) -> Any:
     """Return a dataclass field that is true or false."""
-    return field(metadata={"rule": Rule(bool, "", meaning)}, **default)
+    return field(metadata={"rule": Rule(bool, "", meaning, bare=_bare(bare))}, **default)
 
 
-def switch(meaning: str) -> Any:
+def switch(meaning: str, *, bare: Any = None) -> Any:
     """Return a dataclass field that is true, false or "auto", the default."""
-    return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,))}, default=AUTO)
+    return field(metadata={"rule": Rule(bool, "", meaning, words=(AUTO,), bare=_bare(bare))}, default=AUTO)
+
+
+def _bare(declared: "Field[Any] | Bare | None") -> Bare | None:
+    return Bare(declared.metadata["rule"], declared.default) if isinstance(declared, Field) else declared
 
 
 def plain_value(value: Any) -> Any:
@@ -237,40 +257,42 @@ def short(value: float) -> str:
     return mantissa + (f"e{int(exponent)}" if e else "")
 
 
-def record(kind: type, table: Any, name: str, rules: Rules | None = None) -> Any:
+def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bare: bool = False) -> Any:
     """Return the record of type `kind` from the TOML table `name` with every value checked.
+
+    `bare` is true for a scene without ``[wave]``.
 
     Raises
     ------
     SceneError
         If the table or a key is missing, a key is unknown, or a value is out of range; the message names it.
     """
-    items = declared_fields(kind, rules)
-    names = [item.name for item, _ in items]
+    keys = declared_keys(kind, rules, bare=bare)
+    names = [key.name for key in keys]
     if table is None:
-        if any(item.default is MISSING for item, _ in items):
+        if any(key.default is MISSING for key in keys):
             raise SceneError(f"{name}: missing table; it holds {', '.join(names)}")
         table = {}
     if not isinstance(table, Mapping):
         raise SceneError(f"{name} = {shown(table)}: must be a table that holds {', '.join(names)}")
     refuse_unknown(table, names, f"{name}.")
     values = {}
-    for item, rule in items:
-        if item.name in table:
-            values[item.name] = rule.value(table[item.name], f"{name}.{item.name}")
-        elif item.default is MISSING:
-            raise SceneError(f"{name}.{item.name}: missing key; must be {rule.allowed}")
+    for key in keys:
+        if key.name not in table and key.default is MISSING:
+            raise SceneError(f"{name}.{key.name}: missing key; must be {key.rule.allowed}")
+        given = key.name in table
+        values[key.name] = key.rule.value(table[key.name], f"{name}.{key.name}") if given else key.default
     return kind(**values)
 
 
-def plain(record: Any, rules: Rules | None = None) -> dict[str, Any]:
+def plain(record: Any, rules: Rules | None = None, *, bare: bool = False) -> dict[str, Any]:
     """Return the declared values of a record by name."""
-    return {item.name: getattr(record, item.name) for item, _ in declared_fields(type(record), rules)}
+    return {key.name: getattr(record, key.name) for key in declared_keys(type(record), rules, bare=bare)}
 
 
-def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None) -> list[str]:
+def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None, *, bare: bool = False) -> list[str]:
     """Return a line ``key = value  # note`` for each of the values, which belong to a record of type `kind`."""
-    notes = {item.name: rule.note for item, rule in declared_fields(kind, rules)}
+    notes = {key.name: key.rule.note for key in declared_keys(kind, rules, bare=bare)}
     lines = ((f"{name} = {_in_lines(value)}", notes[name]) for name, value in values.items())
     return [f"{line:30} # {note}" if note else line for line, note in lines]
 
@@ -360,10 +382,29 @@ def cut(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def declared_fields(kind: type, rules: Rules | None) -> list[tuple["Field[Any]", Rule]]:
-    """Return the fields of a record that a scene file holds, each with its rule."""
-    known = [(item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind)]
-    return [(item, rule) for item, rule in known if rule is not None]
+@dataclass(frozen=True)
+class DeclaredKey:
+    """A key of a table: its name, its rule, and its default, `MISSING` where it must be given."""
+
+    name: str
+    rule: Rule
+    default: Any
+
+
+def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> list[DeclaredKey]:
+    """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""
+    known = ((item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind))
+    found = (_declared(item, rule, bare) for item, rule in known if rule is not None)
+    return [key for key in found if key is not None]
+
+
+def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
+    other = rule.bare
+    if other is None or not (bare or other.only):
+        return DeclaredKey(item.name, rule, item.default)
+    if not bare or other.rule is None:
+        return None
+    return DeclaredKey(item.name, other.rule, other.default)
 
 
 _fields = cache(fields)  # kept by kind of record, which are few; a scene asks for them a hundred times

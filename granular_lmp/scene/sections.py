@@ -1,27 +1,29 @@
 """The tables of a scene file: frozen records whose fields carry their own range (`granular_lmp.scene.schema`).
 
-Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0.
-`granular_lmp.scene.scene` checks combinations of values.
+Times are in units of t0 (τ), wave numbers in rad per row, amplitudes in units of the static overlap Δ0; in a scene
+without ``[wave]`` times are in t0 of the impact (`granular_lmp.crystal.scale`). `bare` says how a key is declared there
+if that differs. `granular_lmp.scene.scene` checks combinations of values.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, hypot, pi
 from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
-from granular_lmp.crystal.lattices import FREE, HELD, HEXAGONAL, LATTICES, PERIODIC, Lattice
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, LATTICES, PERIODIC, WALL, Lattice
 from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
-from granular_lmp.scene.places import rows_rule, spheres_rule
-from granular_lmp.scene.schema import AUTO, ArrayRule, Interval, Rule, choice, count, flag, number, shown, switch
+from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
+from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
 
 ENDS = ("fixed", "periodic", AUTO)
 FACES = (HELD, FREE, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
+NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
 FORMS = ("running", "standing", "driven", "none")
 LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
@@ -31,21 +33,59 @@ NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all ot
 class Packing:
     """Packing of a lattice: rows along y, columns along x, and what each of its faces is.
 
-    Sheets are periodic along x unless `sides` says otherwise. Where the `ends` are fixed, the first and the last row
-    are held unless `first` and `last` say otherwise. Nothing touches a `free` face: adhesion alone holds a crystal
-    together that has one.
+    Beside a wave sheets are periodic along x unless `sides` says otherwise, and where the `ends` are fixed, the first
+    and the last row are held unless `first` and `last` say otherwise. Without a wave all faces are free unless declared
+    otherwise. Nothing touches a `free` face: adhesion alone holds a crystal together that has one.
+
+    A ``wall`` is a rigid plane (``fix wall/gran``) that touches the row, of unequal spheres the outermost one, with the
+    contact law of its spheres on a rigid body: A is 2√2 times that of two spheres. Where the `contact_force` presses
+    the chain of an impact together, walls and held spheres bear it; at a free end a constant force pushes the last
+    sphere.
     """
 
-    lattice: str = choice("chain: one row of spheres along y", tuple(LATTICES), default=HEXAGONAL.name)
-    rows: int | Auto = count("along y", 4, 10_000_000, words=(AUTO,), default=AUTO)
-    columns: int | Auto = count("along x: at least 3; 1 in a chain", 1, 1_000_000, words=(AUTO,), default=AUTO)
-    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed")
-    first: str = choice("first row of fixed ends; auto: held", FACES, default=AUTO)
-    last: str = choice("last row of fixed ends; auto: held", FACES, default=AUTO)
-    sides: str = choice("first and last column of a sheet", (PERIODIC, HELD, FREE), default=PERIODIC)
+    lattice: str = choice(
+        "chain: one row of spheres along y",
+        tuple(LATTICES),
+        default=HEXAGONAL.name,
+        bare=choice("chain: one row of spheres along y", tuple(LATTICES), default=CHAIN.name),
+    )
+    rows: int | Auto = count(
+        "along y", 4, 10_000_000, words=(AUTO,), default=AUTO, bare=count("along y", 2, 10_000_000)
+    )
+    columns: int | Auto = count(
+        "along x: at least 3; 1 in a chain",
+        1,
+        1_000_000,
+        words=(AUTO,),
+        default=AUTO,
+        bare=count("along x: 1 in a chain", 1, 1_000_000, default=1),
+    )
+    ends: str = choice("first and last row held, or a periodic cell", ENDS, default="fixed", bare=NOT_BARE)
+    first: str = choice(
+        "first row of fixed ends; auto: held",
+        FACES,
+        default=AUTO,
+        bare=choice("end at the first row", (FREE, HELD, WALL), default=FREE),
+    )
+    last: str = choice(
+        "last row of fixed ends; auto: held",
+        FACES,
+        default=AUTO,
+        bare=choice("end at the last row", (FREE, HELD, WALL), default=FREE),
+    )
+    sides: str = choice(
+        "first and last column of a sheet",
+        (PERIODIC, HELD, FREE),
+        default=PERIODIC,
+        bare=choice("of a sheet: periodic needs at least 3 columns", (FREE, PERIODIC, WALL), default=FREE),
+    )
     contact_force: float = number("N", "presses the contacts at rest together from outside", 0, 1e12, default=0.0)
-    relax: str = choice("of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box")
-    relax_friction: float = number("", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0)
+    relax: str = choice(
+        "of unequal spheres: the cell breathes to the contact force, or stays", BOXES, default="box", bare=NOT_BARE
+    )
+    relax_friction: float = number(
+        "", "of unequal spheres while they come to rest; 0: none", 0, 1e4, default=0.0, bare=NOT_BARE
+    )
 
 
 @dataclass(frozen=True)
@@ -181,15 +221,36 @@ class Time(Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
 
     With a `tolerance` the scene has no step until `granular_lmp.accuracy.tolerance` chooses one.
+
+    Good values of an impact: a step of 0.03, T/80 for the collision time T = 2.439 t0 of two spheres, leaves an error
+    of 1.4e-4 in the velocities after 12 collision times (root mean square; 6e-4 at the worst place), which falls with
+    the square of the step; with damping, or friction and the law "incremental", it falls with the step
+    (docs/impacts.md).
     """
 
-    duration: float = number("tau", "of the run", 1e-3, 1e7)
-    timestep: float = number("tau", "at most", FINEST, 2, default=0.05)
-    tolerance: float | None = number(
-        "", "relative L2 error of p, q and phi each, in place of a timestep", 1e-9, 0.1, default=None
+    duration: float = number("tau", "of the run", 1e-3, 1e7, bare=number("t0", "of the run", 1e-3, 1e8))
+    timestep: float = number(
+        "tau", "at most", FINEST, 2, default=0.05, bare=number("t0", "at most", FINEST, 1, default=0.03)
     )
-    sample: float = number("tau", "between records", FINEST, 1e7, default=0.5)
-    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False)
+    tolerance: float | None = number(
+        "",
+        "relative L2 error of p, q and phi each, in place of a timestep",
+        1e-9,
+        0.1,
+        default=None,
+        bare=number(
+            "", "error of each velocity over the fastest striker's, in place of a timestep", 1e-9, 0.1, default=None
+        ),
+    )
+    sample: float = number(
+        "tau",
+        "between records",
+        FINEST,
+        1e7,
+        default=0.5,
+        bare=number("t0", "between records", FINEST, 1e8, default=0.5),
+    )
+    allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
 
 
 @dataclass(frozen=True)
@@ -200,23 +261,37 @@ class Effects:
     their switches are ``packing.ends`` and ``packing.columns``.
     """
 
-    adhesion: bool | Auto = switch("adhesion of the spheres; without it the Hertz contact")
-    shear: bool | Auto = switch("Mindlin shear force")
-    rotation: bool | Auto = switch("spheres turn")
-    tracking: bool | Auto = switch("the angle is recorded")
-    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction")
-    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution")
-    contact_opening: bool | Auto = switch("contacts part and meet again")
-    rolling: bool | Auto = switch("contacts resist rolling")
-    twisting: bool | Auto = switch("contacts resist twisting")
-    shear_law: str = choice("of the shear force", SHEAR_LAWS, default="secant")
-    friction: float | Auto = number(
-        "", "coefficient; auto: none slides", 0, 1e4, open_low=True, words=(AUTO,), default=AUTO
+    adhesion: bool | Auto = switch("adhesion of the spheres; without it the Hertz contact", bare=NOT_BARE)
+    shear: bool | Auto = switch("Mindlin shear force", bare=NOT_BARE)
+    rotation: bool | Auto = switch("spheres turn", bare=flag("spheres turn, where there is friction", default=True))
+    tracking: bool | Auto = switch("the angle is recorded", bare=NOT_BARE)
+    sliding: bool | Auto = switch("contacts slide at the Coulomb limit of friction", bare=NOT_BARE)
+    damping: bool | Auto = switch("contacts dissipate by viscosity or restitution", bare=NOT_BARE)
+    contact_opening: bool | Auto = switch("contacts part and meet again", bare=NOT_BARE)
+    rolling: bool | Auto = switch("contacts resist rolling", bare=NOT_BARE)
+    twisting: bool | Auto = switch("contacts resist twisting", bare=NOT_BARE)
+    shear_law: str = choice(
+        "of the shear force",
+        SHEAR_LAWS,
+        default="secant",
+        bare=choice("of the shear force", SHEAR_LAWS, default="incremental"),
     )
-    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0)
-    rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0)
-    rolling_viscosity: float = number("N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0)
-    rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0)
+    friction: float | Auto = number(
+        "",
+        "coefficient; auto: none slides",
+        0,
+        1e4,
+        open_low=True,
+        words=(AUTO,),
+        default=AUTO,
+        bare=number("", "Coulomb coefficient; 0: no shear force, no rotation", 0, 1e4, default=0.0),
+    )
+    viscosity: float = number("N s/m", "dashpot of a contact", 0, 1e12, default=0.0, bare=NOT_BARE)
+    rolling_stiffness: float = number("N/m", "of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE)
+    rolling_viscosity: float = number(
+        "N s/m", "dashpot of a contact against rolling", 0, 1e12, default=0.0, bare=NOT_BARE
+    )
+    rolling_friction: float = number("", "largest rolling over normal force", 0, 1e4, default=0.0, bare=NOT_BARE)
     restitution: float = number("", "of a Hertz contact; 1: none lost", 0, 1, open_low=True, default=1.0)
 
     @property
@@ -235,31 +310,49 @@ class Absorb:
     reflection: float = number("", "share of the amplitude that may come back", 1e-5, 0.5, default=1e-3)
 
 
-def checkpoint_field() -> Any:
-    """Return a dataclass field for the minutes between two checkpoints."""
-    meaning = "between two checkpoints; auto: they take 1 % of the run at most"
-    return number("minutes", meaning, 0, 1e5, open_low=True, words=(AUTO,), default=AUTO)
+def _recorded(rule: ArrayRule) -> Any:
+    """Return a dataclass field for places that a scene without ``[wave]`` records, where others have monitors."""
+    return places_field(replace(rule, bare=Bare(rule, (), only=True)))
 
 
 @dataclass(frozen=True)
-class Output:
-    """Output of a run in addition to the record of the centre sphere."""
+class Output(AtPlaces):
+    """Output of a run in addition to the record of the centre sphere; without ``[wave]`` the spheres that are recorded.
 
-    particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0)
-    checkpoint: float | Auto = checkpoint_field()
+    They are recorded at each sample, all of them if none are declared.
+    """
+
+    rows: Rows = _recorded(rows_rule("first and last recorded row"))
+    spheres: Spheres = _recorded(spheres_rule("[row, column] of each recorded sphere"))
+    particles: float = number("tau", "between snapshots of all spheres; 0: none", 0, 1e7, default=0.0, bare=NOT_BARE)
+    checkpoint: float | Auto = number(
+        "minutes",
+        "between two checkpoints; auto: they take 1 % of the run at most",
+        0,
+        1e5,
+        open_low=True,
+        words=(AUTO,),
+        default=AUTO,
+    )
+
+    @property
+    def everyone(self) -> bool:
+        """True if all spheres are recorded."""
+        return not self.rows and not self.spheres
 
 
 # The ranges stand here because `Sphere` is plain physics, which `analysis` uses too. Within them the numbers of the
 # deck stay far from underflow and overflow.
+_ADHESION = Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True))
 SPHERE_RULES = {
     "radius": Rule(float, "m", "", Interval(1e-9, 1)),
     "youngs_modulus": Rule(float, "Pa", "", Interval(1e3, 1e13)),
     "poisson_ratio": Rule(float, "", "", Interval(-1, 0.5, open_low=True)),
-    "work_of_adhesion": Rule(float, "J/m2", "of two spheres; 0: Hertz contacts", Interval(1e-6, 100, or_zero=True)),
+    "work_of_adhesion": replace(_ADHESION, bare=Bare(_ADHESION, 0.0)),
     "density": Rule(float, "kg/m3", "", Interval(1, 1e5)),
 }
 LATTICE_SPHERE_RULES = SPHERE_RULES | {
-    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS)),
+    "adhesion_law": Rule(str, "", "jkr: also beyond contact", words=tuple(ADHESION_LAWS), bare=NOT_BARE),
 }
 DISORDER_RULES = {
     "radius": Rule(
@@ -289,5 +382,6 @@ INCLUSION_RULES = {
     ),
     "share": Rule(float, "", "of the free spheres, at random by disorder.seed", Interval(0, 1)),
     **SPHERE_RULES,
+    "work_of_adhesion": _ADHESION,
     "vacancy": Rule(bool, "", "the places are empty"),
 }

@@ -29,20 +29,20 @@ _OF_STRIKE = {
 
 def starter(scene: Document, file: str) -> str:
     """Return the text of a scene file; keys that take the place of another one stand in it as comments."""
-    kind, section = type(scene), ""
+    section = ""
     lines = []
     for line in scene.to_toml(full=True).splitlines():
         section = line.strip("[]") if line.startswith("[") else section
         key = f"{section}.{line.partition(' =')[0]}"
-        others = [other for other, excluded in kind.exclusive.items() if excluded[0] == key]
-        lines += [line, *(_commented(other, kind) for other in others)]
-    said = _OF_WAVE if "wave" in scene.to_dict() else _OF_STRIKE
+        others = [other for other, excluded in scene.exclusive.items() if excluded[0] == key]
+        lines += [line, *(_commented(other, scene) for other in others)]
+    said = _OF_STRIKE if scene.bare else _OF_WAVE
     return _HEAD.format(file=file, **said) + "\n".join(lines) + "\n"
 
 
-def _commented(key: str, kind: type[Document]) -> str:
+def _commented(key: str, scene: Document) -> str:
     line = f"# {key.rpartition('.')[2]} = ..."
-    return f"{line:30} # {note(key, kind)}"
+    return f"{line:30} # {note(key, type(scene), bare=scene.bare)}"
 
 
 def write_starter(path: str | Path, scene: Document) -> None:

@@ -1,7 +1,7 @@
 """Strikers: spheres of the crystal that have a velocity at the beginning, beside that of a wave or of a state."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, radians, sin, sqrt
 
 import ase
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import CHAIN, Shape
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, check_counted, place_of, place_troubles, spheres_at
@@ -59,13 +60,35 @@ def striker_troubles(strikers: Sequence[Striker], shape: Shape) -> Iterator[str]
         yield from (f"striker {number_}: {trouble}" for trouble in place_troubles(each.rows, each.spheres, shape))
 
 
+def fastest_striker(strikers: Sequence[Striker]) -> float:
+    """Return the largest velocity of strikers, m/s; 0 without any."""
+    return max((each.velocity for each in strikers), default=0.0)
+
+
+def leads(strikers: Sequence[Striker], start: Start, radius: float) -> bool:
+    """Return whether a striker is the fastest sphere at the beginning, beside those of a state."""
+    return bool(strikers) and fastest_striker(strikers) >= start.fastest(radius)
+
+
+def scale_of(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> Scale:
+    """Return the units of an impact: those of the fastest sphere at the beginning, on spheres that just touch.
+
+    Where all are let go from rest, the largest displacement is ℓ, which gives v = √(A/m) ℓ^{5/4}. Adhesion and
+    compression of the spheres are not theirs.
+    """
+    bare = replace(sphere, work_of_adhesion=0.0, contact_force=0.0, adhesion_law="dmt")
+    fastest = max(fastest_striker(strikers), start.fastest(sphere.radius))
+    let_go = sqrt(bare.normal_coefficient / bare.mass) * start.farthest**1.25
+    return Scale.of(bare, fastest or let_go)
+
+
 def stretch(strikers: Sequence[Striker], start: Start, sphere: Sphere) -> float:
     """Return a bound of the stretch and slip of contacts, Δ0: v √(m/k1), and twice the displacement of a state.
 
     The energy ½mv² of a sphere stretches one contact by at most that, and the contacts around it by less. Spheres of
     `sphere` are meant; lighter ones stretch less.
     """
-    speed = max([each.velocity for each in strikers] + [start.fastest(sphere.radius)])
+    speed = max(fastest_striker(strikers), start.fastest(sphere.radius))
     return (speed * sqrt(sphere.mass / sphere.normal_stiffness) + 2 * start.farthest) / sphere.static_overlap
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.crystal.lattices import PERIODIC
 from granular_lmp.errors import RunFolderError
 from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.impact.sections import PERIODIC
 
 # Units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact, and the time, in t0, at
 # which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end

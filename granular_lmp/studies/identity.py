@@ -12,7 +12,6 @@ different runs one name.
 import hashlib
 import json
 from collections.abc import Collection
-from dataclasses import fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -37,7 +36,7 @@ def names_of(scene: Document) -> tuple[str, ...]:
     A name is 16 hexadecimal digits of the SHA-256 of the scene's sorted JSON, without its name and description. Every
     "auto" of the scene must be decided, as in a run folder.
     """
-    known = frozen("0.1.0", type(scene).__name__).keys()
+    known = frozen("0.1.0", "ImpactScene" if scene.bare else "Scene").keys()
     return tuple(dict.fromkeys(_hash(scene, keys) for keys in (known, known - _JOINED)))
 
 
@@ -52,8 +51,8 @@ def frozen(age: str, kind: str) -> dict[str, Any]:
 def _hash(scene: Document, keys: Collection[str]) -> str:
     tables: dict[str, Any] = scene.to_dict() | {"name": None}
     del tables["description"]
-    for table, kind in scene.sections.items():
-        defaults = {item.name: item.default for item in fields(kind)}
+    for table in scene.sections:
+        defaults = {each.name: each.default for each in scene.keys_of(table)}
         held = {
             key: value
             for key, value in tables.pop(table, {}).items()

@@ -5,7 +5,7 @@ Who asks the functions of this module never asks which of the two a scene is.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 from granular_lmp.accuracy import ladder, tolerance
 from granular_lmp.crystal import equilibrium
@@ -18,9 +18,8 @@ from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.impact.run import resume_impact, run_impact
-from granular_lmp.impact.scene import ImpactScene, is_impact, marked
+from granular_lmp.impact.scene import is_impact
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.outputs import SCENE
 from granular_lmp.problem import Problem
 from granular_lmp.problem import prepare as prepare_wave
 from granular_lmp.runs import export as exports
@@ -30,13 +29,13 @@ from granular_lmp.runs.record import Record
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
 
-Runnable = Scene | ImpactScene
+Runnable = Scene
 AnyProblem = Problem | ImpactProblem
 AnyDeck = Deck | ImpactDeck
 Motion = Record | ImpactRecord
 
 
-def read(source: str | Path) -> Runnable:
+def read(source: str | Path) -> Scene:
     """Return the scene in a TOML file, in a folder with a ``scene.toml``, or of the name of a shipped one.
 
     Raises
@@ -44,10 +43,10 @@ def read(source: str | Path) -> Runnable:
     SceneError
         As `Scene.load`.
     """
-    return (ImpactScene if is_impact(source) else Scene).load(source)
+    return Scene.load(source)
 
 
-def scene_of(tables: Mapping[str, Any]) -> Runnable:
+def scene_of(tables: Mapping[str, Any]) -> Scene:
     """Return the scene of nested mappings.
 
     Raises
@@ -55,22 +54,17 @@ def scene_of(tables: Mapping[str, Any]) -> Runnable:
     SceneError
         If a key is unknown or a value is not allowed.
     """
-    return (ImpactScene if marked(tables) else Scene).from_dict(tables)
+    return Scene.from_dict(tables)
 
 
-def scene_in(folder: Path) -> Runnable:
+def scene_in(folder: Path) -> Scene:
     """Return the scene of a run folder, or raise SceneError."""
-    path = folder / SCENE
-    return ImpactScene.load(path) if is_impact(path) else formats.scene_of(folder)
+    return formats.scene_of(folder)
 
 
-@overload
-def prepare(scene: Scene) -> Problem: ...
-@overload
-def prepare(scene: ImpactScene) -> ImpactProblem: ...
-def prepare(scene: Runnable) -> AnyProblem:
+def prepare(scene: Scene) -> Any:
     """Return the problem of a scene; raises SceneError if it cannot be run."""
-    if not isinstance(scene, ImpactScene):
+    if scene.wave is not None:
         return prepare_wave(scene)
     problem = prepare_impact(scene)
     planned_steps(problem)  # raises if a tolerance takes too many
@@ -84,28 +78,24 @@ def planned_steps(problem: AnyProblem) -> int:
     return ladder.planned_steps(problem.declared)
 
 
-@overload
-def build(scene: Scene) -> Deck: ...
-@overload
-def build(scene: ImpactScene) -> ImpactDeck: ...
-def build(scene: Runnable) -> AnyDeck:
+def build(scene: Scene) -> Any:
     """Return the deck of a scene, with a tolerance that of the finest planned run; no file is written.
 
     The errors are those of `granular_lmp.accuracy.ladder.build`.
     """
-    if isinstance(scene, ImpactScene):
+    if scene.wave is None:
         return impact_deck.deck_of(impact_tolerance.planned(prepare_impact(scene)))
     return ladder.build(scene)
 
 
-def with_all(scene: Runnable) -> Runnable:
+def with_all(scene: Scene) -> Scene:
     """Return the scene with every effect on (`granular_lmp.effects.selection.with_all`); its wave says of which."""
     if scene.wave is None:
         raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
     return selection.with_all(scene)
 
 
-def notes_on(scene: Runnable, progress: equilibrium.Progress | None = None) -> list[str]:
+def notes_on(scene: Scene, progress: equilibrium.Progress | None = None) -> list[str]:
     """Return what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ..."."""
     if scene.wave is None:
         return [f"note: {sentence}" for sentence in scene.remarks()]
@@ -115,27 +105,23 @@ def notes_on(scene: Runnable, progress: equilibrium.Progress | None = None) -> l
     return [*(f"note: {sentence}" for sentence in notes), *(f"warning: {sentence}" for sentence in warnings)]
 
 
-def spheres_and_steps(scene: Runnable) -> float:
+def spheres_and_steps(scene: Scene) -> float:
     """Return spheres times steps of all runs of a scene."""
     if scene.time.tolerance is None:
         steps = scene.time.steps
-    elif isinstance(scene, ImpactScene):
+    elif scene.wave is None:
         steps = planned_steps(prepare_impact(scene))
     else:
         steps = ladder.planned_steps(scene)
     return float(scene.shape.spheres * steps)
 
 
-@overload
-def run(what: Scene | Deck, folder: str | Path, **options: Any) -> Record: ...
-@overload
-def run(what: ImpactScene | ImpactDeck, folder: str | Path, **options: Any) -> ImpactRecord: ...
-def run(what: Runnable | AnyDeck, folder: str | Path, **options: Any) -> Motion:
+def run(what: Scene | AnyDeck, folder: str | Path, **options: Any) -> Any:
     """Run a scene or a deck, of a wave or of an impact, in `folder`, which is created, and return its record.
 
     Parameters
     ----------
-    what : Scene, Deck, ImpactScene or ImpactDeck
+    what : Scene, Deck or ImpactDeck
     folder : path
     **options
         ``launcher``, ``ranks``, ``force``, ``progress`` and ``kernel`` of `granular_lmp.accuracy.tolerance.run`, whose
@@ -145,7 +131,7 @@ def run(what: Runnable | AnyDeck, folder: str | Path, **options: Any) -> Motion:
     -------
     Record or ImpactRecord
     """
-    if isinstance(what, ImpactScene | ImpactDeck):
+    if isinstance(what, ImpactDeck) or isinstance(what, Scene) and what.wave is None:
         return run_impact(what, folder, Options(**options))
     return tolerance.run(what, folder, **options)
 

@@ -42,7 +42,7 @@ def fronts(record: ImpactRecord) -> dict[int, Front]:
     found = {}
     for degrees in DIRECTIONS:
         whole = front(record.tau, record.velocity, places, degrees)
-        farthest = min(FARTHEST * record.scene.packing.rows, ASIDE * room / np.cos(np.radians(degrees)))
+        farthest = min(FARTHEST * record.scene.shape.rows, ASIDE * room / np.cos(np.radians(degrees)))
         part = whole.between(NEAREST, farthest)
         if len(part.distance) < FEWEST:
             raise ValueError(

@@ -1,0 +1,282 @@
+"""What does not go together in a scene without ``[wave]``: one list, each line physics or not built, with its sentence.
+
+Each line is a function that returns what is wrong, "" if nothing is. `refuse` raises the first.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, Literal
+
+from granular_lmp.crystal.lattices import CHAIN, FREE, PERIODIC
+from granular_lmp.crystal.scale import DEEPEST
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.declared import Declared
+from granular_lmp.scene.places import place_troubles
+from granular_lmp.scene.strikers import leads, striker_troubles
+from granular_lmp.scene.validation import EPSILON, LARGEST_OVERLAP_RATIO, MOST_SPHERES
+
+Because = Literal["physics", "not built"]
+# ℓ is at least as many roundings of the farthest position; velocities then err by 1e-4 of a striker's
+ROUNDINGS_IN_OVERLAP = 1e4
+LARGEST_RATIO = 10.0  # Radii of a chain differ by this factor at most
+LOOSEST = 0.04  # disorder.radius of a sheet: gaps of neighbours are then below a quarter of the radius
+_LEFT_OUT = "left out beside [[striker]] or [start]"
+_NO_ADHESION = f"{_LEFT_OUT}, as contacts of an impact do not adhere"
+_OF_WAVE = f"is of the scene of a wave: must be {_LEFT_OUT}"
+# Tables and keys that a scene has beside a wave only, and why
+NEEDS_WAVE: Mapping[str, str] = {
+    **dict.fromkeys(("envelope", "absorb", "source"), _OF_WAVE),
+    "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
+    "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
+    "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
+    "effects.adhesion": f"must be {_NO_ADHESION}",
+}
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A line of the list.
+
+    Attributes
+    ----------
+    because : "physics" or "not built"
+    says : callable
+        Scene → what is wrong with it, "" if nothing is.
+    """
+
+    because: Because
+    says: Callable[[Declared], str]
+
+
+REFUSALS: list[Refusal] = []
+
+
+def _line(because: Because) -> Callable[[Callable[[Declared], str]], Callable[[Declared], str]]:
+    """Return what joins a function to the list."""
+
+    def joined(says: Callable[[Declared], str]) -> Callable[[Declared], str]:
+        REFUSALS.append(Refusal(because, says))
+        return says
+
+    return joined
+
+
+def refuse(scene: Declared, lines: Iterable[Refusal] = REFUSALS) -> None:
+    """Raise a SceneError for the first line that refuses a scene."""
+    for line in lines:
+        if sentence := line.says(scene):
+            raise SceneError(sentence)
+
+
+def refuse_tables(tables: Mapping[str, Any]) -> None:
+    """Raise a SceneError for the first table or key that stands in a file without the wave that it belongs to."""
+    for key, why in NEEDS_WAVE.items():
+        table, _, name = key.partition(".")
+        inner = tables.get(table)
+        if table in tables and (not name or isinstance(inner, Mapping) and name in inner):
+            raise SceneError(f"{key}: {why}")
+
+
+def require_wave(scene: Declared) -> None:
+    """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
+    if scene.bare:
+        raise SceneError(
+            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which adopt, "
+            "kick, scatter, view --at-rest and granular-analysis compare do not take"
+        )
+
+
+@_line("physics")
+def nothing_moves(scene: Declared) -> str:
+    if scene.striker or scene.start.moves:
+        return ""
+    return "striker: missing; an impact has a table [[striker]], or a [start] in which a sphere moves"
+
+
+@_line("physics")
+def striker_is_nowhere(scene: Declared) -> str:
+    return next(striker_troubles(scene.striker, scene.shape), "")
+
+
+@_line("not built")
+def spheres_adhere(scene: Declared) -> str:
+    adhesion = scene.material.work_of_adhesion
+    return f"sphere.work_of_adhesion = {adhesion!r}: must be 0 or {_NO_ADHESION}" if adhesion else ""
+
+
+@_line("physics")
+def friction_in_a_chain(scene: Declared) -> str:
+    if scene.lattice != CHAIN or not scene.effects.friction:
+        return ""
+    return f"effects.friction = {scene.effects.friction!r}: must be 0 in a chain, where nothing is sheared"
+
+
+@_line("physics")
+def rotation_without_friction(scene: Declared) -> str:
+    if scene.effects.rotation or scene.effects.friction:
+        return ""
+    return "effects.rotation = false: must be left out where effects.friction = 0.0, as nothing turns a sphere"
+
+
+@_line("not built")
+def inclusion_that_adheres(scene: Declared) -> str:
+    found = (
+        f"inclusion {number}: work_of_adhesion = {each.work_of_adhesion!r}: must be left out"
+        for number, each in enumerate(scene.inclusion, 1)
+        if each.work_of_adhesion
+    )
+    return next(found, "")
+
+
+@_line("not built")
+def another_radius_in_a_sheet(scene: Declared) -> str:
+    found = (
+        f"inclusion {number}: radius = {each.radius!r}: must be that of all spheres in a sheet, whose contacts would "
+        "open or be pressed together; density and moduli may differ"
+        for number, each in enumerate(scene.inclusion, 1)
+        if each.radius not in (None, scene.sphere.radius)
+    )
+    return next(found, "") if scene.lattice != CHAIN else ""
+
+
+@_line("physics")
+def spheres_of_other_sizes(scene: Declared) -> str:
+    radius = scene.sphere.radius
+    found = (
+        f"inclusion {number}: radius = {each.radius!r}: must be from {1 / LARGEST_RATIO:g} to {LARGEST_RATIO:g} times "
+        f"sphere.radius = {radius!r}"
+        for number, each in enumerate(scene.inclusion, 1)
+        if each.radius and not 1 / LARGEST_RATIO <= each.radius / radius <= LARGEST_RATIO
+    )
+    return next(found, "")
+
+
+@_line("physics")
+def vacancy_in_a_chain(scene: Declared) -> str:
+    if scene.lattice != CHAIN:
+        return ""
+    for number, each in enumerate(scene.inclusion, 1):
+        if each.vacancy:
+            return f"inclusion {number}: vacancy = true: must be false in a chain, which it would part"
+    share = scene.disorder.vacancies
+    return f"disorder.vacancies = {share!r}: must be 0 in a chain, which they would part" if share else ""
+
+
+@_line("not built")
+def gaps_too_wide(scene: Declared) -> str:
+    spread = scene.disorder.radius
+    if scene.lattice == CHAIN or spread <= LOOSEST:
+        return ""
+    return (
+        f"disorder.radius = {spread!r}: must be at most {LOOSEST} in a sheet, whose neighbours have gaps of up to six "
+        "times as many radii; good values are of the order of overlap / radius, "
+        f"{scene.scale.length / scene.sphere.radius:.2g}"
+    )
+
+
+@_line("physics")
+def chain_with_sides(scene: Declared) -> str:
+    packing = scene.packing
+    if scene.lattice != CHAIN or packing.columns == 1 and packing.sides == FREE:
+        return ""
+    return (
+        f'packing.columns = {packing.columns} and packing.sides = "{packing.sides}": must be 1 and "{FREE}" in a chain'
+    )
+
+
+@_line("not built")
+def pressed_sheet(scene: Declared) -> str:
+    if scene.lattice == CHAIN or not scene.packing.contact_force:
+        return ""
+    return (
+        f"packing.contact_force = {scene.packing.contact_force!r}: must be 0 in a sheet, which a force along y does "
+        'not press alike in all contacts; packing.lattice = "chain" has it'
+    )
+
+
+@_line("physics")
+def restitution_of_pressed_spheres(scene: Declared) -> str:
+    if not scene.packing.contact_force or scene.effects.restitution == 1:
+        return ""
+    return (
+        f"effects.restitution = {scene.effects.restitution!r}: must be 1 beside packing.contact_force, as it is "
+        "that of a collision of spheres that part again"
+    )
+
+
+@_line("physics")
+def too_few_columns(scene: Declared) -> str:
+    columns, fewest = scene.shape.columns, scene.lattice.fewest_columns
+    if scene.packing.sides != PERIODIC or columns >= fewest:
+        return ""
+    return (
+        f"packing.columns = {columns}: must be at least {fewest} between periodic sides, where a sphere would touch "
+        "two images of one neighbour"
+    )
+
+
+@_line("physics")
+def too_many_spheres(scene: Declared) -> str:
+    shape = scene.shape
+    if shape.spheres <= MOST_SPHERES:
+        return ""
+    return (
+        f"packing.rows x packing.columns = {shape.rows} x {shape.columns}: must be at most {MOST_SPHERES} "
+        "spheres (LAMMPS takes 690 MB for each million)"
+    )
+
+
+@_line("physics")
+def places_outside(scene: Declared) -> str:
+    places = {} if scene.output.everyone else {"output": (scene.output.rows, scene.output.spheres)}
+    places |= {"start.state": ((), scene.start.places)} if scene.start.state else {}
+    troubles = (
+        f"{name}: {trouble}"
+        for name, (rows, spheres) in places.items()
+        for trouble in place_troubles(rows, spheres, scene.shape)
+    )
+    return next(troubles, "")
+
+
+def _fastest(scene: Declared) -> str:
+    """Return where the scene says which sphere is the fastest at the beginning, and its velocity."""
+    strikes = leads(scene.striker, scene.start, scene.sphere.radius)
+    begins = "start.state" if scene.start.state else "start.noise"
+    return f"{'striker' if strikes else begins}: velocity = {scene.scale.velocity:.6g}"
+
+
+@_line("physics")
+def too_deep(scene: Declared) -> str:
+    rest, length = scene.sphere.static_overlap, scene.scale.length
+    deepest = (rest + DEEPEST * length) / (2 * scene.sphere.radius)  # the force of both is that of one at most
+    if deepest <= LARGEST_OVERLAP_RATIO:
+        return ""
+    pressed = f"packing.contact_force = {scene.packing.contact_force!r}"
+    return (
+        f"{_fastest(scene) if rest < DEEPEST * length else pressed}: two spheres would overlap by {deepest:.3g} of the "
+        f"diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+    )
+
+
+@_line("physics")
+def lost_in_rounding(scene: Declared) -> str:
+    shape, farthest = scene.shape, scene.start.farthest
+    rounding = EPSILON / 2 * (max(shape.rows, shape.columns) * scene.sphere.radius + farthest)
+    rate = sqrt(1.5 * sqrt(scene.sphere.static_overlap / scene.scale.length))  # of spheres at rest, 1/t0
+    motion = scene.scale.length / max(1.0, rate)  # ℓ, or v/ω of spheres that are pressed together
+    if motion >= ROUNDINGS_IN_OVERLAP * rounding:
+        return ""
+    return (
+        f"{_fastest(scene)}: its overlap of {motion:.3g} m is less than {ROUNDINGS_IN_OVERLAP:g} roundings of a "
+        f"position in {shape.rows} rows x {shape.columns} columns, displaced by {farthest:.4g} m; must be faster, or "
+        "these smaller"
+    )
+
+
+@_line("physics")
+def no_sample_in_the_run(scene: Declared) -> str:
+    time = scene.time
+    if time.sample <= time.duration:
+        return ""
+    return f"time.sample = {time.sample!r}: must be at most time.duration = {time.duration!r}"

@@ -1,0 +1,58 @@
+"""A scene in words, for titles and for errors: each function takes the tables that it speaks of."""
+
+from collections.abc import Sequence
+
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import CHAIN
+from granular_lmp.scene.declared import Declared
+from granular_lmp.scene.sections import Wave
+from granular_lmp.scene.sources import Source
+from granular_lmp.scene.start import Start
+from granular_lmp.scene.strikers import Striker, fastest_striker
+
+
+def imperfections(disorder: Disorder, inclusions: Sequence[Inclusion]) -> str:
+    """Return imperfections in words, "" in a perfect lattice: "radius 0.0001, seed 1, 2 inclusions"."""
+    spread = {"radius": disorder.radius, "density": disorder.density, "vacancies": disorder.vacancies}
+    words = [f"{name} {value!r}" for name, value in spread.items() if value]
+    drawn = bool(words) or any(each.share for each in inclusions)
+    words += [f"seed {disorder.seed}"] if drawn else []
+    count = len(inclusions)
+    words += [f"{count} inclusion{'s' if count > 1 else ''}"] if count else []
+    return ", ".join(words)
+
+
+def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start, wave: Wave) -> str:
+    """Return the count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
+    counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
+    said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
+    return " and ".join(said) + (" in units of " if wave.form == "none" else " beside ") if said else ""
+
+
+def across(wave: Wave, sources: Sequence[Source], start: Start) -> str:
+    """Return the first key that moves spheres across y or turns them, with its value; "" if all moves along y."""
+    words = [] if wave.form == "none" or wave.mode == "L" else [f"wave.mode = {wave.mode!r}"]
+    for number, each in enumerate(sources, 1):
+        kind = "motion" if each.motion else "force"
+        words += [] if getattr(each, kind) == "y" else [f"source {number}: {kind} = {getattr(each, kind)!r}"]
+    # Strikers and states that move spheres across a chain are refused in any
+    words += ["start.state: a spin above 0"] if start.motion[:, 4].any() else []
+    return next(iter(words), "")
+
+
+def of_impact(scene: Declared) -> str:
+    """Return size and strikers of a scene without a wave: "a chain of 60 spheres that just touch, struck at 1 m/s"."""
+    packing, shape = scene.packing, scene.shape
+    size = (
+        f"a chain of {shape.rows} spheres"
+        if scene.lattice == CHAIN
+        else f"a {packing.lattice} sheet of {shape.rows} rows x {shape.columns} columns"
+    )
+    force, gaps = packing.contact_force, scene.lattice != CHAIN and scene.disorder.radius
+    rest = f"pressed together by {force:.6g} N" if force else "that just touch"
+    if gaps:
+        rest = f"with gaps (disorder.radius = {gaps:g})"
+    struck = [f"struck at {fastest_striker(scene.striker):.6g} m/s"] if scene.striker else []
+    begins = ["which begins in a given state"] if scene.start.state else []
+    begins += [f"with random velocities of up to {scene.start.noise:.6g} m/s"] if scene.start.noise else []
+    return ", ".join([f"{size} {rest}", *struck, *begins])
