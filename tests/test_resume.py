@@ -61,7 +61,7 @@ def stop(step: int, steps: int) -> None:
 
 
 def begun(scene: Scene | ImpactScene, folder: Path) -> object:
-    if isinstance(scene, ImpactScene):
+    if scene.wave is None:
         return run_impact(scene, folder, Options(progress=stop))
     return run(scene, folder, progress=stop)
 

@@ -94,8 +94,8 @@ def scene_of(options: Options, load: "Callable[[str], Runnable] | None" = None) 
 
 def wave_scene_of(options: Options) -> "Scene":
     """Return the scene that is asked for, as `scene_of`; raises SceneError if it has no wave."""
-    from granular_lmp.scene.scene import Scene
+    from granular_lmp.scene.refusals import require_wave
 
-    scene = scene_of(options, Scene.load)
-    assert scene.wave is not None
+    scene = scene_of(options)
+    require_wave(scene)
     return scene

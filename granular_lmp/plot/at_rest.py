@@ -11,6 +11,7 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
+from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 
 MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
@@ -29,6 +30,7 @@ def at_rest_figure(scene: Scene) -> Picture:
         If the scene is a perfect lattice, in which all spheres and contacts are equal, or has more than `MOST_DRAWN`
         spheres.
     """
+    require_wave(scene)
     if scene.perfect:
         raise ViewError(f"{scene.name}: its spheres and contacts are all equal; there is nothing to draw at rest")
     crystal = crystal_of(scene)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from granular_lmp import ImpactScene, build
+from granular_lmp import build
 from granular_lmp.errors import CrystalError, SceneError
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
@@ -42,9 +42,11 @@ REFUSALS: dict[str, str] = {
     r"must lie between the faces that are held|is at a face that is held|for a sphere of a held row": PHYSICS,
     r'packing.(first|last) = "free": .*absorb.rows': NOT_BUILT,
     # impacts
-    r"^(wave.mode|effects.\w+): unknown key": NOT_BUILT,
+    r"^effects.\w+: unknown key": NOT_BUILT,
     r"is of the scene of a wave": NOT_BUILT,
-    r"packing.last = 'quiet': must be one of": NOT_BUILT,
+    r"packing.last = '(quiet|wall)': must be one of": NOT_BUILT,
+    r"effects.restitution = .*: LAMMPS has it for contacts without adhesion only": PHYSICS,
+    r"no two spheres touch at rest: all are too small for their places": PHYSICS,
     r"sphere.work_of_adhesion = .*must be 0 or left out": NOT_BUILT,
     r'packing.sides = "periodic": must be 1 and "free" in a chain': PHYSICS,
     r"vacancy = true: .*in a chain": PHYSICS,
@@ -73,7 +75,7 @@ def message(kind: Kind, settings: Settings) -> str:
     """Return why a scene with these settings is refused; "" if its deck is built."""
     try:
         scene = kind.scene.with_values(settings)
-        deck = deck_of(planned(prepare(scene))) if isinstance(scene, ImpactScene) else build(scene)
+        deck = deck_of(planned(prepare(scene))) if scene.wave is None else build(scene)
     except (SceneError, CrystalError) as error:
         return str(error)
     assert deck.files()

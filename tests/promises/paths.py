@@ -111,7 +111,7 @@ class Path_:
 
 def run_one(what: AnyScene | Deck | ImpactDeck, folder: Path, options: Options) -> Path:
     """Run a scene or a deck, of a wave or of an impact, and return its folder."""
-    if isinstance(what, ImpactScene | ImpactDeck):
+    if isinstance(what, ImpactDeck) or isinstance(what, Scene) and what.wave is None:
         run_impact(what, folder, options)
     else:
         given = {name: getattr(options, name) for name in ("launcher", "ranks", "force", "progress", "kernel")}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_lmp import ImpactScene, Scene, build
+from granular_lmp import Scene, build
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, RunInterrupted
 from granular_lmp.impact.deck import ImpactDeck
@@ -160,7 +160,7 @@ def test_a_stopped_run_is_continued_to_the_same_bytes(path: Path_, tmp_path: Pat
     scene = scene.with_values(
         {"time.duration": 25 * scene.time.duration, "output.checkpoint": spheres * 100 / SPEED / 60 / path.ranks}
     )
-    if isinstance(scene, Scene):
+    if scene.wave is not None:
         scene = scene.with_values({"time.allow_echo": True})
 
     def stop(step: int, steps: int) -> None:
@@ -203,7 +203,7 @@ def test_a_file_that_was_changed_is_refused(path: Path_, runs: Runs) -> None:
 @on("guards")
 def test_a_guard_fails_the_run(path: Path_, tmp_path: Path) -> None:
     scene = path.scene()
-    if isinstance(scene, ImpactScene):
+    if scene.wave is None:
         deck: Deck | ImpactDeck = deck_of_impact(prepare_impact(scene))
         # Hertz's law breaks: the deck is of a striker ten thousand times as fast
         old, new, guard = r"(velocity +striker set \S+ )(\S+)", r"\g<1>$(1e4*\g<2>)", "largest_overlap"
