@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular_lmp import Scene, build
+from granular_lmp import build
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, RunInterrupted
 from granular_lmp.impact.deck import ImpactDeck
