@@ -26,6 +26,7 @@ def shaken(sources: Sequence[Source], strikers: Sequence[Striker], start: Start,
     """Return the count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
     counts = {"source": len(sources), "striker": len(strikers), "state": bool(start.state)}
     said = [f"{count:d} {name}{'s' * (count > 1)}" for name, count in counts.items() if count]
+    said += ["noise"] if start.noise else []
     return " and ".join(said) + (" in units of " if wave.form == "none" else " beside ") if said else ""
 
 
