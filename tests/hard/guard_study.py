@@ -33,9 +33,9 @@ from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.runs.record import read_status
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, quiet_rows
 from granular_lmp.units import units_for
+from tests.pages import placed
 
 Floats = NDArray[np.float64]
-BEGIN, END = "<!-- guards: begin -->", "<!-- guards: end -->"
 RUN = "run ${steps}"
 SNAPSHOTS = "steps.bin"  # the name makes LAMMPS write it as binary
 FAMILIES = ("running", "standing", "walled", "driven", "packet", "beam", "pulse", "imperfect", "damped")
@@ -374,8 +374,7 @@ def main() -> None:
         print(text)
         return
     page = arguments.write.read_text(encoding="utf-8")
-    head, rest = page.split(BEGIN)
-    arguments.write.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    arguments.write.write_text(placed(page, "guards", text), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -31,10 +31,10 @@ from granular_lmp.impact import tolerance as impacts
 from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.problem import prepare, step_rules
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
+from tests.pages import placed
 
 Floats = NDArray[np.float64]
 Signals = dict[str, Floats]
-BEGIN, END = "<!-- ladders: begin -->", "<!-- ladders: end -->"
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
 FACTORS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # runs of each scene, over the fewest steps per sample
 FINEST = 400  # steps per sample: the study does not follow a ladder beyond
@@ -278,8 +278,7 @@ def main() -> None:
         print(text)
         return
     page = arguments.write.read_text(encoding="utf-8")
-    head, rest = page.split(BEGIN)
-    arguments.write.write_text(f"{head}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}", encoding="utf-8")
+    arguments.write.write_text(placed(page, "ladders", text), encoding="utf-8")
 
 
 if __name__ == "__main__":
