@@ -1,5 +1,6 @@
 """The work-precision study: errors react, budgets drop, nothing is run twice, and Ctrl-C loses nothing."""
 
+import csv
 import json
 import signal
 import subprocess
@@ -14,8 +15,10 @@ import numpy as np
 import pytest
 
 from analysis.measure.norms import relative_error
+from analysis.theory.chain import uniform
+from analysis.theory.chain_motion import integrate
 from analysis.theory.choice import trajectory, wave_of
-from granular_lmp import Record, Scene, build, run
+from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, build, load, run
 from granular_lmp.errors import (
     GranularError,
     LammpsError,
@@ -214,7 +217,7 @@ def test_the_reference_is_finer_than_every_step_of_the_knob(small: Scene) -> Non
 def counted(monkeypatch: pytest.MonkeyPatch, stop_after: int = 10**9) -> list[str]:
     """Names of the runs that are really done; Ctrl-C comes in the one after `stop_after`."""
     done: list[str] = []
-    real = module.tolerance.run
+    real = module.run_scene
 
     def run_one(scene: Scene, folder: Path, **options: Any) -> Record:
         if len(done) == stop_after:
@@ -222,7 +225,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, stop_after: int = 10**9) -> list[st
         done.append(folder.parent.name)
         return real(scene, folder, **options)
 
-    monkeypatch.setattr(module.tolerance, "run", run_one)
+    monkeypatch.setattr(module, "run_scene", run_one)
     return done
 
 
@@ -279,7 +282,7 @@ FailWith = Callable[[GranularError | None], None]
 @pytest.fixture
 def fail_with(monkeypatch: pytest.MonkeyPatch) -> FailWith:
     """Let the runs with the step 0.25 raise an error; with None they are run again."""
-    real = module.tolerance.run
+    real = module.run_scene
 
     def patch(error: GranularError | None) -> None:
         def run_one(scene: Scene, folder: Path, **options: Any) -> Record:
@@ -287,7 +290,7 @@ def fail_with(monkeypatch: pytest.MonkeyPatch) -> FailWith:
                 raise error
             return real(scene, folder, **options)
 
-        monkeypatch.setattr(module.tolerance, "run", run_one)
+        monkeypatch.setattr(module, "run_scene", run_one)
 
     return patch
 
@@ -487,3 +490,57 @@ def test_a_crystal_keeps_its_size_in_every_setting() -> None:
     assert "tolerance, strip" in {point.knob for point in made}
     with pytest.raises(SceneError, match="must be a running plane wave along y"):
         base(scene.with_values({"wave.form": "standing"}))
+
+
+# --- a scene without a wave ---
+
+CHAIN = ImpactScene.load("solitary_chain").with_values(
+    {"packing.rows": 12, "packing.last": "free", "time.duration": 20.0, "time.sample": 1.0}
+)
+
+
+@pytest.fixture(scope="module")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """All knobs of a struck chain, one round."""
+    folder = tmp_path_factory.mktemp("cost") / "struck"
+    return folder, measure(plan(CHAIN, folder, repeats=1))
+
+
+def test_the_errors_are_those_against_theory(struck: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = struck
+    start = np.eye(12)[0]
+    _, exact = integrate(uniform(12), 0 * start, start, np.arange(1.0, 21.0), 1e-11)
+    left = result["reference"]["error_velocity"]
+    assert left < 1e-8
+    found, records = rows(result, "time step"), [*map(load, folder.glob("runs/*/1"))]
+    stepped = {f"{each.scene.time.step:.4g}": each for each in records if each.scene.time.tolerance is None}
+    for step, row in found.items():
+        record = stepped[step]
+        assert isinstance(record, ImpactRecord)
+        true = np.max(np.abs(record.velocity[1:, :, 1] - exact))
+        assert row["error_velocity"] == pytest.approx(true, abs=2 * left)
+    assert [row["slope"] for row in found.values()][1:] == pytest.approx([-2] * 5, abs=0.1)
+    assert all(row["error_spin"] is None for row in found.values())  # nothing turns a sphere of a chain
+
+
+def test_a_tolerance_is_met_and_pairs_are_better(struck: tuple[Path, dict[str, Any]]) -> None:
+    _, result = struck
+    for tolerance, row in rows(result, "tolerance, strip").items():
+        assert row["error_velocity"] < float(tolerance)
+    single = [row["error_velocity"] for row in rows(result, "time step").values()][1:]
+    paired = [row["error_velocity"] for row in rows(result, "Richardson pair").values()]
+    assert all(pair < one / 5 for pair, one in zip(paired, single, strict=True))
+
+
+def test_what_a_strike_has_not_is_left_out_by_name(struck: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = struck
+    missing = {"columns", "ends", "output", "effects", "strip or sheet"}
+    assert {row["knob"] for row in result["points"]} == set(KNOBS) - missing
+    assert set(result["left_out"]) >= missing
+    with (folder / "cost.csv").open(newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert [float(line["error_velocity"]) for line in table] == [row["error_velocity"] for row in result["points"]]
+    assert "velocity" in text(result).splitlines()[0]
+    assert plan(CHAIN, folder, repeats=1).todo() == []  # the same study is done
+    best, fine = read_status(folder / "reference")["error_estimate"], result["reference"]["error_velocity"]
+    assert best["velocity"] == fine

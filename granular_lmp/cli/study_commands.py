@@ -2,7 +2,6 @@
 
 import argparse
 from math import inf
-from typing import TYPE_CHECKING
 
 from granular_lmp.cli.arguments import (
     Commands,
@@ -17,10 +16,6 @@ from granular_lmp.cli.arguments import (
     wave_scene_of,
 )
 from granular_lmp.cli.output import interruptible, progress_of_runs, remark, say
-from granular_lmp.errors import LaunchError
-
-if TYPE_CHECKING:
-    from granular_lmp.impact.scene import ImpactScene
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -65,12 +60,12 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
     cost = add(commands, "cost", _cost, "find out what accuracy costs: each setting of a run, seconds against error")
     scene_arguments(cost)
     cost.add_argument("-o", "--output", metavar="DIR", help="study folder (default: costs/NAME)")
-    cost.add_argument("--repeats", type=positive, metavar="N", help="rounds of a wave (default: 5)")
+    cost.add_argument("--repeats", type=positive, metavar="N", help="rounds (default: 5)")
     cost.add_argument(
         "--budget",
         type=_seconds,
         metavar="SECONDS",
-        help="of a wave: leave out what takes longest until this is met; that of one call, another call has its own",
+        help="leave out what takes longest until this is met; that of one call, another call has its own",
     )
 
     kick = add(commands, "kick", _kick, "kick a periodic sheet at random and record all its spheres: its dispersion")
@@ -150,8 +145,6 @@ def _cost(options: Options) -> int:
     from granular_lmp.studies.tally import failed, text
 
     scene = scene_of(options)
-    if scene.wave is None:
-        return _cost_of_strike(scene, options)
     folder = options.output or f"costs/{scene.name}"
     planned = plan(scene, folder, repeats=options.repeats or 5, budget=options.budget or inf)
     say(f"{scene.name}: {len(planned.points)} settings, {len(planned.todo())} runs, about {planned.seconds:.0f} s")
@@ -163,20 +156,6 @@ def _cost(options: Options) -> int:
     say(text(result))
     say(f"{folder}: cost.json, cost.csv")
     return int(any(map(failed, result["points"])))
-
-
-def _cost_of_strike(scene: "ImpactScene", options: Options) -> int:
-    from granular_lmp.studies.impact_cost import cost_of_impact
-
-    for name in ("repeats", "budget"):
-        if getattr(options, name) is not None:
-            raise LaunchError(f"--{name}: is for the scene of a wave; must be left out")
-    folder = options.output or f"costs/{scene.name}"
-    with interruptible() as bar:
-        found = cost_of_impact(scene, folder, progress=bar and progress_of_runs)
-    say(found.text())
-    say(f"{folder}: cost.csv, sweep.csv")
-    return 0
 
 
 def _kick(options: Options) -> int:

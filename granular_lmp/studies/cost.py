@@ -1,8 +1,9 @@
 """A work–precision study: the cost of each setting of a run in seconds, and its accuracy.
 
 Every setting of `granular_lmp.studies.cost_settings` is run in several rounds, so that other load on the machine
-affects all settings alike. The time is the median of the rounds; the errors are relative L2 errors of p, q, φ against
-LAMMPS itself, extrapolated from fine steps.
+affects all settings alike. The time is the median of the rounds; the errors are those against LAMMPS itself,
+extrapolated from fine steps: of a wave relative L2 errors of p, q, φ, else the largest of velocities and spins over the
+velocity of the fastest striker, and of displacements over the largest.
 
 A study folder holds ``runs/HASH/N`` (a run folder for each round N), ``reference`` (a run folder whose trajectory is
 the extrapolated one), and ``cost.json`` and ``cost.csv``, which are made from those. A study that was stopped, or is
@@ -19,18 +20,18 @@ from statistics import median
 from time import monotonic
 from typing import Any
 
-from granular_lmp.accuracy import tolerance
-from granular_lmp.accuracy.ladder import build
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
+from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import COST, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.studies.forecast import speed
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
+from granular_lmp.studies.runnable import Runnable, build, scene_of
+from granular_lmp.studies.runnable import run as run_scene
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
@@ -67,7 +68,7 @@ class Plan:
     """
 
     folder: Path
-    scene: Scene
+    scene: Runnable
     points: list[Point]
     left_out: dict[str, str]
     repeats: int
@@ -96,13 +97,13 @@ class Plan:
         return sum(self.price(run) for run, _ in self.todo())
 
 
-def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
+def plan(scene: Runnable, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
     """Return the plan of a study with its expected time, from a short run of the scene; the folder is not touched.
 
     Parameters
     ----------
     scene : Scene
-        Running plane wave along y.
+        A running plane wave along y, or a scene without a wave.
     folder : path
         Study folder, new or of the same study.
     repeats : int
@@ -228,7 +229,7 @@ def _save(plan: Plan) -> dict[str, Any]:
     return result
 
 
-def _check_folder(folder: Path, scene: Scene) -> None:
+def _check_folder(folder: Path, scene: Runnable) -> None:
     """Raise RunFolderError if the folder exists and is not that of a study of this scene."""
     refuse_long(folder)
     if not folder.exists():
@@ -237,7 +238,7 @@ def _check_folder(folder: Path, scene: Scene) -> None:
         raise RunFolderError(f"{folder}: is there already; choose another folder")
     if (folder / COST).is_file():
         try:
-            there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
+            there = scene_of(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
         if scene_hash(there) != scene_hash(scene):
@@ -259,10 +260,11 @@ def _run(run: Run, folder: Path) -> None:
     """Do one run; if it fails, its folder holds the message."""
     try:
         if run.output == "probe":
-            tolerance.run(run.scene, folder, ranks=run.ranks, force=True)
+            run_scene(run.scene, folder, ranks=run.ranks, force=True)
         else:
             deck, output = build(run.scene), OUTPUTS[run.output]
-            keep_centre(deck, tolerance.run(edited(deck, output), folder, ranks=run.ranks, force=True), output)
+            assert isinstance(deck, Deck)
+            keep_centre(deck, run_scene(edited(deck, output), folder, ranks=run.ranks, force=True), output)
     except RunInterrupted:
         raise
     except GranularError as error:

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from granular_lmp.accuracy.ladder import finest_step, planned_steps, with_step
+from granular_lmp.accuracy.ladder import finest_step, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.effects.selection import warnings, with_all
+from granular_lmp.effects.selection import warnings
 from granular_lmp.errors import GranularError, LaunchError, SceneError
-from granular_lmp.problem import prepare, step_rules
 from granular_lmp.runs.options import core_count
-from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
+from granular_lmp.studies.runnable import Runnable, build, prepare, spheres_and_steps, with_all
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
@@ -32,7 +31,7 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 class Run:
     """One run of LAMMPS, or with a tolerance its runs: a scene, a name in `OUTPUTS`, and the number of MPI ranks."""
 
-    scene: Scene
+    scene: Runnable
     output: str = "probe"
     ranks: int = 1
 
@@ -46,7 +45,7 @@ class Run:
     def work(self) -> float:
         """Spheres times steps, with the equivalent of the time for the output."""
         output = OUTPUTS[self.output].work * (self.scene.time.samples + 1)
-        return self.scene.shape.spheres * (planned_steps(self.scene) + output)
+        return spheres_and_steps(self.scene) + self.scene.shape.spheres * output
 
 
 @dataclass(frozen=True)
@@ -61,17 +60,19 @@ class Point:
         return f"{self.knob}: {self.setting}"
 
 
-def base(scene: Scene) -> Scene:
+def base(scene: Runnable) -> Runnable:
     """Return the scene that every setting changes: with a step instead of a tolerance, and the snapped ξ.
 
-    It has no snapshots of all spheres, because the output is one of the settings.
+    Of a wave it has no snapshots of all spheres, because the output is one of the settings.
 
     Raises
     ------
     SceneError
-        If the wave is not a running plane wave along y.
+        If the scene cannot be run, or its wave is not a running plane wave along y.
     """
     prepare(scene)
+    if scene.wave is None:
+        return build(scene).problem.scene
     if not scene.starts_along_y:
         raise SceneError(
             f"wave: {scene.wave_words}: must be a running plane wave along y; rows and columns of others are no knobs"
@@ -81,7 +82,7 @@ def base(scene: Scene) -> Scene:
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 
-def reference(scene: Scene) -> Point:
+def reference(scene: Runnable) -> Point:
     """Return the reference of all settings: three runs with steps finer than those of the time-step settings.
 
     The two finer runs are extrapolated; the extrapolation of the two coarser ones gives the error of the reference.
@@ -90,7 +91,7 @@ def reference(scene: Scene) -> Point:
     return Point(REFERENCE, f"{step:.3g} + half + quarter", tuple(_stepped(scene, step / 2**k) for k in range(3)))
 
 
-def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
+def points(scene: Runnable) -> tuple[list[Point], dict[str, str]]:
     """Return all settings, and those that the scene or the machine excludes with the reason.
 
     Parameters
@@ -100,7 +101,11 @@ def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
     """
     made, refused = [], {}
     for knob, settings in KNOBS.items():
-        if knob in OTHER_CRYSTALS and not (scene.perfect and scene.shape.infinite):
+        if scene.wave is None:
+            if knob not in OF_STRIKES:
+                refused[knob] = "is of a scene with a wave"
+                continue
+        elif knob in OTHER_CRYSTALS and not (scene.perfect and scene.shape.infinite):
             refused[knob] = "is another crystal where spheres differ or are missing, or faces are free"
             continue
         for setting, changed in settings(scene).items():
@@ -118,49 +123,51 @@ def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
 Make = Callable[[], tuple[Run, ...]]
 
 
-def _stepped(scene: Scene, step: float) -> Run:
-    return Run(with_step(scene, step))
+def _stepped(scene: Runnable, step: float) -> Run:
+    return Run(scene.with_values({"time.timestep": step}))
 
 
-def _pair(scene: Scene, step: float) -> tuple[str, tuple[Run, ...]]:
+def _pair(scene: Runnable, step: float) -> tuple[str, tuple[Run, ...]]:
     return f"{step:.4g} + {step / 2:.4g}", (_stepped(scene, step), _stepped(scene, step / 2))
 
 
-def _steps(scene: Scene) -> list[float]:
+def _steps(scene: Runnable) -> list[float]:
     """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
-    longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in step_rules(scene))) + 1)
+    rules = prepare(scene).step_rules
+    longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
-def _changed(scene: Scene, values: Mapping[str, Any], **how: Any) -> Make:
+def _changed(scene: Runnable, values: Mapping[str, Any], **how: Any) -> Make:
     return lambda: (Run(scene.with_values(values), **how),)
 
 
-def _strip(scene: Scene) -> dict[str, Any]:
+def _strip(scene: Runnable) -> dict[str, Any]:
     """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number.
 
     A crystal that is not perfect, or has sides or a free end, keeps its size.
     """
-    if not scene.perfect or not scene.shape.infinite:
+    if scene.wave is None or not scene.perfect or not scene.shape.infinite:
         return {}
     fewer_rows = {} if scene.shape.along_y else {"packing.rows": "auto"}
     return {"packing.columns": "auto", **fewer_rows}
 
 
-def _time_step(scene: Scene) -> dict[str, Make]:
+def _time_step(scene: Runnable) -> dict[str, Make]:
     return {f"{step:.4g}": lambda step=step: (_stepped(scene, step),) for step in _steps(scene)}  # type: ignore[misc]
 
 
-def _pairs(scene: Scene) -> dict[str, Make]:
+def _pairs(scene: Runnable) -> dict[str, Make]:
     made = (_pair(scene, step) for step in _steps(scene)[:-1])
     return {setting: lambda runs=runs: runs for setting, runs in made}  # type: ignore[misc]
 
 
-def _tolerance(scene: Scene) -> dict[str, Make]:
+def _tolerance(scene: Runnable) -> dict[str, Make]:
     def make(tolerance: float) -> Make:
         def run() -> tuple[Run, ...]:
             strip = scene.with_values(_strip(scene) | {"time.tolerance": tolerance})
-            check_floor(strip, linear_signals(strip))
+            if strip.wave is not None:
+                check_floor(strip, linear_signals(strip))
             return (Run(strip),)
 
         return run
@@ -168,11 +175,11 @@ def _tolerance(scene: Scene) -> dict[str, Make]:
     return {f"{tolerance:.0e}": make(tolerance) for tolerance in TOLERANCES}
 
 
-def _columns(scene: Scene) -> dict[str, Make]:
+def _columns(scene: Runnable) -> dict[str, Make]:
     return {str(columns): _changed(scene, {"packing.columns": columns}) for columns in COLUMN_COUNTS}
 
 
-def _ends(scene: Scene) -> dict[str, Make]:
+def _ends(scene: Runnable) -> dict[str, Make]:
     few = {"packing.rows": "auto"}
     return {
         f"{scene.shape.rows} rows, {scene.shape.ends}": _changed(scene, {}),
@@ -181,7 +188,7 @@ def _ends(scene: Scene) -> dict[str, Make]:
     }
 
 
-def _outputs(scene: Scene) -> dict[str, Make]:
+def _outputs(scene: Runnable) -> dict[str, Make]:
     def make(name: str) -> Make:
         def run() -> tuple[Run, ...]:
             return (Run(scene, name),)
@@ -191,7 +198,7 @@ def _outputs(scene: Scene) -> dict[str, Make]:
     return {name: make(name) for name in OUTPUTS}
 
 
-def _effects(scene: Scene) -> dict[str, Make]:
+def _effects(scene: Runnable) -> dict[str, Make]:
     chosen = prepare(scene).effects
     on = {effect.name: effect.on for effect in chosen}
 
@@ -214,7 +221,7 @@ def _effects(scene: Scene) -> dict[str, Make]:
     }
 
 
-def _ranks(scene: Scene) -> dict[str, Make]:
+def _ranks(scene: Runnable) -> dict[str, Make]:
     def make(ranks: int) -> Make:
         def run() -> tuple[Run, ...]:
             if ranks > core_count():
@@ -226,7 +233,7 @@ def _ranks(scene: Scene) -> dict[str, Make]:
     return {str(ranks): make(ranks) for ranks in RANKS}
 
 
-def _sheet(scene: Scene) -> dict[str, Make]:
+def _sheet(scene: Runnable) -> dict[str, Make]:
     """Return the fewest spheres, and a sheet with every effect and LAMMPS's default dump of all positions."""
     sheet = {"packing.columns": SHEET_WIDTH}
     return {
@@ -235,7 +242,7 @@ def _sheet(scene: Scene) -> dict[str, Make]:
     }
 
 
-KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
+KNOBS: dict[str, Callable[[Runnable], dict[str, Make]]] = {
     "time step": _time_step,
     "Richardson pair": _pairs,
     "tolerance, strip": _tolerance,
@@ -246,6 +253,8 @@ KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "ranks": _ranks,
     "strip or sheet": _sheet,
 }
+# Groups of a scene without a wave
+OF_STRIKES = frozenset({"time step", "Richardson pair", "tolerance, strip", "ranks"})
 # Groups that change the size of the packing, which draws other spheres
 OTHER_CRYSTALS = frozenset({"columns", "ends", "strip or sheet"})
 # Groups whose settings are ordered by work, so that the slope of the error has a meaning

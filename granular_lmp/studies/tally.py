@@ -3,6 +3,7 @@
 Everything is read from the run folders of the study (`granular_lmp.studies.cost`).
 """
 
+from dataclasses import replace
 from math import log
 from pathlib import Path
 from statistics import median
@@ -10,29 +11,39 @@ from typing import Any
 
 import numpy as np
 
+from granular_lmp.accuracy.halving import extrapolated
+from granular_lmp.accuracy.recorded import write_dump
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import judged
 from granular_lmp.effects.selection import order
-from granular_lmp.lammps.outputs import SCENE, csv_text, replace_text
+from granular_lmp.impact import tolerance as impact_tolerance
+from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, csv_text, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
 from granular_lmp.studies.output_variants import OUTPUTS
+from granular_lmp.studies.runnable import Motion, Runnable, load
 
 RUNS = "runs"
 NOT_RUN = "not run yet"
 NOT_MET = "no step meets it: "
-COMPONENTS = ("p", "q", "phi")
-COST_COLUMNS = (
+COMPONENTS = ("p", "q", "phi"), ("velocity", "spin", "displacement")  # with a wave, and without
+_COLUMNS = (
     *("knob", "setting", "repeats", "seconds", "seconds_min", "seconds_max", "loop_seconds"),
     *("particles", "steps", "particle_steps", "particle_steps_per_second"),
-    *("error_p", "error_q", "error_phi", "slope", "message"),
 )
 # A slope is given only if the error is at least this multiple of the error of the reference
 _ABOVE_REFERENCE = 3.0
 
 Row = dict[str, Any]
+
+
+def columns_of(scene: Runnable) -> tuple[str, ...]:
+    """Return the names of the columns of the table of a scene."""
+    errors = (f"error_{name}" for name in COMPONENTS[scene.wave is None])
+    return (*_COLUMNS, *errors, "slope", "message")
 
 
 def place(folder: Path, run: Run, turn: int) -> Path:
@@ -70,7 +81,7 @@ def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
     if not rounds:
         return {"reference": None, "points": []}
     best, left = _record(rounds[0]), _left(rounds[0])
-    _write_reference(folder / REFERENCE, best, left)
+    _write_reference(folder / REFERENCE, best, left, rounds[0])
     rows: list[Row] = []
     for point in others:
         row = _row(folder, point, _rounds(folder, point, repeats), best)
@@ -82,11 +93,15 @@ def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
     return {"reference": of_best, "points": rows}
 
 
-def _write_reference(folder: Path, record: Record, left: dict[str, float | None]) -> None:
+def _write_reference(folder: Path, record: Motion, left: dict[str, float | None], places: list[Path]) -> None:
     folder.mkdir(exist_ok=True)
     scene = record.scene.to_toml()
     replace_text(folder / SCENE, scene)
-    record.write_csv(folder / TRAJECTORY)
+    if isinstance(record, Record):
+        record.write_csv(folder / TRAJECTORY)
+    else:
+        more = 2 ** impact_tolerance.order(record.scene) - 1
+        write_dump(folder / SNAPSHOTS, [there / SNAPSHOTS for there in places[-2:]], [-1 / more, 1 + 1 / more])
     said = {"error_estimate": left, "scene_sha256": scene_digest(scene), "files": files_of(folder)}
     write_status(folder, record.info | said)
 
@@ -97,31 +112,35 @@ def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
     return [places for places in rounds if all(map(is_done, point.runs, places))]
 
 
-def _record(places: list[Path]) -> Record:
+def _record(places: list[Path]) -> Motion:
     """Return the record of a setting: that of its single run, or the extrapolation of its last two.
 
     The finer of the two is returned where the error is no series in the step, as with contacts that open or slide.
     """
-    records = [Record.load(there) for there in places[-2:]]
+    records = [load(there) for there in places[-2:]]
     if len(records) == 1:
         return records[0]
     coarse, fine = records
-    return richardson(coarse, fine, order(fine.scene))
+    if isinstance(coarse, Record) and isinstance(fine, Record):
+        return richardson(coarse, fine, order(fine.scene))
+    assert isinstance(fine, ImpactRecord)
+    p = impact_tolerance.order(fine.scene)
+    names = ("velocity", "spin", "displacement")
+    return replace(fine, **{name: extrapolated(getattr(coarse, name), getattr(fine, name), p) for name in names})
 
 
 def _left(places: list[Path]) -> dict[str, float | None]:
-    """Return the estimated error of p, q, φ of the reference: its distance to the extrapolation of its coarser runs.
+    """Return the estimated errors of the reference: its distance to the extrapolation of its coarser runs.
 
     The distance is the error itself if that is no series in the step or of first order, as at these small steps, and an
     upper bound otherwise.
     """
-    apart = errors(_record(places[:-1]), _record(places))
-    return {name: apart[f"error_{name}"] for name in COMPONENTS}
+    return {name.removeprefix("error_"): error for name, error in errors(_record(places[:-1]), _record(places)).items()}
 
 
-def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
+def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Motion) -> Row:
     """Return the row of a setting."""
-    row: Row = dict.fromkeys(COST_COLUMNS) | {"knob": point.knob, "setting": point.setting, "message": ""}
+    row: Row = dict.fromkeys(columns_of(best.scene)) | {"knob": point.knob, "setting": point.setting, "message": ""}
     row["repeats"] = len(rounds)
     if not rounds:
         return row | {"message": _why_not(folder, point)}
@@ -156,23 +175,37 @@ def failed(row: Row) -> bool:
     return bool(row["message"]) and row["message"] != NOT_RUN and not row["message"].startswith(NOT_MET)
 
 
-def errors(record: Record, best: Record) -> dict[str, float | None]:
-    """Return the relative L2 errors of p, q, φ against the reference.
+def errors(record: Motion, best: Motion) -> dict[str, float | None]:
+    """Return the errors against the reference: relative L2 errors of p, q, φ, or the largest ones of a strike.
 
-    An error is None if the signal vanishes by symmetry or was not recorded.
+    Those of velocities and spins are in the unit of velocity, that of displacements is over the largest of them. An
+    error is None if the signal vanishes by symmetry or was not recorded.
     """
+    if not isinstance(record, Record) or not isinstance(best, Record):
+        return _largest_errors(record, best)
     there = judged(best.scene, best.signals)
     found: dict[str, float | None] = {}
-    for name in COMPONENTS:
+    for name in COMPONENTS[False]:
         values, exact = getattr(record, name), getattr(best, name)
         absent = name not in there or np.isnan(values).all()
         found[f"error_{name}"] = None if absent else float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
     return found
 
 
+def _largest_errors(record: Any, best: Any) -> dict[str, float | None]:
+    there = impact_tolerance.signals(best)
+    found: dict[str, float | None] = {}
+    for name in COMPONENTS[True]:
+        values, exact = getattr(record, name), getattr(best, name)
+        unit = float(np.max(np.abs(exact))) if name == "displacement" else 1.0
+        found[f"error_{name}"] = float(np.max(np.abs(values - exact))) / unit if name in there and unit else None
+    return found
+
+
 def largest(row: Row) -> tuple[float, str] | None:
     """Return the largest error of a row and its signal, or None if no error is known."""
-    known = [(row[f"error_{name}"], name) for name in COMPONENTS if row[f"error_{name}"] is not None]
+    errors = {key.removeprefix("error_"): value for key, value in row.items() if key.startswith("error_")}
+    known = [(value, name) for name, value in errors.items() if value is not None]
     return max(known, default=None)
 
 
@@ -191,13 +224,14 @@ def _slope(before: Row, row: Row, left: dict[str, float | None]) -> float | None
 
 def to_csv(rows: list[Row]) -> str:
     """Return the table as CSV, each number in the shortest form that reads back to the same double."""
-    return csv_text(COST_COLUMNS, ([row[name] for name in COST_COLUMNS] for row in rows))
+    return csv_text(rows[0], (row.values() for row in rows)) if rows else ""
 
 
 def text(result: dict[str, Any]) -> str:
     """Return the table for a terminal; errors below that of the reference are marked with <."""
+    names = [key.removeprefix("error_") for key in (result["reference"] or {}) if key.startswith("error_")]
     head = f"{'knob':18}{'setting':26}{'rounds':>6}{'s, median':>10}{'(min - max)':>21}{'M p-s/s':>9}"
-    lines = [head + "".join(f"{name:>10}" for name in COMPONENTS) + f"{'slope':>7}"]
+    lines = [head + "".join(f"{name[:9]:>10}" for name in names) + f"{'slope':>7}"]
     best = result["reference"]
     for row in [*([best] if best else []), *result["points"]]:
         start = f"{row['knob']:18.17}{row['setting']:26.25}"
@@ -205,7 +239,7 @@ def text(result: dict[str, Any]) -> str:
             lines.append(f"{start}{_reason(row, result['left_out'])}")
             continue
         spread = f"({row['seconds_min']:.3g} - {row['seconds_max']:.3g})"
-        cells = "".join(f"{_cell(row, best, name):>10}" for name in COMPONENTS)
+        cells = "".join(f"{_cell(row, best, name):>10}" for name in names)
         slope = "" if row["slope"] is None else f"{row['slope']:z.1f}"
         rate = row["particle_steps_per_second"] / 1e6
         lines.append(f"{start}{row['repeats']:6d}{row['seconds']:10.3g}{spread:>21}{rate:9.2f}{cells}{slope:>7}")
