@@ -78,6 +78,7 @@ PAGES_OF_PYTHON = [
     "docs/collisions.md",
     "docs/crystals.md",
     "docs/experiments.md",
+    "docs/reference/units.md",
 ]
 
 
