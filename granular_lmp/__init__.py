@@ -20,42 +20,43 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from granular_lmp.impact.record import ImpactRecord as ImpactRecord
-    from granular_lmp.impact.run import run_impact as run_impact
+    from granular_lmp.accuracy.ladder import build as build
+    from granular_lmp.accuracy.tolerance import resume as resume
+    from granular_lmp.accuracy.tolerance import run as run
+    from granular_lmp.accuracy.tolerance import run_impact as run_impact
     from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
+    from granular_lmp.runs.export import export as export
     from granular_lmp.runs.record import Record as Record
+    from granular_lmp.runs.record import load as load
     from granular_lmp.scene.scene import Scene as Scene
-    from granular_lmp.studies.runnable import build as build
-    from granular_lmp.studies.runnable import export as export
-    from granular_lmp.studies.runnable import load as load
     from granular_lmp.studies.runnable import prepare as prepare
-    from granular_lmp.studies.runnable import resume as resume
-    from granular_lmp.studies.runnable import run as run
     from granular_lmp.studies.sweep import Sweep as Sweep
     from granular_lmp.studies.sweep import sweep as sweep
+
+    ImpactRecord = Record
 
 __version__ = "0.2.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {
-    "ImpactRecord": "impact.record",
     "ImpactScene": "impact.scene",
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
-    "build": "studies.runnable",
-    "run": "studies.runnable",
-    "resume": "studies.runnable",
-    "load": "studies.runnable",
+    "build": "accuracy.ladder",
+    "run": "accuracy.tolerance",
+    "resume": "accuracy.tolerance",
+    "load": "runs.record",
     "sweep": "studies.sweep",
     "Sweep": "studies.sweep",
-    "export": "studies.runnable",
+    "export": "runs.export",
     "Record": "runs.record",
     "html": "plot.notebook",
     "prepare": "studies.runnable",
-    "run_impact": "impact.run",
+    "run_impact": "accuracy.tolerance",
 }
+_ALIASES = {"ImpactRecord": "Record"}  # names of release 0.1
 __all__ = [
     *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "html", "load", "prepare"),
     *("resume", "run", "run_impact", "sweep"),
@@ -63,6 +64,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    name = _ALIASES.get(name, name)
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

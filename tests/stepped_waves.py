@@ -89,4 +89,4 @@ class Stepped:
             "samples": len(p),
             "wall_seconds": wall_seconds({}, {}),
         }
-        return Record(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)
+        return Record.of_centre(timestep.SAMPLE * np.arange(len(p)), p, q, phi, scene, info)

@@ -160,7 +160,7 @@ def test_richardson_refuses_records_that_are_no_pair(paper_run: Callable[..., Re
 def test_of_two_runs_whose_error_is_no_series_the_finer_is_the_answer(pair: Callable[[float], Record]) -> None:
     extrapolated = pair(0.802)
     fine = replace(extrapolated, scene=extrapolated.scene.with_values({"time.timestep": 0.025}))
-    coarse = replace(extrapolated, p=1.1 * fine.p, scene=fine.scene.with_values({"time.timestep": 0.05}))
+    coarse = replace(extrapolated.with_signals(p=1.1 * fine.p), scene=fine.scene.with_values({"time.timestep": 0.05}))
     answer = richardson(coarse, fine, 0)
     assert all(np.array_equal(answer.signals[name], fine.signals[name]) for name in fine.signals)
     assert answer.info["error_estimate"] == pytest.approx({"p": 0.1, "q": 0.0, "phi": 0.0})

@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -202,7 +201,7 @@ def test_of_a_run_that_was_stopped_what_both_files_hold_is_compared(folder: Path
 def test_neighbouring_doubles_are_the_same_trajectory_and_more_is_not(whole: Path, tmp_path: Path) -> None:
     record = Record.load(whole)
     for off, agree in ((SAME / 10, True), (SAME * 10, False)):
-        moved = replace(record, q=record.q + off)
+        moved = record.with_signals(q=record.q + off)
         if agree:
             refuse_other_trajectory(tmp_path, moved.columns, record.columns, whole=True)
         else:
@@ -212,7 +211,7 @@ def test_neighbouring_doubles_are_the_same_trajectory_and_more_is_not(whole: Pat
 
 def test_untracked_angles_are_the_same_and_a_number_among_them_is_not(whole: Path, tmp_path: Path) -> None:
     record = Record.load(whole)
-    none = replace(record, phi=np.full(5, np.nan))
+    none = record.with_signals(phi=np.full(5, np.nan))
     refuse_other_trajectory(tmp_path, none.columns, none.columns, whole=True)
     with pytest.raises(RunFolderError, match="phi = "):
         refuse_other_trajectory(tmp_path, record.columns, none.columns, whole=True)

@@ -142,7 +142,7 @@ def test_the_part_of_the_order_is_the_error_of_second_order_theory() -> None:
 @pytest.mark.parametrize("wrong", [0.0, 0.01])
 def test_all_of_it_is_what_the_run_is_off(wrong: float) -> None:
     record = as_run(PAPER)
-    off = replace(record, p=(1 + wrong) * record.p)
+    off = record.with_signals(p=(1 + wrong) * record.p)
     assert budget_of(off)["all of it, measured"].p == pytest.approx(wrong, abs=1e-9)
 
 

@@ -47,7 +47,7 @@ def record_of(scene: Any = PAPER, *on: str, off: tuple[str, ...] = ()) -> Record
     """A record that is the linear wave, of a run in which some effects were on."""
     said = {name: {"on": name in on, "called_for": name in on, "guard": ""} for name in (*on, *off)}
     still = np.zeros(len(TAU))
-    return Record(TAU, still, np.cos(TAU), np.sin(TAU), scene, {"effects": said})
+    return Record.of_centre(TAU, still, np.cos(TAU), np.sin(TAU), scene, {"effects": said})
 
 
 def with_wave(**changes: Any) -> Any:

@@ -24,9 +24,9 @@ from tests.conftest import PAPER
 
 def from_theory(scene: Scene, theory: str, tau: np.ndarray) -> Record:
     """A record that is a theory, to the last digit."""
-    empty = Record(tau, tau, tau, tau, scene)
+    empty = Record.of_centre(tau, tau, tau, tau, scene)
     p, q, phi = trajectory(theory, wave_of(empty), tau)
-    return replace(empty, p=p, q=q, phi=phi)
+    return empty.with_signals(p=p, q=q, phi=phi)
 
 
 TAU = np.arange(0.0, 60.0, 0.5)
@@ -42,7 +42,7 @@ def test_a_record_made_by_a_theory_has_no_error_against_it(theory: str) -> None:
 @pytest.mark.parametrize("component", signals.COMPONENTS)
 def test_one_percent_in_one_component_is_seen_there_and_only_there(component: str) -> None:
     record = from_theory(PAPER, "second-order", TAU)
-    wrong = replace(record, **{component: getattr(record, component) * 1.01})
+    wrong = record.with_signals(**{component: getattr(record, component) * 1.01})
     error = compare.compare(wrong, "second-order").error
     assert error.pop(component) == pytest.approx(0.01, rel=1e-9)
     assert all(value is not None and value < 1e-12 for value in error.values())
@@ -60,7 +60,7 @@ def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
     shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU, phase=0.4)
     result = compare.compare(record, "second-order")
     assert result.measured == pytest.approx(result.predicted, rel=1e-9)
-    louder = compare.compare(replace(record, p=record.p + 0.1 * shape), "second-order")
+    louder = compare.compare(record.with_signals(p=record.p + 0.1 * shape), "second-order")
     assert louder.measured == pytest.approx(1.1 * result.predicted, rel=1e-9)
 
 
@@ -70,7 +70,7 @@ def test_the_standard_error_is_the_spread_of_noisy_measurements() -> None:
     truth, _ = signals.measured_amplitude(record, wave)
     off = []
     for _ in range(2000):
-        noisy = replace(record, p=record.p + random.normal(0, 1e-4, len(TAU)))
+        noisy = record.with_signals(p=record.p + random.normal(0, 1e-4, len(TAU)))
         measured, fit_error = signals.measured_amplitude(noisy, wave)
         assert measured is not None
         off.append((measured - truth) / fit_error)
@@ -113,7 +113,7 @@ def test_the_best_theory_is_at_most_twice_as_far_off_as_any_other(
 ) -> None:
     whole = exact_record(name, xi, amplitude)
     tau = np.arange(0.0, until, 1.0)
-    record = replace(whole, tau=tau, **{each: values[: len(tau)] for each, values in whole.signals.items()})
+    record = replace(whole, tau=tau, signals={each: values[: len(tau)] for each, values in whole.signals.items()})
     wave = wave_of(record)
     assert best(wave, tau) == expected
     formulas = ["second-order", "frequency-shift", "three-mode"] + ["hierarchy"] * (until <= 120)
@@ -128,15 +128,15 @@ def test_the_best_theory_is_at_most_twice_as_far_off_as_any_other(
 def test_what_has_not_converged_is_not_taken() -> None:
     def chosen(**changes: object) -> str:
         scene = PAPER.with_values({f"wave.{key}": value for key, value in changes.items()})
-        return best(wave_of(Record(TAU, TAU, TAU, TAU, scene)), TAU)
+        return best(wave_of(Record.of_centre(TAU, TAU, TAU, TAU, scene)), TAU)
 
     assert chosen(amplitude=5.0) == "three-mode"  # contacts open: no order is smaller than the one before
     assert chosen(amplitude=0.2) == "hierarchy"
 
 
 def test_the_drive_cancels_at_the_antiresonance() -> None:
-    at = wave_of(Record(TAU, TAU, TAU, TAU, PAPER.with_values({"wave.wavenumber": 2.129233691})))
-    away = wave_of(Record(TAU, TAU, TAU, TAU, PAPER))
+    at = wave_of(Record.of_centre(TAU, TAU, TAU, TAU, PAPER.with_values({"wave.wavenumber": 2.129233691})))
+    away = wave_of(Record.of_centre(TAU, TAU, TAU, TAU, PAPER))
     assert cancellation(at) < 1e-8
     assert cancellation(away) > 0.1
 

@@ -117,7 +117,7 @@ def test_what_is_wrong_has_a_large_error(study: tuple[Path, dict[str, Any]]) -> 
 def test_one_percent_is_seen_in_the_component_that_has_it(study: tuple[Path, dict[str, Any]]) -> None:
     best = Record.load(study[0] / "reference")
     for name in ("p", "q", "phi"):
-        found = errors(replace(best, **{name: 1.01 * getattr(best, name)}), best)
+        found = errors(best.with_signals(**{name: 1.01 * getattr(best, name)}), best)
         assert found.pop(f"error_{name}") == pytest.approx(0.01, rel=1e-9)
         assert list(found.values()) == [0, 0]
 
@@ -125,8 +125,8 @@ def test_one_percent_is_seen_in_the_component_that_has_it(study: tuple[Path, dic
 def test_what_symmetry_makes_zero_has_no_error(small: Scene) -> None:
     wave = small.with_values({"wave.mode": "L"})
     tau = np.arange(3.0)
-    best = Record(tau, 1 + tau, 1e-9 * tau, 0 * tau, wave)
-    assert errors(replace(best, q=-best.q), best) == {"error_p": 0.0, "error_q": None, "error_phi": None}
+    best = Record.of_centre(tau, 1 + tau, 1e-9 * tau, 0 * tau, wave)
+    assert errors(best.with_signals(q=-best.q), best) == {"error_p": 0.0, "error_q": None, "error_phi": None}
 
 
 def test_the_reference_knows_its_own_error(study: tuple[Path, dict[str, Any]]) -> None:

@@ -36,7 +36,7 @@ def without_step(given: Scene, folder: Path) -> Record:
         name: (8 * getattr(fine, name) - 6 * getattr(middle, name) + getattr(coarse, name)) / 3
         for name in ("p", "q", "phi")
     }
-    return replace(fine, **signals)
+    return fine.with_signals(**signals)
 
 
 @pytest.mark.parametrize("imperfect", IMPERFECT)

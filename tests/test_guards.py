@@ -85,8 +85,8 @@ def test_a_limit_that_was_passed_counts_where_the_log_rounds_the_value_to_the_li
     values = {guard.column: np.array([0.0, guard.limit_in(scene), 0.0]), "v_tau": np.array([0.0, 10.0, 20.0])}
     never = values | {f"{guard.column}_at": np.full(3, NEVER)}
     passed = values | {f"{guard.column}_at": np.array([NEVER, 3.5, NEVER])}
-    assert measured(name, never, prepare(scene), tmp_path).passed_at is None
-    assert measured(name, passed, prepare(scene), tmp_path).passed_at == 3.5
+    assert measured(GUARDS[name], never, prepare(scene), tmp_path).passed_at is None
+    assert measured(GUARDS[name], passed, prepare(scene), tmp_path).passed_at == 3.5
 
 
 # --- when, whom, and what is said ------------------------------------------------------------------------------------
@@ -167,7 +167,9 @@ def test_what_is_no_number_is_not_silent(tmp_path: Path) -> None:
     scene = build(STANDING).scene
     for at in (NEVER, 2.0):
         table = {"v_tau": np.array([0.0, 10.0]), "v_open": np.array([0.0, np.nan]), "v_open_at": np.array([NEVER, at])}
-        assert measured("open_contacts", table, prepare(scene), tmp_path).passed_at == (10.0 if at == NEVER else 2.0)
+        assert measured(GUARDS["open_contacts"], table, prepare(scene), tmp_path).passed_at == (
+            10.0 if at == NEVER else 2.0
+        )
 
 
 def test_a_dump_of_contacts_that_was_cut_off_is_read_to_its_last_whole_look(tmp_path: Path) -> None:

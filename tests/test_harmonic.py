@@ -71,7 +71,7 @@ def test_it_is_the_closed_form_along_y() -> None:
     still = np.zeros(len(tau))
     for phase in (0.0, 0.7):
         scene = scene_of("hexagonal").with_values({"wave.phase": phase})
-        wave = wave_of(Record(tau, still, still, still, scene))
+        wave = wave_of(Record.of_centre(tau, still, still, still, scene))
         closed = second_harmonic(wave.mode, wave.ratios, wave.amplitude, tau, phase=phase)
         # In TR waves p at the centre is of second order, and all of it turns with 2θ
         assert np.abs(by_theory(scene, tau).amplitudes[:, 0].real - closed).max() < 1e-12
@@ -255,7 +255,7 @@ def test_compare_takes_the_second_order_of_a_crystal_where_it_has_no_snapshots(n
     assert "compared with the second order of its crystal, as" in found.notes[0]
     # Third order and LAMMPS's step h, (Ωh)²/24 of a phase Ωτ: 1e-3 for Ω = 1, h = 0.05 and τ = 8
     assert all(error is None or error < 2e-3 for error in found.error.values())
-    wrong = compare(replace(record, p=1.01 * record.p, q=1.01 * record.q)).error
+    wrong = compare(record.with_signals(p=1.01 * record.p, q=1.01 * record.q)).error
     assert max(wrong["p"] or 0.0, wrong["q"] or 0.0) > 8e-3
 
 

@@ -6,12 +6,11 @@ from typing import Any
 
 import pytest
 
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.impact.deck import checkpoint_steps, deck_of, look_steps
 from granular_lmp.impact.problem import prepare
-from granular_lmp.impact.run import resume_impact
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
@@ -63,7 +62,7 @@ def test_a_stopped_impact_is_continued_to_the_same_bytes(scene: ImpactScene, tmp
     stopped(scene, tmp_path / "cut")
     before = len(ImpactRecord.load(tmp_path / "cut", unfinished=True).tau)
     assert before < len(whole.tau)
-    record = resume_impact(tmp_path / "cut")
+    record = resume(tmp_path / "cut")
     dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
     assert dumps[0] == dumps[1]
     assert record.info["guards"] == whole.info["guards"]
@@ -78,7 +77,7 @@ def test_the_program_continues_on_its_ranks(ranks: int, tmp_path: Path, fast_loo
     scene = SHEET.with_values({**RUBS, "output.checkpoint": 5e-5 / ranks, "time.duration": 200.0})
     whole = run_impact(scene, tmp_path / "whole", Options("lmp", ranks))
     stopped(scene, tmp_path / "cut", "lmp", ranks)
-    record = resume_impact(tmp_path / "cut")
+    record = resume(tmp_path / "cut")
     assert record.info["ranks"] == ranks
     dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
     assert dumps[0] == dumps[1]
@@ -89,7 +88,7 @@ def test_a_scene_that_was_changed_after_the_stop_is_refused(tmp_path: Path, fast
     stopped(SHEET, tmp_path / "cut")
     (tmp_path / "cut" / "scene.toml").write_text(SHEET.with_values({"effects.friction": 0.31}).to_toml())
     with pytest.raises(RunFolderError, match="scene"):
-        resume_impact(tmp_path / "cut")
+        resume(tmp_path / "cut")
 
 
 def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) -> None:
@@ -102,7 +101,7 @@ def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) 
 
     stopped(scene, tmp_path / "cut")
     with pytest.raises(RunInterrupted):
-        resume_impact(tmp_path / "cut", progress=later)
+        resume(tmp_path / "cut", progress=later)
     assert main(["resume", str(tmp_path / "cut")]) == 0
     dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
     assert dumps[0] == dumps[1]
@@ -121,7 +120,7 @@ def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, 
     run_impact(CHAIN.with_values({"time.duration": 2.0}), tmp_path / "run")
     write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"} | change)
     with pytest.raises(RunFolderError, match=message):
-        resume_impact(tmp_path / "run")
+        resume(tmp_path / "run")
 
 
 def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path) -> None:

@@ -109,9 +109,12 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
     ("words", "said"),
     [
         (["resume", "<chain>"], "there is nothing to resume"),
-        (["export", "<chain>", "-o", "x.nc"], "x.nc: must end in .csv for an impact"),
-        (["export", "<chain>", "-o", "x.csv", "--monitor", "line"], "--monitor line: must be left out for an impact"),
-        (["export", "<chain>", "-o", "gone/y.csv"], "gone/y.csv: cannot be written"),
+        (["export", "<chain>", "-o", "x.txt"], "x.txt: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5"),
+        (
+            ["export", "<chain>", "-o", "x.csv", "--monitor", "line"],
+            "monitor 'line': no such monitor",
+        ),
+        (["export", "<chain>", "-o", "/proc/y.csv"], "/proc/y.csv: cannot be written"),
         (["view", "<chain>", "-o", "x.gif"], "a chain is drawn at all times, in a picture; not in a movie"),
         (["view", "<chain>", "-o", "x.png", "--tau", "3"], "tau = 3.0: is for a sheet"),
         (["view", "<sheet>", "-o", "x.png", "--tau", "99"], "tau = 99.0: must be from 0 to 6"),

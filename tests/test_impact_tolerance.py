@@ -1,7 +1,6 @@
 """Impacts to a tolerance: the order is measured; the estimate is above the error against theory, on other scenes."""
 
 import json
-from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 from typing import Any
@@ -14,16 +13,16 @@ from analysis.theory.chain_motion import integrate as chain_motion
 from analysis.theory.network import Material, Network
 from analysis.theory.network_motion import integrate as network_motion
 from analysis.theory.network_state import start
-from granular_lmp import ImpactRecord, ImpactScene, run_impact
+from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.accuracy import halving
+from granular_lmp.accuracy.collisions import estimate, order
+from granular_lmp.accuracy.ladder import RUNGS, plan, planned
+from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
 from granular_lmp.impact.problem import prepare
-from granular_lmp.impact.run import resume_impact
-from granular_lmp.impact.tolerance import RUNS, answer, estimate, order, plan, planned
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
-from granular_lmp.studies.impact_cost import shown_order
 from granular_lmp.studies.sweep import sweep
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
@@ -115,6 +114,21 @@ def test_the_estimate_of_a_sheet_is_above_its_error(changes: dict[str, Any], tmp
     assert ("spin" in said) == ("effects.friction" in changes)
 
 
+def answer(runs: list[ImpactRecord]) -> ImpactRecord:
+    return combined_record(runs, estimate(runs))
+
+
+def shown_order(runs: list[ImpactRecord]) -> int | None:
+    """The order of the error in the step that three runs show, each of half the step; None if they do not converge."""
+    first, second = (
+        np.sqrt(sum(np.sum((b.signals[name] - a.signals[name]) ** 2) for name in a.signals if name != "displacement"))
+        for a, b in pairwise(runs)
+    )
+    if second == 0 or first >= 2**1.5 * second:
+        return 2
+    return 1 if first >= 2**0.5 * second else None
+
+
 def stepped(scene: ImpactScene, steps: list[float], folder: Path) -> list[ImpactRecord]:
     return [run_impact(scene.with_values({"time.timestep": each}), folder / f"{each}") for each in steps]
 
@@ -137,14 +151,16 @@ def test_the_order_is_that_of_the_effects(scene: ImpactScene, expected: int, tmp
 
 def test_what_does_not_converge_has_a_large_estimate(tmp_path: Path) -> None:
     runs = stepped(CHAIN, [0.1, 0.05, 0.025], tmp_path)
-    wrong = [replace(each, velocity=each.velocity * factor) for each, factor in zip(runs, (1, 1.01, 0.99), strict=True)]
+    wrong = [
+        each.with_signals(velocity=each.velocity * factor) for each, factor in zip(runs, (1, 1.01, 0.99), strict=True)
+    ]
     assert shown_order(wrong) is None
-    lost = [*runs[:2], replace(runs[2], velocity=runs[2].velocity * nan)]
+    lost = [*runs[:2], runs[2].with_signals(velocity=runs[2].velocity * nan)]
     assert shown_order(lost) is None
     assert not estimate(lost).errors["velocity"] < inf
     assert estimate(wrong).errors["velocity"] > 5e-3 > 10 * estimate(runs).errors["velocity"]
     # What nothing disturbs is exact
-    still = [replace(each, velocity=runs[2].velocity, displacement=runs[2].displacement) for each in runs]
+    still = [each.with_signals(**runs[2].signals) for each in runs]
     assert max(estimate(still).errors.values()) < 1e-14
 
 
@@ -182,7 +198,7 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     assert main(["view", str(tmp_path / "run"), "-o", str(tmp_path / "run.png")]) == 0
     with pytest.raises(RunFolderError, match="is there already"):
         run_impact(scene, tmp_path / "run")
-    assert planned(prepare(scene)).scene.time.steps_per_sample == per_sample << RUNS - 1
+    assert planned(prepare(scene)).scene.time.steps_per_sample == per_sample << RUNGS - 1
 
 
 def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: None) -> None:
@@ -197,13 +213,13 @@ def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: N
         run_impact(scene, tmp_path / "cut", Options(progress=stop))
     first = min((tmp_path / "cut").glob("*_per_sample"), key=lambda path: int(path.name.split("_")[0]))
     written = (first / "run.json").stat().st_mtime_ns
-    record = resume_impact(tmp_path / "cut")
+    record = resume(tmp_path / "cut")
     assert (first / "run.json").stat().st_mtime_ns == written  # what was finished is not run again
     dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
     assert dumps[0] == dumps[1]
     assert record.info["error_estimate"] == whole.info["error_estimate"]
     with pytest.raises(RunFolderError, match="the run is finished"):
-        resume_impact(tmp_path / "cut")
+        resume(tmp_path / "cut")
 
 
 def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Path) -> None:
@@ -213,11 +229,11 @@ def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Pa
     (last / "checkpoint.a").write_bytes(b"cut off")
     for folder in (tmp_path / "run", last):
         _edit(folder, {"status": "running"})
-    again = resume_impact(tmp_path / "run")
+    again = resume(tmp_path / "run")
     assert np.array_equal(again.velocity, whole.velocity)
     _edit(tmp_path / "run", {"status": "interrupted", "launcher": None})
     with pytest.raises(RunFolderError, match=r"run\.json: launcher = None: must be one of module, lmp"):
-        resume_impact(tmp_path / "run")
+        resume(tmp_path / "run")
 
 
 def _edit(folder: Path, changes: dict[str, Any]) -> None:

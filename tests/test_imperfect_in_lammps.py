@@ -59,7 +59,7 @@ def extrapolated(scene: Scene, folder: Any, steps: tuple[float, float] = STEPS) 
     """Return two runs of a scene extrapolated; the record keeps the folder of the finer one."""
     coarse, fine = (run(scene.with_values({"time.timestep": step}), folder / str(step)) for step in steps)
     signals = {name: (4 * getattr(fine, name) - getattr(coarse, name)) / 3 for name in ("p", "q", "phi")}
-    return Pair(replace(fine, **signals), (4 * fields_of(fine) - fields_of(coarse)) / 3)
+    return Pair(fine.with_signals(**signals), (4 * fields_of(fine) - fields_of(coarse)) / 3)
 
 
 def network_fields(first: FirstSnapshot, tau: np.ndarray, longest: float = np.inf) -> Fields:

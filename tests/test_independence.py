@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.impact.record", "granular_lmp.crystal.sphere"}
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
 
 
 def imports(source: str) -> set[str]:
@@ -89,21 +89,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "step_rules": {"errors", "scene"},
     "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules"},
     "lammps": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
-    "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
+    "impact": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
+    "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "impact"},
     "accuracy": {"errors", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
-    "impact": {
-        "errors",
-        "card",
-        "units",
-        "crystal",
-        "scene",
-        "effects",
-        "step_rules",
-        "problem",
-        "lammps",
-        "runs",
-        "accuracy",
-    },
     "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs", "impact"}
     | {"accuracy"},
     "plot": {"errors", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from granular_lmp import Scene
-from granular_lmp.accuracy.ladder import deciding_frequency
+from granular_lmp.accuracy.ladder import build, deciding_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.guards import fastest
@@ -18,7 +18,7 @@ from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
 from granular_lmp.studies.kick import run_kicked
-from granular_lmp.studies.runnable import build, read
+from granular_lmp.studies.runnable import read
 
 INPUTS = Path(__file__).parents[1] / "lammps_inputs"
 SCENES = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))

@@ -35,7 +35,7 @@ def made(amplitude: float, noise: float, **changes: Any) -> Record:
     p += noise * np.random.default_rng(1).standard_normal(len(tau))
     if scene.wave.mode == "L":
         p += np.cos(own * tau) * (1 + 1e-3 * tau)
-    return Record(tau, p, np.cos(own * tau), np.sin(own * tau), scene)
+    return Record.of_centre(tau, p, np.cos(own * tau), np.sin(own * tau), scene)
 
 
 @pytest.mark.parametrize("changes", [{}, {"phase": 0.7}, {"mode": "L"}, {"mode": "RT", "wavenumber": 1.9635}], ids=str)
@@ -74,7 +74,12 @@ def test_a_run_with_another_form_of_p_has_none(changes: dict[str, Any]) -> None:
 
 def test_a_record_of_few_samples_has_none() -> None:
     record = made(1e-3, 0.0)
-    assert second_harmonic(replace(record, tau=record.tau[:8], p=record.p[:8])) is None
+    assert (
+        second_harmonic(
+            replace(record, tau=record.tau[:8], signals={name: values[:8] for name, values in record.signals.items()})
+        )
+        is None
+    )
 
 
 # --- in a sweep ------------------------------------------------------------------------------------------------------

@@ -53,7 +53,7 @@ def test_compare_takes_the_network_of_an_imperfect_run_and_says_so(
     # The time step leaves 1e-4 of a second harmonic
     assert 0 < max(entry["error"].values()) < 1e-3
     assert (imperfect.folder / "compare.png").is_file()
-    wrong = compare.compare(replace(imperfect, q=1.01 * imperfect.q)).error["q"]
+    wrong = compare.compare(imperfect.with_signals(q=1.01 * imperfect.q)).error["q"]
     assert wrong == pytest.approx(0.01, rel=1e-2)
 
 
@@ -158,7 +158,9 @@ def test_the_network_refuses_by_name_what_it_leaves_out(changes: dict[str, Any],
     scene = SMALL.with_values({"time.allow_echo": True} | changes)
     on = {"shear": scene.effects.shear is not False, "rotation": scene.effects.rotation == "auto"}
     tau = np.arange(3.0)
-    record = Record(tau, tau, tau, tau, scene, {"effects": {name: {"on": value} for name, value in on.items()}})
+    record = Record.of_centre(
+        tau, tau, tau, tau, scene, {"effects": {name: {"on": value} for name, value in on.items()}}
+    )
     with pytest.raises(TheoryError, match=f"theory = 'network' leaves out {left_out};"):
         Reference.named("network", record, wave_of(record))
 
@@ -166,7 +168,7 @@ def test_the_network_refuses_by_name_what_it_leaves_out(changes: dict[str, Any],
 def test_all_that_stands_against_the_network_is_said_at_once() -> None:
     scene = SMALL.with_values({"wave.form": "standing"})
     tau = np.array([0.0, 1e6])
-    record = Record(tau, tau, tau, tau, scene, {})
+    record = Record.of_centre(tau, tau, tau, tau, scene, {})
     reason = Reference.of(record, wave_of(record)).reason
     assert "without snapshots, and " in reason
     assert "more than the 1000000 spheres times tau" in reason

@@ -15,7 +15,6 @@ from granular_lmp import Record, Scene
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import LammpsError, RunFolderError
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.problem import prepare
 from granular_lmp.runs import formats
 from granular_lmp.runs.adopt import adopt
@@ -82,7 +81,7 @@ def test_an_old_run_of_one_column_is_that_of_three() -> None:
 
 
 def test_an_old_impact_is_loaded() -> None:
-    record = ImpactRecord.load(RELEASES / "832ce44" / "impact")
+    record = Record.load(RELEASES / "832ce44" / "impact")
     assert record.velocity.shape == (7, 6, 2)
 
 

@@ -10,16 +10,15 @@ from typing import Any
 
 import pytest
 
-from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run, run_impact
+from granular_lmp import ImpactScene, Record, Scene, run, run_impact
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, LammpsError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.impact.run import resume_impact
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, LOG, SCENE, STATUS
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.continuation import whole_checkpoints
 from granular_lmp.runs.fields import FIELDS, refuse_malformed
-from granular_lmp.runs.options import Options, core_count
+from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.runs.status import seal_of
 from tests.conftest import PAPER
@@ -61,8 +60,6 @@ def stop(step: int, steps: int) -> None:
 
 
 def begun(scene: Scene | ImpactScene, folder: Path) -> object:
-    if scene.wave is None:
-        return run_impact(scene, folder, Options(progress=stop))
     return run(scene, folder, progress=stop)
 
 
@@ -95,15 +92,13 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]
     return {
         "wave": run(WAVE.with_values(SHORT), folder / "wave").info,
         "steps": run(WAVE.with_values(SHORT | {"time.tolerance": 1e-2}), folder / "steps").info,
-        "impact": run_impact(CHAIN.with_values(SHORT), folder / "impact").info,
-        "impact to a tolerance": run_impact(
-            CHAIN.with_values(SHORT | {"time.tolerance": 1e-2}), folder / "impact_steps"
-        ).info,
+        "impact": run(CHAIN.with_values(SHORT), folder / "impact").info,
+        "impact to a tolerance": run(CHAIN.with_values(SHORT | {"time.tolerance": 1e-2}), folder / "impact_steps").info,
     }
 
 
 def continued(folder: Path) -> object:
-    return resume_impact(folder) if "striker" in (folder / SCENE).read_text() else resume(folder)
+    return resume(folder)
 
 
 # --- each field of run.json ---
@@ -156,11 +151,10 @@ def test_a_wrong_value_in_any_field_is_one_line_and_never_a_traceback(
 
     monkeypatch.setattr("granular_lmp.runs.loop.execute", unmoved)
     monkeypatch.setattr(launch, "launch", unmoved)
-    monkeypatch.setattr("granular_lmp.impact.run.run_impact", unmoved)
     of = "impact" if "impact" in kind else "wave"
     folder = Path(shutil.copytree(cut[of], tmp_path / "run"))
     there = ended[kind] | {name: read_status(folder)[name] for name in ("scene_sha256", "status", "steps")}
-    loaded = partial((Record, ImpactRecord)[of == "impact"].load, folder, unfinished=True)
+    loaded = partial(Record.load, folder, unfinished=True)
     refused = 0
     for path in changed(there):
         if len(path) > 1:  # inside a field: the file is one object to all doors
@@ -263,4 +257,7 @@ def test_an_impact_that_a_guard_failed_is_called_failed(tmp_path: Path, capsys: 
     with pytest.raises(EffectError, match="largest_overlap"):
         run_impact(scene, tmp_path / "run")
     assert main(["resume", str(tmp_path / "run")]) == 2
-    assert "the run failed; there is nothing to resume: largest_overlap = " in capsys.readouterr().err
+    assert (
+        "the run failed; there is nothing to resume: deep_overlap triggered its guard at tau = "
+        in capsys.readouterr().err
+    )

@@ -290,7 +290,7 @@ def test_what_cannot_be_evolved_is_refused(field: Floats, tau: list[float], time
 
 def recorded(changes: dict[str, Any] | None = None, effects: dict[str, Any] | None = None) -> Record:
     """A record of nothing but its scene and effects."""
-    return Record(*np.zeros((4, 2)), PERIODIC.with_values(changes or {}), {"effects": effects or {}})
+    return Record.of_centre(*np.zeros((4, 2)), PERIODIC.with_values(changes or {}), {"effects": effects or {}})
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def motions(law: str) -> dict[tuple[str, float], tuple[np.ndarray, np.ndarray]]:
 
 def records(mode: str, xi: float, law: str) -> tuple[Record, Record]:
     """Return a run with the step as LAMMPS makes it, and as if its scene had no error of the step."""
-    made = [Record(TAU, *motion.T, scene_of(mode, xi, law)) for motion in motions(law)[mode, xi]]
+    made = [Record.of_centre(TAU, *motion.T, scene_of(mode, xi, law)) for motion in motions(law)[mode, xi]]
     return made[0], made[1]
 
 
@@ -143,7 +143,9 @@ def test_the_budget_says_the_error_of_p(mode: str, xi: float, law: str) -> None:
     # Of L it is the phase error of the linear wave, whose start errs too; of the others what is of order a² is left
     assert line["p"] == pytest.approx(relative_error(record.p, without.p), rel=0.1)
     aim = float(line["to_halve"].split()[-1])
-    finer = Record(TAU, *without.signals.values(), with_step(record.scene.with_values({"time.sample": aim}), aim))
+    finer = Record.of_centre(
+        TAU, *without.signals.values(), with_step(record.scene.with_values({"time.sample": aim}), aim)
+    )
     halved = error_budget(finer.scene.with_values({"time.sample": 0.5, "time.timestep": aim}), finer.signals)[0]
     assert max(halved[name] or 0.0 for name in "pq") <= 0.55 * max(line[name] or 0.0 for name in "pq")
 

@@ -38,7 +38,7 @@ def empty(name: str, changes: dict[str, Any]) -> ImpactRecord:
     """A record of a shipped impact with some values changed, in which nothing has moved yet."""
     problem = prepare(ImpactScene.load(name).with_values(changes))
     still = np.zeros((1, len(problem.recorded), 2))
-    return ImpactRecord(np.zeros(1), still, still, still[..., 0], problem)
+    return ImpactRecord(np.zeros(1), {"displacement": still, "velocity": still}, problem.scene)
 
 
 @pytest.mark.parametrize(("measured", "name", "changes", "named"), CASES)

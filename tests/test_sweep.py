@@ -25,6 +25,7 @@ from granular_lmp.problem import Problem
 from granular_lmp.runs import launch, routes
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.record import read_status, write_status
+from granular_lmp.runs.simulation import Simulation
 from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.sweep import Sweep, run_point, sweep
 from granular_lmp.studies.sweep_points import axes, axis, scene_hash
@@ -213,7 +214,7 @@ def test_a_run_that_lammps_fails_says_so_in_its_folder_too(
     def ill(*arguments: Any, **named: Any) -> LammpsError:
         return LammpsError("it is ill", "run 40", "")
 
-    monkeypatch.setattr(launch.WaveRun, "defect", ill)
+    monkeypatch.setattr(Simulation, "defect", ill)
     done = sweep(small, TWO, tmp_path / "sweep")
     assert {row["message"] for row in done.having("failed")} == {"LAMMPS failed at 'run 40': it is ill"}
     assert Sweep.load(tmp_path / "sweep") == done

@@ -36,7 +36,7 @@ from tests.conftest import PAPER
 from tests.stand_in import Changed
 
 TAU = np.arange(0.0, 30.0, 0.5)
-PLAIN = Record(TAU, TAU, TAU, TAU, PAPER)
+PLAIN = Record.of_centre(TAU, TAU, TAU, TAU, PAPER)
 CONTACT, OTHERS = contact_of(PLAIN), others_of(PLAIN)
 With = Callable[..., Wave]
 
@@ -62,7 +62,7 @@ def with_physics(monkeypatch: pytest.MonkeyPatch) -> With:
 
 def record_of(theory: str, wave: Wave) -> Record:
     p, q, phi = trajectory(theory, wave, TAU)
-    return replace(PLAIN, p=p, q=q, phi=phi)
+    return PLAIN.with_signals(p=p, q=q, phi=phi)
 
 
 def worst(record: Record, theory: str, wave: Wave) -> float:
@@ -275,7 +275,7 @@ def test_an_oblique_run_is_compared_without_an_amplitude(with_physics: With) -> 
     assert all(error == 0 for error in result.lattice_error.values())
     assert "17" in compare.figure(PLAIN, result).get_suptitle()
     wrong = record_of("exact-lattice", wave)
-    assert compare.compare(replace(wrong, q=1.01 * wrong.q)).error["q"] == pytest.approx(0.01, rel=1e-2)
+    assert compare.compare(wrong.with_signals(q=1.01 * wrong.q)).error["q"] == pytest.approx(0.01, rel=1e-2)
 
 
 NO_PLANE_RUNNING_WAVE = [

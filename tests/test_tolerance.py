@@ -288,7 +288,7 @@ def test_the_steps_fit_the_sample_and_are_the_largest_that_do(sample: float) -> 
     count = round(sample / step)
     assert step * count == pytest.approx(sample, rel=1e-12)
     assert finest_step(scene) == step / 4
-    assert planned_steps(scene) == 7 * count * scene.time.samples
+    assert planned_steps(prepare(scene)) == 7 * count * scene.time.samples
 
     def expected(count: int) -> float:
         return pair_error(frequency, sample / (2 * count), scene.time.duration) / COARSE
@@ -378,9 +378,9 @@ def test_a_signal_that_is_not_finite_is_not_taken_for_a_good_one(
     pair: tuple[Scene, Callable[[int], Record]],
 ) -> None:
     _, at = pair
-    broken = replace(at(6), p=np.where(at(6).tau > 1, np.nan, at(6).p))
+    broken = at(6).with_signals(p=np.where(at(6).tau > 1, np.nan, at(6).p))
     assert not judged([at(3), broken]).errors["p"] <= 1.0
-    untracked = [replace(at(count), phi=np.full_like(at(count).tau, np.nan)) for count in (3, 6)]
+    untracked = [at(count).with_signals(phi=np.full_like(at(count).tau, np.nan)) for count in (3, 6)]
     assert set(counted(untracked[-1].scene, dict(untracked[-1].signals))) == {"p", "q"}
 
 
@@ -394,7 +394,8 @@ def test_effects_decide_the_order_of_the_answer(pair: tuple[Scene, Callable[[int
         return judged(
             [
                 replace(
-                    r, scene=r.scene.with_values(named), q=r.q + errs * r.scene.time.step + errs * r.scene.time.step**2
+                    r.with_signals(q=r.q + errs * r.scene.time.step + errs * r.scene.time.step**2),
+                    scene=r.scene.with_values(named),
                 )
                 for r in runs
             ]
@@ -413,11 +414,12 @@ def test_a_tolerance_that_no_step_meets_is_an_error_that_says_what_was_reached(
 
     def one(stepping: Scene, *_: Any) -> Record:
         record = at(3)  # whatever the step
-        return replace(record, scene=stepping, q=record.q + 0.01 * noise.standard_normal(len(record.q)))
+        q = record.q + 0.01 * noise.standard_normal(len(record.q))
+        return replace(record.with_signals(q=q), scene=stepping)
 
     (tmp_path / "scene.toml").write_text(scene.to_toml())
     with pytest.raises(ToleranceError, match=r"time\.tolerance = 0\.001: not met with steps down to .* of q") as caught:
-        refine(scene, tmp_path, one, None, {})
+        refine(prepare(scene), tmp_path, one, None, {})
     assert "\n" not in str(caught.value)
     assert read_status(tmp_path)["status"] == "failed"
     assert first_step(scene) / FINEST <= float(str(caught.value).split()[9]) < first_step(scene) / 4

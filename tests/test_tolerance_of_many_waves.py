@@ -14,6 +14,7 @@ import pytest
 from granular_lmp import Record, Scene
 from granular_lmp.accuracy.ladder import RUNGS, first_step
 from granular_lmp.accuracy.tolerance import refine
+from granular_lmp.problem import prepare
 from tests.stand_in import status_of
 from tests.stepped_waves import Stepped, Wave, scene_of
 
@@ -80,7 +81,7 @@ def outcomes(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
             taken.append(place)
             return runs.record(stepping, wave)
 
-        record = refine(scene, folder, one, None, status_of(scene))
+        record = refine(prepare(scene), folder, one, None, status_of(scene))
         errors = runs.errors(wave, np.column_stack([record.p, record.q, record.phi]))
         estimates = {name: value for name, value in record.info["error_estimate"].items() if value is not None}
         found.append(Outcome(wave, tolerance, errors, estimates, len(taken)))

@@ -99,7 +99,7 @@ def test_the_level_of_model_is_measured_against_the_exact_lattice(study: Study) 
     # Second order leaves a² out: a few per mille of p at a = 0.2, TR
     assert 1e-4 < levels[FORMULA, "second-order"].worst < 1e-2
     assert levels[LAMMPS, ""].worst < 1e-7  # here it is the exact lattice, integrated with rtol = 1e-10
-    wrong = replace(study.record, p=1.01 * study.record.p)
+    wrong = study.record.with_signals(p=1.01 * study.record.p)
     (off,) = [s for s in models(replace(study, record=wrong), repeats=1) if s.family == LAMMPS]
     assert off.error["p"] == pytest.approx(0.01, rel=1e-4)
 

@@ -9,7 +9,7 @@ that runs with the fundamental is A = B/(w̃² − 4Ω²), with its sign; free w
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -223,7 +223,7 @@ def _one(fine: Record, coarse: Record | None = None) -> Record:
     if coarse is None:
         return fine
     better = {part: (4 * getattr(fine, part) - getattr(coarse, part)) / 3 for part in ("p", "q", "phi")}
-    return replace(fine, **better)
+    return fine.with_signals(**better)
 
 
 def refusal(record: Record) -> str | None:

@@ -1,15 +1,17 @@
 """Impacts that a measurement holds: strikers on equal spheres that just touch, and what it says that it holds too."""
 
-from granular_lmp.impact.record import ImpactRecord
+from typing import Any
+
+from granular_lmp.runs.record import Record
 
 
-def require(record: ImpactRecord, *held: str) -> None:
+def require(record: Record, *held: str) -> None:
     """Raise ValueError if a scene has more than strikers, by the names below, that is not `held`.
 
     held : any of "start.state", "start.noise", "packing.contact_force", "effects.friction", "effects.restitution",
         "disorder", "inclusion".
     """
-    scene = record.scene
+    scene: Any = record.scene  # nothing of it is "auto"
     disorder = scene.disorder
     there = {
         "start.state": bool(scene.start.state),

@@ -1,16 +1,15 @@
 """Runs of one scene with shorter and shorter steps until their estimated error meets ``time.tolerance``.
 
-The scene may be of a wave or of an impact: what estimates the error of its runs is given. The folder holds a run folder
-for each step, ``N_per_sample``.
+What estimates the error of the runs is given. The folder holds a run folder for each step, ``N_per_sample``.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from shlex import quote
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any
 
 from granular_lmp.accuracy.extrapolation import Judgement, following
 from granular_lmp.errors import GranularError, RunInterrupted, ToleranceError
@@ -20,38 +19,14 @@ from granular_lmp.runs.continuation import read_unfinished, whole_checkpoints
 from granular_lmp.runs.folder import clear, locked, refuse_links
 from granular_lmp.runs.formats import FORMAT
 from granular_lmp.runs.options import Options, Progress
-from granular_lmp.runs.record import read_status, write_status
-from granular_lmp.scene.sections import Sampled
+from granular_lmp.runs.record import Record, read_status, write_status
+from granular_lmp.scene.scene import Scene
 
 MOST_RUNGS = 12  # runs that are tried before the tolerance is refused
 FINEST = 128  # steps of the finest run at most, over those of the first
 
 
-class Scene(Protocol):
-    """A scene with ``time.timestep`` or ``time.tolerance``."""
-
-    @property
-    def name(self) -> str:
-        """Name of the files of a run."""
-        ...
-
-    @property
-    def time(self) -> Sampled:
-        """Duration and sampling."""
-        ...
-
-    def with_values(self, changes: Mapping[str, Any]) -> Self:
-        """Return a copy with some values changed."""
-        ...
-
-    def to_toml(self) -> str:
-        """Return the scene as the text of a file."""
-        ...
-
-
-AnyScene = TypeVar("AnyScene", bound=Scene)
-AnyRecord = TypeVar("AnyRecord")
-One = Callable[[AnyScene, Path, Progress | None], AnyRecord]  # makes a run of a scene with a step in a folder
+One = Callable[[Scene, Path, Progress | None], Record]  # makes a run of a scene with a step in a folder
 
 
 @dataclass(frozen=True)
@@ -84,7 +59,7 @@ def extrapolated(coarse: Any, fine: Any, order: int) -> Any:
 
 
 @contextmanager
-def begun(scene: AnyScene, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
+def begun(scene: Scene, folder: Path, options: Options) -> Iterator[dict[str, Any]]:
     """Give the runs of a scene a locked folder that holds ``scene.toml``; yield what ``run.json`` says from the start.
 
     Raises
@@ -107,17 +82,13 @@ def begun(scene: AnyScene, folder: Path, options: Options) -> Iterator[dict[str,
         }
 
 
-def continued(
-    one: One[AnyScene, AnyRecord],
-    resume: Callable[[Path, Progress | None], AnyRecord],
-    load: Callable[[Path], AnyRecord],
-) -> One[AnyScene, AnyRecord]:
+def continued(one: One, resume: Callable[[Path, Progress | None], Record]) -> One:
     """Return `one` of runs that were stopped: what is finished is read, and what has a checkpoint goes on from it."""
 
-    def rest(scene: AnyScene, place: Path, progress: Progress | None) -> AnyRecord:
+    def rest(scene: Scene, place: Path, progress: Progress | None) -> Record:
         if (place / STATUS).is_file():
             if read_status(place)["status"] == "finished":
-                return load(place)
+                return Record.load(place)
             read_unfinished(place)  # raises if the run failed by a guard
         return resume(place, progress) if whole_checkpoints(place) else one(scene, place, progress)
 
@@ -125,19 +96,20 @@ def continued(
 
 
 def halved(
-    scene: AnyScene,
+    scene: Scene,
     folder: Path,
     plan: Plan,
-    one: One[AnyScene, AnyRecord],
-    estimate: Callable[[Sequence[AnyRecord]], Judgement],
+    one: One,
+    estimate: Callable[[Sequence[Record]], Judgement],
     progress: Progress | None,
     info: dict[str, Any],
-) -> tuple[list[AnyRecord], Judgement, list[str]]:
+) -> tuple[list[Record], Judgement, list[str]]:
     """Run with smaller and smaller steps until the estimate meets the tolerance; ``run.json`` says if that fails.
 
     Parameters
     ----------
-    scene : scene with ``time.tolerance``
+    scene : Scene
+        With ``time.tolerance``.
     folder : Path
         Existing folder for the runs and ``run.json``.
     plan : Plan
@@ -168,7 +140,7 @@ def halved(
     """
     tolerance, samples = scene.time.tolerance, scene.time.samples
     assert tolerance is not None
-    records: list[AnyRecord] = []
+    records: list[Record] = []
     refinements: list[str] = []
     refuse_links(folder)
     with writable(folder):

@@ -14,10 +14,13 @@ ladder that starts too coarse costs a run more, half as long at most as the othe
 
 from math import hypot, sqrt
 
+from granular_lmp.accuracy import collisions
+from granular_lmp.accuracy.halving import Plan
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.problem import prepare, step_rules
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.problem import Problem, step_rules
+from granular_lmp.runs.kinds import deck_of, prepare
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 
@@ -76,8 +79,7 @@ def first_step(scene: Scene) -> float:
     low, high = fewest - 1, fewest
     while not enough(high):
         low, high = high, 2 * high
-        if _ladder(high) * scene.time.samples > MOST_STEPS:
-            raise SceneError(f"time.tolerance = {tolerance!r}: would take more than {MOST_STEPS} steps in this scene")
+        _refuse_many(scene, Plan(high, RUNGS))
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
@@ -108,19 +110,44 @@ def build(scene: Scene) -> Deck:
     SceneError
         If effects contradict each other, or the time step is beyond the stability limit (`granular_lmp.problem`).
     """
-    problem = prepare(scene)
-    if scene.time.tolerance is not None:
-        problem = problem.stepped(with_step(problem.scene, finest_step(problem.scene)))
-    return deck_of(problem)
+    return deck_of(planned(prepare(scene)))
 
 
-def planned_steps(scene: Scene) -> int:
-    """Return the number of time steps of a scene: those of its one run, or of the ladder for its tolerance."""
+def plan(problem: Problem) -> Plan:
+    """Return the first step and the planned runs of a problem with a tolerance.
+
+    Raises
+    ------
+    SceneError
+        If they take more than 1e9 steps.
+    """
+    scene, time = problem.scene, problem.scene.time
+    longest = collisions.first_step(problem) if problem.mode is None else first_step(scene)
+    found = Plan(round(time.sample / longest), RUNGS)
+    _refuse_many(scene, found)
+    return found
+
+
+def planned(problem: Problem) -> Problem:
+    """Return the problem of the last planned run, with its time step: the problem itself if it has no tolerance."""
+    scene = problem.scene
     if scene.time.tolerance is None:
+        return problem
+    return problem.stepped(with_step(scene, scene.time.sample / (plan(problem).per_sample << RUNGS - 1)))
+
+
+def planned_steps(problem: Problem) -> int:
+    """Return the number of time steps of a problem as declared: of its one run, or of all planned runs together."""
+    scene, tolerance = problem.scene, problem.declared.time.tolerance
+    if tolerance is None:
         return scene.time.steps
-    return _ladder(round(scene.time.sample / first_step(scene))) * scene.time.samples
+    whole = problem.stepped(scene.with_values({"time.tolerance": tolerance}))
+    return plan(whole).steps_per_sample * scene.time.samples
 
 
-def _ladder(per_sample: int) -> int:
-    """Return the steps per sample of all runs of a ladder together, from those of its first run."""
-    return per_sample * ((1 << RUNGS) - 1)
+def _refuse_many(scene: Scene, plan: Plan) -> None:
+    """Raise SceneError if the planned runs take too many steps."""
+    if plan.steps_per_sample * scene.time.samples > MOST_STEPS:
+        raise SceneError(
+            f"time.tolerance = {scene.time.tolerance!r}: would take more than {MOST_STEPS} steps in this scene"
+        )

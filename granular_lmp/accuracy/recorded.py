@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.extrapolation import combined
-from granular_lmp.accuracy.richardson import Signals
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
+from granular_lmp.runs.kinds import in_snapshots
 from granular_lmp.runs.monitors import ContactForces, MonitorRecord
 from granular_lmp.runs.record import Record
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Signals = dict[str, Floats]
 MOTION, RATES, FORCES = ("u", "v", "phi"), ("u_t", "v_t", "phi_t"), ("normal", "shear", "rolling")
 PARTICLES = "output.particles"
 _FIELDS = ("displacement", "rotation", "velocity", "spin")
@@ -51,17 +51,16 @@ class Recorded:
     def add(self, record: Record) -> None:
         """Read what a run has recorded."""
         monitors = [record.monitor(each.name) for each in record.scene.monitor]
-        own: Signals = dict(record.signals)
-        moved = _moved(record.scene) if monitors or record.scene.output.particles > 0 else np.empty(0, dtype=int)
+        own, everyone = dict(record.signals), _everyone(record.scene)
+        moved = _moved(record.scene) if monitors or everyone else np.empty(0, dtype=int)
         for each in monitors:
             own |= _moving_parts(each.monitor.name, each.spheres, moved, *(getattr(each, name) for name in _FIELDS))
             if each.monitor.what == "flux":
                 free = ~np.isin(each.rows, each.crystal.arrays["row"][moved])
                 own[f"{each.monitor.name}.flux"] = each.flux[:, free]
-        if record.scene.output.particles > 0:
+        if everyone:
             snapshots = record.snapshots()
-            everyone = np.arange(len(snapshots.rest))
-            own |= _moving_parts(PARTICLES, everyone, moved, *snapshots.stacks(*_FIELDS))
+            own |= _moving_parts(PARTICLES, snapshots.spheres, moved, *snapshots.stacks(*_FIELDS))
         self._own.append(own)
         self._monitors.append(monitors)
 
@@ -79,11 +78,16 @@ class Recorded:
         return found
 
 
+def _everyone(scene: Scene) -> bool:
+    """Return whether a run of a scene has snapshots of all spheres beside its record."""
+    return scene.wave is not None and scene.output.particles > 0
+
+
 def _moved(scene: Scene) -> Integers:
     """Return the spheres of which sources or the drive prescribe the motion."""
-    atoms = crystal_of(scene).atoms
+    atoms, _ = in_snapshots(scene)
     moved = [spheres_at(each.rows, each.spheres, atoms, "source") for each in scene.source if each.motion]
-    if scene.wave.form == "driven":
+    if scene.wave is not None and scene.wave.form == "driven":
         moved.append(np.flatnonzero(atoms.arrays["row"] == 0))
     return np.concatenate([np.empty(0, dtype=int), *moved])
 
@@ -118,20 +122,21 @@ def _aligned(pairs: Sequence[ContactForces], name: str) -> Iterator[Floats]:
 
 
 def write_answer(folder: Path, records: Sequence[Record], weights: Sequence[float]) -> None:
-    """Write the dumps of monitors and of all spheres of an answer into a folder, from those of its runs.
+    """Write the dumps of monitors and snapshots of an answer into a folder, from those of its runs.
 
     What does not move, and the steps, are those of the last run; of a contact that is open in any run it has all.
     """
     places = [each.folder for each in records]
     scene, folders = records[-1].scene, [place for place in places if place is not None]
-    assert len(folders) == len(places) or not (scene.monitor or scene.output.particles > 0)
+    has_snapshots = scene.wave is None or _everyone(scene)
+    assert len(folders) == len(places) or not (scene.monitor or has_snapshots)
     for monitor in scene.monitor:
         name = MONITOR.format(monitor.name)
         _write_motion(folder / name, [each / name for each in folders], weights)
         if monitor.with_contacts:
             name = MONITOR_CONTACTS.format(monitor.name)
             write_dump(folder / name, [each / name for each in folders], weights)
-    if scene.output.particles > 0:
+    if has_snapshots:
         write_dump(folder / SNAPSHOTS, [each / SNAPSHOTS for each in folders], weights)
 
 

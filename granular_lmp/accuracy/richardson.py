@@ -8,7 +8,7 @@ of more runs, with any steps, and the estimate of their error; here is what it t
 The rounding of positions limits the accuracy at any time step: `granular_lmp.accuracy.rounding`.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 
@@ -23,7 +23,7 @@ from granular_lmp.effects.selection import order
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
-Signals = dict[str, NDArray[np.float64]]
+Signals = Mapping[str, NDArray[np.float64]]
 
 # The largest were 0.35 in 70 scenes of every kind (tests/hard); what adds up is that of an L wave of 0.4 Δ0 in 60 τ
 SLIP, ADDS_UP = 0.8, 1 / 3
@@ -44,7 +44,7 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     -------
     Record
         Extrapolated record with the scene of the finer run. ``info["error_estimate"]`` holds the relative L2 errors of
-        p, q and phi of the finer run, None for a signal that is zero; the extrapolated record is better. With the order
+        the signals of the finer run, None for a signal that is zero; the extrapolated record is better. With the order
         0 they are the distances of the two runs.
 
     Raises
@@ -63,19 +63,19 @@ def richardson(coarse: Record, fine: Record, order: int = 2) -> Record:
     if not isclose(ratio, 2, rel_tol=1e-9):
         raise ValueError(f"the steps {coarse.scene.time.step!r} and {fine.scene.time.step!r} must have the ratio 2")
     signals, estimates = {}, {}
-    for name in ("p", "q", "phi"):
-        a, b = getattr(coarse, name), getattr(fine, name)
+    for name, b in fine.signals.items():
+        a = coarse.signals[name]
         signals[name] = extrapolated(a, b, order)
         norm = np.linalg.norm(signals[name])
         estimates[name] = float(np.linalg.norm(b - a) / max(2**order - 1, 1) / norm) if norm > 0 else None
-    return replace(fine, **signals, info=fine.info | {"error_estimate": estimates}, folder=None)
+    return replace(fine, signals=signals, info=fine.info | {"error_estimate": estimates}, folder=None)
 
 
 def combined_record(runs: Sequence[Record], judgement: Judgement) -> Record:
     """Return the answer that a judgement makes of runs."""
     weights = judgement.weights
     signals = {name: combined([run.signals[name] for run in runs], weights) for name in runs[-1].signals}
-    return replace(runs[-1], p=signals["p"], q=signals["q"], phi=signals["phi"], folder=None)
+    return replace(runs[-1], signals=signals, folder=None)
 
 
 def judge(runs: Sequence[Signals], scenes: Sequence[Scene], counted: Collection[str] | None = None) -> Judgement:

@@ -9,37 +9,34 @@ The folder holds a run folder for each step, ``N_per_sample``, and the extrapola
 ``scene.toml`` and ``run.json``.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from granular_lmp.accuracy.budget import error_budget
-from granular_lmp.accuracy.extrapolation import Judgement
-from granular_lmp.accuracy.halving import One, Plan, begun, continued, halved
-from granular_lmp.accuracy.ladder import RUNGS, finest_step, first_step, with_step
-from granular_lmp.accuracy.noise import counted, lost, refuse_noise, stalled
-from granular_lmp.accuracy.recorded import Recorded, write_answer
-from granular_lmp.accuracy.richardson import combined_record, judge
+from granular_lmp.accuracy.estimates import estimate_of
+from granular_lmp.accuracy.halving import One, begun, continued, halved
+from granular_lmp.accuracy.ladder import plan
+from granular_lmp.accuracy.recorded import write_answer
+from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, writable
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.kinds import in_deck, prepare
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
 from granular_lmp.scene.scene import Scene
-
-FEWEST = 3  # runs after which an error that does not fall is one of rounding
 
 
 def run(
@@ -111,13 +108,21 @@ def run(
     """
     folder = absolute(folder)
     options = Options(launcher, ranks, force, progress, kernel)
-    if isinstance(what, Deck) or what.time.tolerance is None:
+    scene, deck = in_deck(what)
+    if deck or scene.time.tolerance is None:
         return launch.launch(what, folder, options, _budget)
-    return _to_tolerance(what, folder, options)
+    return _to_tolerance(scene, folder, options)
+
+
+def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None = None) -> Record:
+    """Run a scene or a deck as `run` does, with options in one object: the name of release 0.1."""
+    given = options or Options()
+    names = ("launcher", "ranks", "force", "progress", "kernel")
+    return run(what, folder, **{name: getattr(given, name) for name in names})
 
 
 def _budget(record: Record) -> dict[str, Any]:
-    return {"error_budget": error_budget(record.scene, record.signals)}
+    return {} if record.scene.wave is None else {"error_budget": error_budget(record.scene, record.signals)}
 
 
 def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
@@ -148,39 +153,35 @@ def resume(folder: str | Path, *, progress: Progress | None = None) -> Record:
     scene = scene_of(folder)
     if scene.time.tolerance is None:
         return launch.resume(folder, progress=progress, judge=_budget)
-    one = continued(
-        _one(options_of(folder, info)),
-        lambda place, part: launch.resume(place, progress=part),
-        Record.load,
-    )
+    one = continued(_one(options_of(folder, info)), lambda place, part: launch.resume(place, progress=part))
     with locked(folder):
-        return refine(scene, folder, one, progress, info)
+        return refine(prepare(scene), folder, one, progress, info)
 
 
 def _to_tolerance(scene: Scene, folder: Path, options: Options) -> Record:
-    scene = prepare(scene).scene
-    check_floor(scene, linear_signals(scene))
+    problem = prepare(scene)
+    plan(problem)  # raises before anything is written
+    if scene.wave is not None:
+        check_floor(problem.scene, linear_signals(problem.scene))
     kernel = {"kernel": library.description()} if options.kernel else {}
-    with begun(scene, folder, options) as info:
-        return refine(scene, folder, _one(options), options.progress, info | kernel)
+    with begun(problem.scene, folder, options) as info:
+        return refine(problem, folder, _one(options), options.progress, info | kernel)
 
 
-def _one(options: Options) -> One[Scene, Record]:
+def _one(options: Options) -> One:
     """Return what makes a run with a step; forced, because its folder may exist and hold files of the user."""
     return lambda scene, place, part: launch.launch(scene, place, replace(options, force=True, progress=part))
 
 
-def refine(
-    scene: Scene, folder: Path, one: One[Scene, Record], progress: Progress | None, info: dict[str, Any]
-) -> Record:
+def refine(problem: Problem, folder: Path, one: One, progress: Progress | None, info: dict[str, Any]) -> Record:
     """Run with smaller and smaller steps until the estimate meets the tolerance, and write ``run.json`` of the whole.
 
     Parameters
     ----------
-    scene : Scene
-        Scene with ``time.tolerance``.
+    problem : Problem
+        Problem of a scene with ``time.tolerance``.
     folder : Path
-        Existing folder for ``trajectory.csv`` and ``run.json``.
+        Existing folder for the answer and ``run.json``.
     one : callable
         Function of scene, folder and progress callback that makes one run of a scene with a time step.
     progress : callable, optional
@@ -198,34 +199,11 @@ def refine(
     ToleranceError
         As in `run`.
     """
-    plan = Plan(round(scene.time.sample / first_step(scene)), RUNGS)
-    recorded, noise, judgements = Recorded(), dict[str, float](), list[Judgement]()
-
-    def estimated(records: Sequence[Record]) -> Judgement:
-        recorded.add(records[-1])
-        signals = recorded.signals
-        if len(records) == 1:
-            noise.update(lost(scene, signals[0], with_step(scene, finest_step(scene))))
-        names = [name for name in counted(scene, signals[-1]) if name not in noise]
-        judgements.append(judge(signals, [record.scene for record in records], names))
-        if len(records) > FEWEST and scene.time.tolerance is not None:
-            errors = ({name: each.errors[name] for name in names} for each in judgements[-2:])
-            noise.update(stalled(scene.time.tolerance, records[-1].scene, signals[-1], *errors))
-            refuse_noise(scene.time.tolerance, noise, counted(scene, signals[-1]))
-            names = [name for name in names if name not in noise]
-        return replace(judgements[-1], errors={name: judgements[-1].errors[name] for name in names})
-
-    records, judgement, refinements = halved(scene, folder, plan, one, estimated, progress, info)
-    there = counted(scene, recorded.signals[-1])
-    noise = {name: noise[name] for name in there if name in noise}
-    found = judgement.errors | {name: judgements[-1].errors[name] for name in noise}
-    record = combined_record(records, judgement)
-    runs = [run.info for run in records]
+    scene, estimate = problem.scene, estimate_of(problem)
+    records, judgement, refinements = halved(scene, folder, plan(problem), one, estimate, progress, info)
+    record, runs = combined_record(records, judgement), [each.info for each in records]
     outcome = {
-        "error_estimate": {name: found.get(name) for name in ("p", "q", "phi")},
-        "errors_of_monitors": {name: error for name, error in found.items() if "." in name},
-        "noise": noise,
-        "error_budget": error_budget(scene, record.signals, {n: e for n, e in found.items() if "." not in n}),
+        **estimate.outcome(judgement, record),
         "extrapolated_from": [
             run.scene.time.step for run, weight in zip(records, judgement.weights, strict=True) if weight
         ],
@@ -236,7 +214,8 @@ def refine(
         "message": "",
     }
     with writable(folder):
-        record.write_csv(folder / TRAJECTORY)
+        if scene.wave is not None:
+            record.write_csv(folder / TRAJECTORY)
         write_answer(folder, records, judgement.weights)
         outcome |= readouts_of(replace(record, scene=scene, folder=folder))
         found_out = record.info | info | outcome | {"files": files_of(folder)}

@@ -1,7 +1,7 @@
 """Commands that do one run, or take what is there for one: run, resume, adopt, accept."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from granular_lmp.cli.arguments import (
     Commands,
@@ -16,6 +16,9 @@ from granular_lmp.cli.arguments import (
 )
 from granular_lmp.cli.output import interruptible, remark, say
 from granular_lmp.runs.phases import phase
+
+if TYPE_CHECKING:
+    from granular_lmp.runs.record import Record
 
 
 def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
@@ -47,7 +50,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
 def _run(options: Options) -> int:
     with phase("imports"):
-        from granular_lmp.studies.runnable import run
+        from granular_lmp.accuracy.tolerance import run
     with phase("scene"):
         scene = scene_of(options)
     folder = options.output or f"runs/{scene.name}"
@@ -67,7 +70,7 @@ def _run(options: Options) -> int:
 
 def _resume(options: Options) -> int:
     with phase("imports"):
-        from granular_lmp.studies.runnable import resume
+        from granular_lmp.accuracy.tolerance import resume
 
     with interruptible() as progress:
         record = resume(options.folder, progress=progress)
@@ -97,7 +100,7 @@ def _accept(options: Options) -> int:
     return 0
 
 
-def _say_how_it_went(folder: str, record: Any) -> int:
+def _say_how_it_went(folder: str, record: "Record") -> int:
     info = record.info
     seconds, loop = info["wall_seconds"]["total"], info["wall_seconds"]["loop"]
     of = f" of {info['recorded']} spheres" if "recorded" in info else ""

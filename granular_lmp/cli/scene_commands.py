@@ -101,8 +101,8 @@ def _schema(options: Options) -> int:
 
 
 def _check(options: Options) -> int:
+    from granular_lmp.accuracy.ladder import build
     from granular_lmp.studies.forecast import forecast
-    from granular_lmp.studies.runnable import build
 
     problem = build(scene_of(options)).problem
     found = forecast(problem)
@@ -185,8 +185,8 @@ def _sources(problem: "AnyProblem") -> list[dict[str, object]]:
 def _build(options: Options) -> int:
     from pathlib import Path
 
+    from granular_lmp.accuracy.ladder import build
     from granular_lmp.runs.folder import clear, locked
-    from granular_lmp.studies.runnable import build
 
     scene = scene_of(options)
     deck = build(scene)
@@ -199,8 +199,9 @@ def _build(options: Options) -> int:
 
 
 def _effects(options: Options) -> int:
+    from granular_lmp.accuracy.ladder import planned_steps
     from granular_lmp.runs.manifest import effects_of
-    from granular_lmp.studies.runnable import planned_steps, prepare
+    from granular_lmp.studies.runnable import prepare
 
     problem = prepare(scene_of(options))
     scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)

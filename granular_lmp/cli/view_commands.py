@@ -56,8 +56,9 @@ def _view(options: Options) -> int:
 
 
 def _export(options: Options) -> int:
-    from granular_lmp.studies.runnable import export, load
+    from granular_lmp.runs.export import export
+    from granular_lmp.runs.record import Record
 
-    export(load(options.folder), options.output, options.monitor)
+    export(Record.load(options.folder), options.output, options.monitor)
     say(options.output)
     return 0

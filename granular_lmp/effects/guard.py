@@ -113,4 +113,4 @@ class Guard:
 
     def limit_in(self, scene: Scene) -> float:
         """Return the limit above which the guard triggers in a scene, with the rounding of positions."""
-        return self.limit + self.roundings * gathered_rounding(scene)
+        return self.limit + self.roundings * gathered_rounding(scene) if self.roundings else self.limit

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import law_between
-from granular_lmp.effects.guard import NEVER
+from granular_lmp.effects.guard import NEVER, Guard
 from granular_lmp.effects.reading import Reading, nearly_open
 from granular_lmp.effects.sliding import GUARD as SLIP
-from granular_lmp.lammps.guards import GUARDS
 from granular_lmp.lammps.outputs import CONTACTS, read_snapshots
 from granular_lmp.problem import Problem
 
@@ -41,20 +40,19 @@ def first_decks(table: Mapping[str, object]) -> bool:
     return bool(table) and not any(column.endswith("_at") for column in table)
 
 
-def measured(name: str, table: Mapping[str, NDArray[np.float64]], problem: Problem, folder: Path) -> Measured:
+def measured(guard: Guard, table: Mapping[str, NDArray[np.float64]], problem: Problem, folder: Path) -> Measured:
     """Return the result of a guard in a run.
 
     Parameters
     ----------
-    name : str
-        Key of `GUARDS`.
+    guard : Guard
     table : dict
         Thermo table of the run by column.
     problem : Problem
     folder : Path
         Run folder, which may hold single contacts if the table only bounds the value.
     """
-    guard, scene = GUARDS[name], problem.scene
+    scene = problem.scene
     limit = guard.limit_in(scene)
     # A run whose log lacks a column fails by that, or has not come so far
     value = np.abs(table.get(guard.column, np.empty(0)))

@@ -135,8 +135,10 @@ def read_snapshots(path: str | Path) -> Iterator[tuple[int, list[str], NDArray[n
         raise RunFolderError(f"{path}: not a LAMMPS dump: {one_line(error)}") from error
 
 
-def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def read_dump(path: str | Path, spheres: int | None, *allowed: Sequence[str]) -> dict[str, NDArray[np.float64]]:
     """Return ``step`` (T,) and the columns by name, (T, spheres) each, of a dump whose columns are one of `allowed`.
+
+    Without a number of spheres it is that of the first snapshot.
 
     Raises
     ------
@@ -145,6 +147,7 @@ def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[s
     """
     steps, tables = [], []
     for step, names, table in read_snapshots(path):
+        spheres = len(table) if spheres is None else spheres
         if names not in map(list, allowed) or len(table) != spheres:
             raise RunFolderError(
                 f"{path}: holds {cut(' '.join(names))} of {len(table)} spheres at step {step}, "
@@ -153,7 +156,7 @@ def read_dump(path: str | Path, spheres: int, *allowed: Sequence[str]) -> dict[s
         allowed = (names,)  # the same in all snapshots
         steps.append(step)
         tables.append(table)
-    values = np.array(tables).reshape(-1, spheres, len(allowed[0]))
+    values = np.array(tables).reshape(-1, spheres or 0, len(allowed[0]))
     return {"step": np.array(steps, dtype=float)} | dict(zip(allowed[0], np.moveaxis(values, 2, 0), strict=True))
 
 

@@ -13,21 +13,21 @@ from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import ViewError
 from granular_lmp.impact.problem import ImpactProblem
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.plot.movie import refuse_movie, write_movie
 from granular_lmp.plot.signals import Picture, frequency_axis
+from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
 
 COLOURS = "magma_r"
 DARKEST, LIGHTEST = 1.0, 1e-4  # speeds at the ends of the colours, v: four decades, as the front in a sheet decays
 
 
-def motion_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
+def motion_figure(record: Record, tau: float | None = None) -> Picture:
     """Return a picture of the speeds of the recorded spheres.
 
     Parameters
     ----------
-    record : ImpactRecord
+    record : Record
     tau : float, optional
         Of a sheet the time, t0, of which the nearest record is drawn; by default the last. A chain is drawn at all
         times.
@@ -48,7 +48,7 @@ def motion_figure(record: ImpactRecord, tau: float | None = None) -> Picture:
     return sheet.figure
 
 
-def motion_movie(record: ImpactRecord, path: str | Path) -> None:
+def motion_movie(record: Record, path: str | Path) -> None:
     """Write a movie of a sheet, GIF or MP4, with a frame for each record.
 
     Raises
@@ -85,24 +85,24 @@ def bands_figure(problem: ImpactProblem) -> Figure:
     return figure
 
 
-def _speeds(record: ImpactRecord) -> NDArray[np.float64]:
+def _speeds(record: Record) -> NDArray[np.float64]:
     """Return the speeds (T, n), those below the colours as the lightest of them."""
     return np.maximum(np.linalg.norm(record.velocity, axis=-1), LIGHTEST)
 
 
-def _title(record: ImpactRecord) -> str:
+def _title(record: Record) -> str:
     scale = record.scale
     return f"{record.scene.name}: {scale.velocity:.3g} m/s, $t_0$ = {scale.time:.3g} s"
 
 
-def _label(record: ImpactRecord) -> str:
+def _label(record: Record) -> str:
     scene = record.scene
     struck = leads(scene.striker, scene.start, scene.sphere.radius)
     unit = "that of the striker" if struck else f"{record.scale.velocity:.3g} m/s"
     return f"speed ({unit})"
 
 
-def _chain(record: ImpactRecord) -> Picture:
+def _chain(record: Record) -> Picture:
     figure = Picture(figsize=(7.0, 4.0), layout="constrained")
     axes: Axes = figure.subplots()
     rows = record.problem.crystal.arrays["row"][record.problem.recorded]
@@ -118,7 +118,7 @@ def _chain(record: ImpactRecord) -> Picture:
 class _Sheet:
     """Figure of a sheet; `show` moves its spheres and its clock to another record."""
 
-    def __init__(self, record: ImpactRecord):
+    def __init__(self, record: Record):
         self.record, self.speeds = record, _speeds(record)
         places, problem = record.rest, record.problem
         width, height = np.ptp(places, axis=0) + 2

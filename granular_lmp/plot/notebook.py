@@ -9,14 +9,13 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from granular_lmp.errors import ViewError
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.plot.motion import motion_figure
 from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import Motion, Runnable
+from granular_lmp.studies.runnable import Runnable
 from granular_lmp.studies.sweep import Sweep
 
 _DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
@@ -46,16 +45,15 @@ def _(scene: Runnable) -> str:
     return _card(repr(scene), facts | {"units": units}, dispersion_figure(scene))
 
 
-@html.register(Record)
-@html.register(ImpactRecord)
-def _(record: Motion) -> str:
+@html.register
+def _(record: Record) -> str:
     info = record.info
     facts = {
         "status": f"{info.get('status', 'not run')} {info.get('message', '')}".strip(),
         "guards": ", ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"]) or "quiet",
         "folder": str(record.folder or "none"),
     }
-    return _card(repr(record), facts, motion_figure(record) if isinstance(record, ImpactRecord) else record.plot())
+    return _card(repr(record), facts, motion_figure(record) if record.scene.wave is None else record.plot())
 
 
 @html.register

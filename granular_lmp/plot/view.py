@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 
 from granular_lmp.errors import RunFolderError, ViewError
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
 from granular_lmp.plot.motion import motion_figure, motion_movie
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
+from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.scene.document import note
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import load
 from granular_lmp.studies.sweep import ASKED, Sweep
 
 _LABELS = {
@@ -94,14 +93,14 @@ def view(
         swept = Sweep.load(folder)
         save(sweep_figure(swept, column), path)
         return swept.notes
-    record = load(folder, unfinished=True)
+    record = Record.load(folder, unfinished=True)
     if not len(record.tau):
         raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
     what = "an impact" if record.scene.wave is None else "a run"
     _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {}))
-    if isinstance(record, ImpactRecord):
+    if record.scene.wave is None:
         _refuse(folder, what, of_a_run | {"tau": None})
         if movie:
             motion_movie(record, path)

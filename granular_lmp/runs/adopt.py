@@ -26,12 +26,12 @@ from granular_lmp.lammps.variables import said_variables
 from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.launch import WaveRun, mend
 from granular_lmp.runs.loop import execute
 from granular_lmp.runs.manifest import description, wall_seconds
 from granular_lmp.runs.phases import collected
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job
+from granular_lmp.runs.simulation import Simulation, mend
 from granular_lmp.scene.initial_fields import initial_fields
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
@@ -109,7 +109,9 @@ def adopt(
             raise RunFolderError(f"{source / name}: missing; the scene has the monitor that it is of")
     _refuse_other_beginning(source, dump.name, problem)
     deck = _deck(source, declared, problem)
-    info = description(deck, deck.edits(), "lmp", _ranks(log)) | {"adopted": {"from": str(source), "variables": values}}
+    info = description(deck.problem, deck.edits(), "lmp", _ranks(log)) | {
+        "adopted": {"from": str(source), "variables": values}
+    }
     found = read_log(source / LOG)
     info["wall_seconds"] = wall_seconds({}, found.sections)  # all of the time that is known
     if first_decks(found.table):
@@ -130,7 +132,7 @@ def adopt(
 
         with collected() as seconds:
             job = Job(place, deck.input_name, LOG, lock, lambda step: None)
-            return execute(WaveRun(deck), job, copy, info, seconds)
+            return execute(Simulation(deck), job, copy, info, seconds)
 
 
 def _scene(source: Path) -> Scene:

@@ -56,7 +56,9 @@ def refuse_other_physics(folder: Path, info: dict[str, Any], scene: Scene) -> No
     for key in ("effects", "guards"):
         if key not in info and info.get("status") == "finished":
             raise RunFolderError(f"{folder / STATUS}: {key} is missing; {_CURE}")
-    for key, found, declared in chain(_wave(info, scene), _effects(info, scene), _guards(info, scene)):
+    of_wave = (_wave, _effects, _guards)
+    pairs = _strikes(info, scene) if scene.wave is None else chain(*(each(info, scene) for each in of_wave))
+    for key, found, declared in pairs:
         number = isinstance(declared, float) and isinstance(found, int | float)
         if not (isclose(found, declared, rel_tol=SAME, abs_tol=SAME) if number else found == declared):
             found, declared = json.dumps(found), json.dumps(declared)
@@ -72,6 +74,12 @@ def _wave(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
         "amplitude": scene.wave.amplitude,
     }
     yield from ((key, info.get(key), value) for key, value in numbers.items() if finished or key in info)
+
+
+def _strikes(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:
+    scale = scene.scale
+    units = {"velocity_m_s": scale.velocity, "length_m": scale.length, "t0_s": scale.time, "mass_kg": scale.mass}
+    yield from ((key, info[key], value) for key, value in units.items() if key in info)
 
 
 def _effects(info: dict[str, Any], scene: Scene) -> Iterator[Pair]:

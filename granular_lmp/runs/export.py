@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.errors import RunFolderError
-from granular_lmp.lammps.outputs import csv_text, replace_text, writable
+from granular_lmp.lammps.outputs import writable
 from granular_lmp.runs.h5md import write_h5md
+from granular_lmp.runs.kinds import force_of, unit_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
 from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.runs.tables import write_csv
 
 
 def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float64]]:
@@ -24,14 +26,14 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
     ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` where contacts resist rolling; of flux ``flux_W``.
     """
-    sphere, unit = monitor.scene.sphere, monitor.scene.displacement_amplitude
-    time, force = sphere.time_scale, sphere.normal_stiffness * unit
+    sphere, unit, scale = monitor.scene.sphere, unit_of(monitor.scene), monitor.scene.scale
+    time, force = scale.time, force_of(monitor.scene)
     units = {
         "tau": ("t_s", time),
         **{"u": ("u_m", unit), "v": ("v_m", unit), "phi": ("theta_rad", unit / sphere.radius)},
         **{"u_t": ("u_t_m_s", unit / time), "v_t": ("v_t_m_s", unit / time)},
         "phi_t": ("theta_t_rad_s", unit / sphere.radius / time),
-        **{"normal": ("normal_N", force), "shear": ("shear_N", force), "overlap": ("overlap_m", sphere.static_overlap)},
+        **{"normal": ("normal_N", force), "shear": ("shear_N", force), "overlap": ("overlap_m", scale.length)},
         "rolling": ("rolling_Nm", force * sphere.radius),
         "flux": ("flux_W", monitor.watt),
     }
@@ -42,47 +44,36 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     return found
 
 
-def _write_csv(columns: dict[str, NDArray[np.float64]], path: Path) -> None:
-    replace_text(path, csv_text(columns, zip(*(values.tolist() for values in columns.values()), strict=True)))
-
-
-def write_si(record: Record, path: Path) -> None:
-    """Write the trajectory in SI units as CSV."""
-    _write_csv(record.si, path)
-
-
 def write_extxyz(particles: Snapshots, path: Path) -> None:
     """Write the snapshots as extended XYZ: positions and radii in R, what moves in D0 and t0; the cell is the run's.
 
     The columns beside the positions are ``id``, ``radius``, ``displacement``, ``velocity``, and where spheres turn
-    ``rotation`` (Rθ/D0) and ``spin``. The comment line of each snapshot holds ``tau``, ``R_m``, ``D0_m``, ``t0_s``.
+    ``spin`` and, if it is tracked, ``rotation`` (Rθ/D0). The comment line of each snapshot holds ``tau``, ``R_m``,
+    ``D0_m`` (ℓ of a scene without a wave), ``t0_s``.
     """
     scene, rest = particles.scene, particles.rest
     sphere, crystal = scene.sphere, particles.crystal
-    unit = scene.wave.amplitude * sphere.static_overlap
+    unit = unit_of(scene)
     lattice = " ".join(repr(float(x)) for x in np.asarray(crystal.cell).ravel())
     origin = " ".join(repr(float(x)) for x in crystal.get_celldisp().ravel())
     periodic = " ".join("T" if each else "F" for each in crystal.pbc)
-    scales = f"R_m={sphere.radius!r} D0_m={unit!r} t0_s={sphere.time_scale!r}"
+    scales = f"R_m={sphere.radius!r} D0_m={unit!r} t0_s={scene.scale.time!r}"
     with path.open("w", encoding="utf-8") as stream:
         for each in (particles[k] for k in range(len(particles))):
             columns = {"displacement": each.displacement, "velocity": each.velocity}
-            if not np.isnan(each.rotation).any() and (each.rotation.any() or each.spin.any()):
-                columns |= {"rotation": each.rotation, "spin": each.spin}
+            if each.rotation.any() or each.spin.any():  # true of a rotation that is not known
+                columns |= {} if np.isnan(each.rotation).any() else {"rotation": each.rotation}
+                columns["spin"] = each.spin
             kinds = "".join(f":{name}:R:{np.atleast_2d(x.T).shape[0]}" for name, x in columns.items())
             position = np.column_stack([rest + each.displacement * unit / sphere.radius, np.zeros(len(rest))])
-            numbers = np.column_stack([np.ones(len(rest)), *columns.values()]).tolist()
+            numbers = np.column_stack([crystal.arrays["radius"], *columns.values()]).tolist()
             stream.write(
                 f"{len(rest)}\n"
                 f'Lattice="{lattice}" Origin="{origin}" pbc="{periodic}" '
                 f"Properties=species:S:1:pos:R:3:id:I:1:radius:R:1{kinds} tau={each.tau!r} {scales}\n"
             )
-            for number, (place, row) in enumerate(zip(position.tolist(), numbers, strict=True), 1):
-                stream.write(f"X {' '.join(map(repr, place))} {number} {' '.join(map(repr, row))}\n")
-
-
-def _write_netcdf(record: Record, path: Path) -> None:
-    record.to_netcdf(path)
+            for number, place, row in zip(particles.spheres.tolist(), position.tolist(), numbers, strict=True):
+                stream.write(f"X {' '.join(map(repr, place))} {number + 1} {' '.join(map(repr, row))}\n")
 
 
 def _write_snapshots(record: Record, path: Path) -> None:
@@ -90,8 +81,8 @@ def _write_snapshots(record: Record, path: Path) -> None:
 
 
 FORMATS: dict[str, Callable[[Record, Path], None]] = {
-    ".csv": write_si,
-    ".nc": _write_netcdf,
+    ".csv": Record.write_si,
+    ".nc": Record.to_netcdf,
     ".xyz": _write_snapshots,
     ".extxyz": _write_snapshots,
     ".h5md": write_h5md,
@@ -128,4 +119,4 @@ def export(record: Record, path: str | Path, monitor: str | None = None) -> None
 
 
 def _write_monitor(record: Record, path: Path, name: str) -> None:
-    _write_csv(si_columns_of_monitor(record.monitor(name)), path)
+    write_csv(si_columns_of_monitor(record.monitor(name)), path)

@@ -9,9 +9,10 @@ the text dump some 180. It is written one snapshot at a time, so that no more th
                             id, species (1 moves, 2 is held), radius   the same at all times
     parameters              attributes: scene (TOML), status, D0_m, Delta0_m, t0_s, R_m, origin_m
 
-Each element holds ``value``, ``step`` and ``time`` (ns). A rotation that was not tracked is nan. H5MD puts a corner of
-the box at the origin: a position is that of the deck less ``origin_m``. MDAnalysis keeps positions in single precision,
-which loses a displacement of 1e-7 of the crystal; the displacements in the file have every digit.
+Each element holds ``value``, ``step`` and ``time`` (ns). A rotation that was not tracked is nan. Without a wave,
+D0_m and Delta0_m are both ℓ, the unit of the record. H5MD puts a corner of the box at the origin: a position is that of
+the deck less ``origin_m``. MDAnalysis keeps positions in single precision, which loses a displacement of 1e-7 of the
+crystal; the displacements in the file have every digit.
 """
 
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
+from granular_lmp.runs.kinds import unit_of
 from granular_lmp.runs.record import Record, optional_package
 from granular_lmp.scene.scene import Scene
 
@@ -45,15 +47,15 @@ def write_h5md(record: Record, path: Path) -> None:
     """
     snapshots, h5py = record.snapshots(), optional_package("h5py")
     scene, crystal = snapshots.scene, snapshots.crystal
-    radius, time = scene.sphere.radius / NANO, scene.sphere.time_scale / NANO
-    unit = scene.displacement_amplitude / NANO
+    radius, time = scene.sphere.radius / NANO, scene.scale.time / NANO
+    unit = unit_of(scene) / NANO
     corner = crystal.get_celldisp().ravel()
     place = (crystal.positions - corner) * radius
     frames, count = len(snapshots), len(place)
     with h5py.File(path, "w") as file:
         _describe(file, scene, str(record.info.get("status", "")), corner * scene.sphere.radius)
         group = file.create_group("particles/trajectory")
-        group["id"] = np.arange(1, count + 1)
+        group["id"] = snapshots.spheres + 1
         group["species"] = np.where(snapshots.held, TYPES["held"], TYPES["moving"])
         group["species"].attrs.update(TYPES)
         group["radius"] = crystal.arrays["radius"] * radius
@@ -92,15 +94,14 @@ def _describe(file: Any, scene: Scene, status: str, origin: np.ndarray) -> None:
     file.create_group("h5md/author").attrs["name"] = "granular-lmp"
     file.create_group("h5md/creator").attrs.update({"name": "granular-lmp", "version": __version__})
     file.create_group("h5md/modules/units").attrs["version"] = [1, 0]
-    sphere = scene.sphere
     file.create_group("parameters").attrs.update(
         {
             "scene": scene.to_toml(),
             "status": status,
-            "D0_m": scene.displacement_amplitude,
-            "Delta0_m": sphere.static_overlap,
-            "t0_s": sphere.time_scale,
-            "R_m": sphere.radius,
+            "D0_m": unit_of(scene),
+            "Delta0_m": scene.scale.length,
+            "t0_s": scene.scale.time,
+            "R_m": scene.sphere.radius,
             "origin_m": origin,
         }
     )

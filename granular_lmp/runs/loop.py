@@ -1,87 +1,32 @@
 """The loop of every run: write the deck, launch LAMMPS, collect what it wrote, judge it, and say so in ``run.json``.
 
-A wave and an impact differ in their decks, records and guards. The loop asks these of a `Simulation` and does the rest:
-folder, lock, launch, progress, checkpoints, clock, status and seal.
+A `Simulation` knows the files of its deck, its record and its guards. The loop does the rest: folder, lock, launch,
+progress, checkpoints, clock, status and seal.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import nan
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
-from granular_lmp.errors import EffectError, LammpsError, RunInterrupted
+from granular_lmp.errors import EffectError, RunInterrupted
 from granular_lmp.lammps.outputs import CHECKPOINTS, CONTACTS, LOG, RunLog, mend_log, read_log, writable, write_files
 from granular_lmp.runs.continuation import how_to_continue, last_checkpoint, mark, read_start
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.manifest import wall_seconds
+from granular_lmp.runs.manifest import triggered, wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.phases import Seconds, collected, phase, split
+from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job, Route, route_of
 from granular_lmp.runs.seal import files_of
+from granular_lmp.runs.simulation import Simulation
 from granular_lmp.runs.status import read_status, write_status
-
-R = TypeVar("R")  # a frozen record with ``info``, the contents of ``run.json``
-
-
-class Simulation(Protocol[R]):
-    """A deck, and what its kind of scene knows of its run.
-
-    Attributes
-    ----------
-    input_name : str
-        File name of the input.
-    dump : str
-        Name of the dump without which nothing was recorded.
-    steps : int
-        Time steps of the run.
-    columns : tuple of str
-        Thermo columns of the guards, with which an interrupted run is completed.
-    """
-
-    @property
-    def input_name(self) -> str: ...
-    @property
-    def dump(self) -> str: ...
-    @property
-    def steps(self) -> int: ...
-    @property
-    def columns(self) -> tuple[str, ...]: ...
-
-    def files(self) -> Mapping[str, Iterable[str]]:
-        """Return name → text, in pieces, of the files of the run folder."""
-
-    def description(self, launcher: str, ranks: int) -> dict[str, Any]:
-        """Return the entries of ``run.json`` that are known before the run."""
-
-    def checkpoint_steps(self, ranks: int) -> int:
-        """Return the steps between two checkpoints."""
-
-    def resume_text(self, checkpoint: str) -> str:
-        """Return the input that continues from a checkpoint."""
-
-    def mend(self, folder: Path) -> None:
-        """Cut what a stop left of the dumps back to whole records."""
-
-    def collect(self, folder: Path, *, stopped: bool) -> R:
-        """Return the record of the run, finished or not."""
-
-    def outcome(self, folder: Path, record: R, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the entries of ``run.json`` after the run, its guards among them."""
-
-    def defect(self, record: R, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
-        """Return an error if the record or the log is incomplete although LAMMPS reported success, else None."""
-
-    def triggered(self, info: dict[str, Any]) -> list[str]:
-        """Return a sentence for each guard that fails the run."""
-
-    def judged(self, record: R) -> dict[str, Any]:
-        """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
 
 
 def begin(
-    simulation: Simulation[R], folder: Path, options: Options, seconds: Seconds, kernel: Mapping[str, Any] | None = None
-) -> R:
+    simulation: Simulation, folder: Path, options: Options, seconds: Seconds, kernel: Mapping[str, Any] | None = None
+) -> Record:
     """Run a simulation in a folder, which is created, and return its record.
 
     Parameters
@@ -116,7 +61,7 @@ def begin(
         return execute(simulation, job, route, info, seconds)
 
 
-def proceed(of: Callable[[Path], Simulation[R]], folder: Path, progress: Progress | None) -> R:
+def proceed(of: Callable[[Path], Simulation], folder: Path, progress: Progress | None) -> Record:
     """Continue a stopped or killed run from its last checkpoint, on the same route and ranks.
 
     Parameters
@@ -153,7 +98,7 @@ def proceed(of: Callable[[Path], Simulation[R]], folder: Path, progress: Progres
 
 
 def _job(
-    simulation: Simulation[R], folder: Path, name: str, log: str, lock: int, options: Options, info: dict[str, Any]
+    simulation: Simulation, folder: Path, name: str, log: str, lock: int, options: Options, info: dict[str, Any]
 ) -> Job:
     """Return the job of an input: its deck is told the mark of its checkpoints, and their interval on ranks."""
     progress, steps = options.progress, simulation.steps
@@ -164,7 +109,7 @@ def _job(
     return Job(folder, name, log, lock, report, simulation.columns, variables)
 
 
-def execute(simulation: Simulation[R], job: Job, route: Route, info: dict[str, Any], seconds: Seconds) -> R:
+def execute(simulation: Simulation, job: Job, route: Route, info: dict[str, Any], seconds: Seconds) -> Record:
     """Run an input in its folder, collect its record, and write the outcome to ``run.json``.
 
     `seconds` collects the phases of the run (`granular_lmp.runs.phases`); all that was collected so far belongs to it.
@@ -189,7 +134,7 @@ def execute(simulation: Simulation[R], job: Job, route: Route, info: dict[str, A
         before = info.get("wall_seconds", {})
         split("deck", {name: spent - before.get("phases", {}).get(name, 0.0) for name, spent in log.sections.items()})
         info = info | found | {"wall_seconds": wall_seconds(before, seconds)}
-        if messages := simulation.triggered(info):
+        if messages := triggered(info):
             failure = failure or EffectError(f"{folder}: {'; '.join(messages)}")
         if failure is None:
             info |= simulation.judged(record) | {"files": files_of(folder)}
@@ -204,4 +149,4 @@ def execute(simulation: Simulation[R], job: Job, route: Route, info: dict[str, A
     job.report_step(simulation.steps)
     for name in (*CHECKPOINTS, CONTACTS):  # contacts are kept only if they failed the run
         (folder / name).unlink(missing_ok=True)
-    return replace(record, info=info)  # type: ignore[type-var]  # records are dataclasses
+    return replace(record, info=info)

@@ -10,20 +10,19 @@ from numpy.typing import NDArray
 
 from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
-from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.guard_results import measured
-from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, look_interval
-from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS
+from granular_lmp.lammps.guard_results import first_decks, measured
+from granular_lmp.lammps.guards import ELSEWHERE, fastest, look_interval
+from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
 from granular_lmp.runs.formats import FORMAT
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.kinds import guards_of, line_steps
 from granular_lmp.scene.at_rest import CrystalAtRest
 
 
-def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
+def description(problem: Problem, edits: list[str], launcher: str, ranks: int) -> dict[str, Any]:
     """Return the entries of ``run.json`` that are known before the run; `edits` are those of the deck."""
-    problem, scene, sphere, time_ = deck.problem, deck.scene, deck.scene.sphere, deck.scene.time
+    scene, time_ = problem.scene, problem.scene.time
     return {
         "format": FORMAT,
         "name": scene.name,
@@ -31,22 +30,45 @@ def description(deck: Deck, edits: list[str], launcher: str, ranks: int) -> dict
         "versions": {"granular_lmp": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "launcher": launcher,
         "ranks": ranks,
-        "particles": len(deck.packing),
+        "particles": len(problem.crystal),
         "steps": time_.steps,
         "timestep_used": time_.step,
+        **(_of_strikes(problem) if problem.mode is None else _of_wave(problem)),
+        "effects": effects_of(problem),
+        "remarks": problem.warnings(),
+        **({"edited": edits} if edits else {}),
+    }
+
+
+def _of_wave(problem: Problem) -> dict[str, Any]:
+    """Return the wave, the crystal at rest and its units."""
+    scene = problem.scene
+    epsilon = {"epsilon": scene.sphere.nonlinearity(scene.wave.amplitude)} if scene.lattice == HEXAGONAL else {}
+    return {
         "wavenumber_used": scene.wavenumber,
         "direction_used": scene.direction,
         "frequency": problem.mode.frequency,
         "amplitude": scene.wave.amplitude,
         **crystal_at_rest(problem.at_rest),
-        **({"epsilon": sphere.nonlinearity(scene.wave.amplitude)} if scene.lattice == HEXAGONAL else {}),
+        **epsilon,
         "Delta0_m": scene.scale.length,
         "t0_s": scene.scale.time,
-        "overlap_ratio": sphere.overlap_ratio,
-        "looks": {"every_tau": look_interval(problem) * time_.step, "fastest": fastest(scene)},
-        "effects": effects_of(problem),
-        "remarks": problem.warnings(),
-        **({"edited": edits} if edits else {}),
+        "overlap_ratio": scene.sphere.overlap_ratio,
+        "looks": {"every_tau": look_interval(problem) * scene.time.step, "fastest": fastest(scene)},
+    }
+
+
+def _of_strikes(problem: Any) -> dict[str, Any]:
+    """Return the units of an impact, its shortest collision and the chain at rest."""
+    scale = problem.scale
+    return {
+        "recorded": len(problem.recorded),
+        "velocity_m_s": scale.velocity,
+        "length_m": scale.length,
+        "t0_s": scale.time,
+        "mass_kg": scale.mass,
+        "shortest_collision": problem.shortest_collision,
+        "at_rest": problem.at_rest,
     }
 
 
@@ -67,7 +89,7 @@ def effects_of(problem: Problem) -> dict[str, dict[str, Any]]:
             "on": effect.on,
             "called_for": effect.called_for,
             "number": _finite(effect.number),
-            "reason": effect.reason,
+            "reason": effect.finding if problem.mode is None else effect.reason,
             "guard": effect.guard,
         }
         for effect in problem.effects
@@ -83,19 +105,13 @@ def wall_seconds(before: Mapping[str, Any], phases: Mapping[str, float]) -> dict
     return {"total": total, "loop": loop, "other": None if loop is None else total - loop, "phases": both}
 
 
-def outcome(problem: Problem, folder: Path, record: Record, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
-    """Return the entries of ``run.json`` after the run from its record and its thermo table."""
+def outcome(folder: Path, problem: Problem, samples: int, table: Signals, before: dict[str, Any]) -> dict[str, Any]:
+    """Return the entries of ``run.json`` after the run from the number of its records and its thermo table."""
     return {
-        "samples": len(record.tau),
-        "smallest_overlap": _finite(np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)),  # Δ0, while touching
-        # Extremes over all spheres, also those that cannot affect the record
-        "elsewhere": {
-            name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
-            for name in ELSEWHERE
-            if len(table.get(name, ()))
-        },
+        "samples": samples,
+        **({} if problem.mode is None else _extremes(table)),
         "guards": {
-            effect["guard"]: _outcome_of(effect["guard"], name, effect, table, problem, folder)
+            effect["guard"]: _outcome_of(name, effect, table, problem, folder)
             for name, effect in before["effects"].items()
             if effect["guard"]
         },
@@ -103,31 +119,56 @@ def outcome(problem: Problem, folder: Path, record: Record, table: Signals, befo
     }
 
 
+def _extremes(table: Signals) -> dict[str, Any]:
+    """Return the smallest overlap, and extremes over all spheres, also those that cannot affect the record."""
+    elsewhere = {
+        name.removeprefix("v_"): _finite((np.nanmin if "overlap" in name else np.nanmax)(table[name]))
+        for name in ELSEWHERE
+        if len(table.get(name, ()))
+    }
+    smallest = np.min(table.get("v_overlap", np.empty(0)), initial=np.inf)  # Δ0, while touching
+    return {"smallest_overlap": _finite(smallest), "elsewhere": elsewhere}
+
+
 def _outcome_of(
-    guard: str,
-    name: str,
-    effect: dict[str, Any],
-    table: dict[str, NDArray[np.float64]],
-    problem: Problem,
-    folder: Path,
+    name: str, effect: dict[str, Any], table: dict[str, NDArray[np.float64]], problem: Problem, folder: Path
 ) -> dict[str, Any]:
-    """Return the result of one guard.
+    """Return the result of the guard of one effect.
 
     It judges only an effect that is off and that the scene does not call for. While the effect is on, a value above the
     limit is expected and the guard counts as quiet.
     """
+    guard = guards_of(problem)[effect["guard"]]
     found = measured(guard, table, problem, folder)
     return {
         "effect": name,
         "value": _finite(found.value),
         "bound": _finite(found.bound),
-        "limit": GUARDS[guard].limit_in(problem.scene),
+        "limit": guard.limit_in(problem.scene),
         "quiet": found.passed_at is None or effect["on"],
         "passed_at": found.passed_at,
         "judges": not effect["on"] and not effect["called_for"],
-        "meaning": GUARDS[guard].meaning,
-        "cure": GUARDS[guard].cure,
+        "meaning": guard.meaning,
+        "cure": guard.cure,
     }
+
+
+def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
+    """Return what the log of a finished run lacks; "" if it is complete.
+
+    The deck of a run that was adopted may be one of those that looked only when they wrote a line.
+    """
+    table, last = log.table, problem.scene.time.steps
+    older = "adopted" in info and first_decks(table)
+    every = log.every if older else line_steps(problem)
+    missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
+    ends = ("",) if older or problem.mode is None else ("", "_at")
+    known = guards_of(problem)
+    needed = {name: {f"{known[name].column}{end}" for end in ends} for name in info["guards"]}
+    absent = [name for name, needs in needed.items() if not needs <= set(table)]
+    if missed or absent:
+        return f"the log lacks {f'step {missed[0]}' if missed else f'the guard {absent[0]}'}"
+    return ""
 
 
 def triggered(info: dict[str, Any]) -> list[str]:

@@ -31,15 +31,14 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import CONTACT_COLUMNS, ROLLING_COLUMNS
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
+from granular_lmp.runs import kinds
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
-from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import allowed_names
-from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -128,7 +127,7 @@ class MonitorRecord:
     @cached_property
     def crystal(self) -> ase.Atoms:
         """All spheres at rest; lengths in radii."""
-        return crystal_of(self.scene).atoms
+        return kinds.in_snapshots(self.scene)[0]
 
     @cached_property
     def spheres(self) -> Integers:
@@ -224,7 +223,7 @@ class MonitorRecord:
 
     def _by_pair(self, time: Integers, table: Floats, unknown: NDArray[np.bool_]) -> ContactForces:
         """Return the contacts of the monitor's spheres from the lines of the dump; nan at times that are unknown."""
-        atoms, units = self.crystal, units_for(self.scene.sphere.radius)
+        atoms, units = self.crystal, kinds.units_of(self.scene)
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
         own = np.isin(first, self.spheres) | np.isin(second, self.spheres)
@@ -236,7 +235,7 @@ class MonitorRecord:
         sign = np.where(first == i, -1.0, 1.0)  # the vector leads to the first, and the force is on the first
         vector = np.full((len(unknown), len(keys), 2), np.nan)
         vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
-        force = units.number(sphere.normal_stiffness * self.scene.displacement_amplitude, mass=1, length=1, time=-2)
+        force = units.number(kinds.force_of(self.scene), mass=1, length=1, time=-2)
         normal, shear, rolling = np.zeros((3, len(unknown), len(keys)))
         normal[unknown] = shear[unknown] = rolling[unknown] = np.nan
         normal[time, pair] = table[:, 2] / force
@@ -247,7 +246,7 @@ class MonitorRecord:
             arm = radius[i] * radius[j] / (radius[i] + radius[j])
             rolling[time, pair] = -sign * arm * (x * table[:, 8] - y * table[:, 7]) / force
         length = np.linalg.norm(vector, axis=-1)
-        overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / sphere.static_overlap
+        overlap = (radius[of_i] + radius[of_j] - length) * sphere.radius / self.scene.scale.length
         return ContactForces(of_i, of_j, vector, normal, shear, overlap, rolling)
 
     def power(self, end: str) -> Floats:
@@ -258,7 +257,7 @@ class MonitorRecord:
         end : "i" or "j"
             It is 0 for spheres that are not of the monitor.
         """
-        contacts, ratio = self.contacts, self.scene.sphere.static_overlap / self.scene.sphere.radius
+        contacts, ratio = self.contacts, self.scene.scale.length / self.scene.sphere.radius
         index = getattr(contacts, end)
         place = np.searchsorted(self.spheres, index).clip(max=len(self.spheres) - 1)
         own = self.spheres[place] == index
@@ -304,8 +303,7 @@ class MonitorRecord:
     @property
     def watt(self) -> float:
         """The unit of power k1 D0²/t0, in W."""
-        sphere = self.scene.sphere
-        return sphere.normal_stiffness * self.scene.displacement_amplitude**2 / sphere.time_scale
+        return kinds.force_of(self.scene) * kinds.unit_of(self.scene) / self.scene.scale.time
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return what the monitor is for as columns of one length, dimensionless, time by time.

@@ -43,6 +43,8 @@ def drive_of(scene: Scene) -> tuple[float, float]:
     ReadoutError
         If no driven row and no source is there, a source is no tone, or they have different frequencies.
     """
+    if scene.wave is None:
+        raise ReadoutError("wave: missing table; nothing drives the crystal at one frequency")
     usual = mode_of(scene).frequency
     driven = scene.wave.form == "driven"
     if scene.struck or not (driven or scene.source and scene.wave.form == "none"):

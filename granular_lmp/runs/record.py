@@ -1,14 +1,15 @@
-"""The record of a run: the trajectory of the centre sphere, read from its run folder.
+"""The record of a run: the motion that it recorded, read from its run folder.
 
-LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. ``trajectory.csv`` holds p, q and φ of the centre
-sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along y) and Rθ, in D0.
-``run.json`` holds the course of the run. Post-processing scripts may import only this module and
-`granular_lmp.crystal.sphere`.
+LAMMPS writes ``dump.*`` and ``log.lammps`` in the units of the deck. Of a scene with a wave ``trajectory.csv`` holds p,
+q and φ of the centre sphere over τ: its displacement along the wave vector k and along ẑ × k (v and −u for a wave along
+y) and Rθ, in D0. Of a scene without a wave ``dump.particles`` holds the spheres that it records. ``run.json`` holds the
+course of the run. Post-processing scripts may import only this module and `granular_lmp.crystal.sphere`.
 """
 
 import csv
-from dataclasses import dataclass, field
-from importlib import import_module
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -16,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.card import HasCard
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
-from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
-from granular_lmp.lammps.outputs import DUMP, csv_text, read_centre, replace_text
+from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
+from granular_lmp.runs import energy, kinds, tables
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
     refuse_other_physics,
@@ -28,39 +31,38 @@ from granular_lmp.runs.agreement import (
 from granular_lmp.runs.formats import is_one_column, scene_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.seal import refuse_changed
-from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.runs.snapshots import Snapshots, dimensionless, step_of
 from granular_lmp.runs.status import STATUS as STATUS
 from granular_lmp.runs.status import read_status as read_status
 from granular_lmp.runs.status import write_status as write_status
+from granular_lmp.runs.tables import optional_package as optional_package
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import units_for
 
 if TYPE_CHECKING:
     from granular_lmp.plot.signals import Picture
 
+Floats = NDArray[np.float64]
+
 TRAJECTORY = "trajectory.csv"
-# Name, unit and meaning of each column
-_COLUMNS = (
-    ("tau", "t0", "time"),
-    ("p", "D0", "displacement of the centre sphere along the wave vector"),
-    ("q", "D0", "displacement of the centre sphere across the wave vector"),
-    ("phi", "D0/R rad", "rotation of the centre sphere, R theta/D0"),
-)
-HEADER = [name for name, *_ in _COLUMNS]
+HEADER = ["tau", "p", "q", "phi"]
+_PLACES = ["id", "type", "x", "y", "z", "radius", "mass", "Displacement.X", "Displacement.Y", "vx", "vy"]
+_SPHERE_COLUMNS = tuple([*_PLACES, *more] for more in (["vz"], ["vz", "omegaz"]))
 
 
 @dataclass(frozen=True, repr=False)
 class Record(HasCard):
-    """Trajectory of the centre sphere with its scene and run folder.
+    """Motion that a run recorded, with its scene and its run folder.
 
     Attributes
     ----------
     tau : (T,) array
         Time in units of t0.
-    p, q : (T,) arrays
-        Displacement along the wave vector k and along ẑ × k in units of D0: v/D0 and −u/D0 for a wave along y.
-    phi : (T,) array
-        Rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked.
+    signals : dict of str to array
+        What was recorded, by name. Of a scene with a wave ``p``, ``q`` and ``phi`` of the centre sphere, (T,): its
+        displacement along the wave vector k and along ẑ × k in units of D0, v/D0 and −u/D0 for a wave along y, and its
+        rotation Rθ/D0, which is 0 if spheres do not turn and nan if they turn but are not tracked. Of a scene without a
+        wave ``displacement`` and ``velocity`` of the n recorded spheres, (T, n, 2), columns x and y, in ℓ and in v, and
+        if they turn ``spin``, (T, n), R ω/v.
     scene : Scene
         Scene of the run with every "auto" decided.
     info : dict
@@ -71,13 +73,11 @@ class Record(HasCard):
     Notes
     -----
     p, q and φ are those of one sphere. They are those of the infinite lattice until the echo of the walls arrives
-    (`Scene.echo_time`).
+    (`Scene.echo_time`). ℓ, v and t0 are the units of an impact (`granular_lmp.crystal.scale`).
     """
 
-    tau: NDArray[np.float64]
-    p: NDArray[np.float64]
-    q: NDArray[np.float64]
-    phi: NDArray[np.float64]
+    tau: Floats
+    signals: Mapping[str, Floats]
     scene: Scene
     info: dict[str, Any] = field(default_factory=dict)
     folder: Path | None = None
@@ -104,9 +104,41 @@ class Record(HasCard):
         if info.get("status") != "finished" and not unfinished:
             raise RunFolderError(f"{folder}: not a finished run (status '{info.get('status')}': {info.get('message')})")
         refuse_other_scene(folder, info)
-        refuse_changed(folder, info, lazily=True)
         scene = scene_of(folder)
+        refuse_changed(folder, info, lazily=scene.wave is not None)
         refuse_other_physics(folder, info, scene)
+        if scene.wave is None:
+            return cls._of_spheres(folder, scene, info, whole=not unfinished)
+        return cls._of_trajectory(folder, scene, info, whole=not unfinished)
+
+    @classmethod
+    def of_centre(
+        cls, tau: Floats, p: Floats, q: Floats, phi: Floats, scene: Scene, info: dict[str, Any] | None = None
+    ) -> Self:
+        """Make a record of the centre sphere."""
+        return cls(tau, {"p": p, "q": q, "phi": phi}, scene, info or {})
+
+    @classmethod
+    def empty(cls, scene: Scene, folder: Path | None = None) -> Self:
+        """Make the record of a run that has recorded nothing."""
+        if scene.wave is not None:
+            return cls(np.empty(0), dict.fromkeys(HEADER[1:], np.empty(0)), scene, folder=folder)
+        still = np.empty((0, len(kinds.prepare(scene).recorded), 2))
+        return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
+
+    @classmethod
+    def _of_spheres(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
+        """Return the record of a run folder without a trajectory; `whole` if ``run.json`` says how long it is."""
+        record = cls.from_dump(folder, scene, info=info)
+        times, spheres, _ = record.displacement.shape
+        for number, what, said in ((times, "records", "samples"), (spheres, "spheres", "recorded")):
+            if whole and number != info.get(said):
+                raise RunFolderError(f"{folder / SNAPSHOTS}: {number} {what}, and {STATUS} says {info.get(said)}")
+        return record
+
+    @classmethod
+    def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
+        """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
         try:
             text = (folder / TRAJECTORY).read_text(encoding="utf-8")
             if not text.endswith("\n"):
@@ -114,53 +146,160 @@ class Record(HasCard):
             lines = list(csv.reader(text.splitlines()))
             if lines[0] != HEADER:
                 raise ValueError(f"header {lines[0]}, expected {HEADER}")
-            tau, p, q, phi = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
+            tau, *signals = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
             if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
                 raise ValueError("tau must be finite, not negative, and ascend")
-            if not len(tau) and not unfinished:
+            if not len(tau) and whole:
                 raise ValueError("it holds no record")
-            if len(tau) != info.get("samples") and not unfinished:
+            if len(tau) != info.get("samples") and whole:
                 raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
         except (OSError, ValueError, IndexError, csv.Error) as error:
             raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {one_line(error)}") from error
         refuse_other_extrapolation(folder / TRAJECTORY, text, info)
-        record = cls(tau, p, q, phi, scene, info, folder)
+        record = cls(tau, dict(zip(HEADER[1:], signals, strict=True)), scene, info, folder)
         if (folder / DUMP).is_file():
-            dumped, whole = cls.from_dump(folder, scene), info["status"] == "finished"
-            refuse_other_trajectory(folder / TRAJECTORY, record.columns, dumped.columns, whole=whole)
+            dumped, ended = cls.from_dump(folder, scene), info["status"] == "finished"
+            refuse_other_trajectory(folder / TRAJECTORY, record.columns, dumped.columns, whole=ended)
         return record
 
     @classmethod
-    def from_dump(cls, folder: str | Path, scene: Scene, dump: str = DUMP) -> Self:
-        """Make the record of a run folder from its dump, dimensionless with the scene's D0 and R."""
-        table = read_centre(Path(folder) / dump)
+    def from_dump(
+        cls, folder: str | Path, scene: Scene, dump: str | None = None, info: dict[str, Any] | None = None
+    ) -> Self:
+        """Make the record of a run folder from its dump: of the centre sphere, or of the recorded spheres."""
+        folder = Path(folder)
+        if scene.wave is None:
+            table = read_dump(folder / (dump or SNAPSHOTS), None, *_SPHERE_COLUMNS)
+            steps = table["step"].tolist()
+            if len(steps) < 2 and scene.time.tolerance is not None:
+                raise RunFolderError(f"{folder / SNAPSHOTS}: lacks records")
+            displacement, velocity, _, spin = dimensionless(table, scene)
+            spins = {"spin": spin} if "omegaz" in table else {}
+            signals = {"velocity": velocity, **spins, "displacement": displacement}
+            tau = table["step"] * step_of(scene, steps, scene.time.sample)
+            return cls(tau, signals, scene, info or {}, folder)
+        table = read_centre(folder / (dump or DUMP))
         displacement = scene.displacement_amplitude
-        metre = units_for(scene.sphere.radius).number(1.0, length=1)
+        metre = kinds.units_of(scene).number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
-        return cls(
-            tau=(table["step"] - first) * scene.time.step,
-            p=scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
-            q=scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
-            phi=table.get("theta", untracked) * scene.sphere.radius / displacement,
-            scene=scene,
-            folder=Path(folder),
-        )
+        signals = {
+            "p": scene.vector.along(table["ux"], table["uy"]) / (metre * displacement),
+            "q": scene.vector.across(table["ux"], table["uy"]) / (metre * displacement) + 0.0,
+            "phi": table.get("theta", untracked) * scene.sphere.radius / displacement,
+        }
+        return cls((table["step"] - first) * scene.time.step, signals, scene, info or {}, folder)
 
-    def write_csv(self, path: str | Path) -> None:
-        """Write tau, p, q, phi, each number in the shortest form that reads back to the same double."""
-        lines = np.column_stack([self.tau, self.p, self.q, self.phi]).tolist()
-        replace_text(Path(path), csv_text(HEADER, lines))
+    def with_signals(self, **signals: Floats) -> Self:
+        """Return a copy with some signals changed."""
+        return replace(self, signals={**self.signals, **signals})
 
-    @property
-    def signals(self) -> dict[str, NDArray[np.float64]]:
-        """Signals p, q, φ by name."""
-        return {"p": self.p, "q": self.q, "phi": self.phi}
+    # --- the centre sphere ---
 
     @property
-    def columns(self) -> dict[str, NDArray[np.float64]]:
-        """Columns τ, p, q, φ of ``trajectory.csv`` by name."""
-        return {"tau": self.tau} | self.signals
+    def p(self) -> Floats:
+        """Displacement of the centre sphere along the wave vector, (T,), in D0."""
+        return self._of_centre("p")
+
+    @property
+    def q(self) -> Floats:
+        """Displacement of the centre sphere across the wave vector, (T,), in D0."""
+        return self._of_centre("q")
+
+    @property
+    def phi(self) -> Floats:
+        """Rotation Rθ/D0 of the centre sphere, (T,)."""
+        return self._of_centre("phi")
+
+    def _of_centre(self, name: str) -> Floats:
+        if name not in self.signals:
+            raise RunFolderError(
+                f"{self!r}: {name} is of the centre sphere of a scene with [wave]; this one has none, and recorded "
+                f"{', '.join(self.signals)}"
+            )
+        return self.signals[name]
+
+    # --- the recorded spheres ---
+
+    @cached_property
+    def problem(self) -> Any:
+        """Prepared scene of the run."""
+        return kinds.prepare(self.scene)
+
+    @property
+    def scale(self) -> Scale:
+        """Units of mass, length and time, in SI."""
+        return self.scene.scale
+
+    @property
+    def spheres(self) -> NDArray[np.int64]:
+        """Indices of the recorded spheres, ascending, (n,); of a scene with a wave that of the centre sphere."""
+        return np.asarray(self.problem.recorded)
+
+    @property
+    def rest(self) -> Floats:
+        """Positions of the recorded spheres at rest, (n, 2), in radii."""
+        return np.asarray(self.problem.crystal.positions[self.spheres, :2])
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement of the recorded spheres, (T, n, 2), in ℓ; in D0 in a scene with a wave."""
+        if "displacement" in self.signals:
+            return self.signals["displacement"]
+        x, y = self.scene.vector.unit
+        return np.stack([x * self.p - y * self.q, y * self.p + x * self.q], axis=-1)[:, None]
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the recorded spheres, (T, n, 2), in v; in D0/t0 in a scene with a wave.
+
+        Raises
+        ------
+        RunFolderError
+            If the run folder holds no dump of the centre sphere, as that of a wave with a tolerance.
+        """
+        return self.signals["velocity"] if "velocity" in self.signals else self._motion_of_centre[1]
+
+    @property
+    def spin(self) -> Floats:
+        """R ω of the recorded spheres, (T, n), in the unit of velocities; 0 where spheres do not turn.
+
+        Raises RunFolderError as `velocity`.
+        """
+        if "velocity" in self.signals:
+            return self.signals.get("spin", np.zeros(self.velocity.shape[:2]))
+        return self._motion_of_centre[3]
+
+    @cached_property
+    def _motion_of_centre(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Displacement, velocity, rotation and spin of the centre sphere from its dump."""
+        if self.folder is None or not (self.folder / DUMP).is_file():
+            raise RunFolderError(f"{self!r}: holds no velocities; a [[monitor]] of the scene records them")
+        table = {name: values[:, None] for name, values in read_centre(self.folder / DUMP).items()}
+        said = {"ux": "Displacement.X", "uy": "Displacement.Y", "theta": "v_theta"}
+        return dimensionless({said.get(name, name): values for name, values in table.items()}, self.scene)
+
+    @cached_property
+    def kinetic_energy(self) -> Floats:
+        """Kinetic energy of each recorded sphere, ½mv² + ½(I/mR²)m(Rω)², in m v², (T, n)."""
+        return energy.kinetic_energy(self)
+
+    def energies(self) -> Floats:
+        """Return the energy of each sphere above rest, in m v², (T, n): ½ m v² and half of each of its contacts.
+
+        Raises RunFolderError where it is not known (`granular_lmp.runs.energy.energies`).
+        """
+        return energy.energies(self)
+
+    def energy(self) -> Floats:
+        """Return the energy of all spheres and contacts above rest, in m v², (T,); raises as `energies`.
+
+        With a restitution below 1 it falls, by what the dashpots of the contacts take. Without, it is that of the
+        strikers but for the error of the step.
+        """
+        return np.asarray(self.energies().sum(axis=1))
+
+    # --- what else the folder holds ---
 
     def snapshots(self) -> Snapshots:
         """Return the snapshots of all spheres.
@@ -186,16 +325,32 @@ class Record(HasCard):
             raise RunFolderError(f"{self!r}: is of no run folder, and so without monitors")
         return MonitorRecord.load(self.folder, name)
 
+    # --- for other programs ---
+
     @property
-    def si(self) -> dict[str, NDArray[np.float64]]:
-        """The trajectory in SI units by column: ``t_s``, ``p_m``, ``q_m``, ``theta_rad``."""
-        unit = self.scene.displacement_amplitude
-        return {
-            "t_s": self.tau * self.scene.sphere.time_scale,
-            "p_m": self.p * unit,
-            "q_m": self.q * unit,
-            "theta_rad": self.phi * unit / self.scene.sphere.radius,
-        }
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of one length by name, dimensionless (`granular_lmp.runs.tables`)."""
+        return tables.columns(self)
+
+    @property
+    def si(self) -> dict[str, NDArray[Any]]:
+        """Columns of one length by name in SI units (`granular_lmp.runs.tables`)."""
+        return tables.si(self)
+
+    def write_csv(self, path: str | Path) -> None:
+        """Write `columns`, each number in the shortest form that reads back to the same double."""
+        tables.write_csv(self.columns, Path(path))
+
+    def write_si(self, path: str | Path) -> None:
+        """Write `si` as a CSV file with every digit.
+
+        Raises
+        ------
+        RunFolderError
+            If the file cannot be written.
+        """
+        with writable(Path(path)):
+            tables.write_csv(self.si, Path(path))
 
     def plot(self) -> "Picture":
         """Return a figure of p, q and φ over τ, without signals that stay zero; a notebook shows it."""
@@ -204,38 +359,26 @@ class Record(HasCard):
         return trajectory_figure(self.tau, self.signals, self.scene)
 
     def to_pandas(self) -> Any:
-        """Return a ``pandas.DataFrame`` of p, q, phi over tau.
+        """Return `columns` as a ``pandas.DataFrame``; those of the centre sphere over tau.
 
         Raises
         ------
         PackageMissingError
             If pandas is not installed.
         """
-        pandas = optional_package("pandas")
-        return pandas.DataFrame(self.signals, index=pandas.Index(self.tau, name="tau"))
+        return tables.to_pandas(self)
 
     def to_xarray(self) -> Any:
-        """Return an ``xarray.Dataset`` of p, q, phi over tau, each with its unit and meaning.
+        """Return an ``xarray.Dataset`` of `signals` over tau, each with its unit and meaning.
 
-        Its attributes hold the scales that turn it into SI units, ``D0_m``, ``t0_s``, ``R_m``, how the run ended, and
-        ``scene``, the scene as TOML.
+        Its attributes hold the scales that turn it into SI units, how the run ended, and ``scene``, the scene as TOML.
 
         Raises
         ------
         PackageMissingError
             If xarray is not installed.
         """
-        sphere = self.scene.sphere
-        tau, *signals = ((name, {"units": unit, "long_name": meaning}) for name, unit, meaning in _COLUMNS)
-        scales = {
-            "D0_m": self.scene.wave.amplitude * sphere.static_overlap,
-            "t0_s": sphere.time_scale,
-            "R_m": sphere.radius,
-        }
-        origin = {"scene": self.scene.to_toml(), "status": str(self.info.get("status", ""))}
-        variables = {name: ("tau", getattr(self, name), said) for name, said in signals}
-        coordinates = {"tau": ("tau", self.tau, tau[1])}
-        return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
+        return tables.to_xarray(self)
 
     def to_netcdf(self, path: str | Path) -> None:
         """Write `to_xarray` as netCDF, which xarray, MATLAB, Julia and ncview read.
@@ -249,18 +392,9 @@ class Record(HasCard):
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
-        return f"<Record {self.scene.name}: {self.scene.wave_label}, {end}>"
+        return f"<Record {self.scene.name}: {kinds.words(self.scene)}, {end}>"
 
 
-def optional_package(name: str) -> Any:
-    """Return an optional package.
-
-    Raises
-    ------
-    PackageMissingError
-        If it is not installed.
-    """
-    try:
-        return import_module(name)
-    except ModuleNotFoundError as error:
-        raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
+def load(folder: str | Path, *, unfinished: bool = False) -> Record:
+    """Return the record of a finished run: `Record.load`."""
+    return Record.load(folder, unfinished=unfinished)

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
+from granular_lmp.runs import kinds
 from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.scene.at_rest import crystal_of, sphere_count
+from granular_lmp.scene.at_rest import sphere_count
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 
@@ -60,11 +60,10 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
 
     As in `Spheres`; the columns are in the units of the deck.
     """
-    sphere, still = scene.sphere, np.zeros(columns["id"].shape)
-    units = units_for(sphere.radius)
-    displacement = units.number(scene.displacement_amplitude, length=1)
-    velocity = displacement / units.number(sphere.time_scale, time=1)
-    radius = units.number(sphere.radius, length=1)
+    still, units = np.zeros(columns["id"].shape), kinds.units_of(scene)
+    displacement = units.number(kinds.unit_of(scene), length=1)
+    velocity = displacement / units.number(scene.scale.time, time=1)
+    radius = units.number(scene.sphere.radius, length=1)
     untracked = still + (np.nan if "omegaz" in columns else 0.0)
     return (
         np.stack([columns["Displacement.X"], columns["Displacement.Y"]], axis=-1) / displacement,
@@ -134,14 +133,26 @@ class Snapshots:
             )
         refuse_changed_record(folder, path)
         scene = scene_of(path.parent)
-        count = sphere_count(scene)
-        whole = (each for each in whole_snapshots(path) if each.entries == count)
-        return cls(path, scene, list(whole))
+        whole = list(whole_snapshots(path))
+        if scene.wave is not None:
+            count = sphere_count(scene)
+            whole = [each for each in whole if each.entries == count]
+        return cls(path, scene, whole)
+
+    @cached_property
+    def _at_rest(self) -> tuple[ase.Atoms, NDArray[np.int64]]:
+        return kinds.in_snapshots(self.scene)
+
+    @property
+    def spheres(self) -> NDArray[np.int64]:
+        """Indices of the spheres in the crystal of the scene: all, unless a scene without a wave records others."""
+        return self._at_rest[1]
 
     @cached_property
     def crystal(self) -> ase.Atoms:
         """The spheres at rest; lengths in radii."""
-        return crystal_of(self.scene).atoms
+        atoms, spheres = self._at_rest
+        return atoms if len(spheres) == len(atoms) else atoms[spheres]
 
     @property
     def rest(self) -> NDArray[np.float64]:
@@ -167,7 +178,8 @@ class Snapshots:
     def _step(self) -> float:
         """Time, τ, of a step that the file counts."""
         time = self.scene.time
-        apart = time.sample * ceil(self.scene.output.particles / time.sample - 1e-9)  # as the deck has it
+        every = time.sample if self.scene.wave is None else self.scene.output.particles
+        apart = time.sample * ceil(every / time.sample - 1e-9)  # as the deck has it
         return step_of(self.scene, [each.step for each in self.index[:2]], apart)
 
     def stack(self, name: str) -> NDArray[np.float64]:
@@ -199,4 +211,5 @@ class Snapshots:
         return Spheres(step * self._step, *dimensionless(columns, self.scene))
 
     def __repr__(self) -> str:
-        return f"<Snapshots {self.path}: {len(self)} snapshots of {sphere_count(self.scene)} spheres>"
+        count = self.index[0].entries if self.index else 0
+        return f"<Snapshots {self.path}: {len(self)} snapshots of {count} spheres>"

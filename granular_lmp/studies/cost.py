@@ -20,6 +20,8 @@ from statistics import median
 from time import monotonic
 from typing import Any
 
+from granular_lmp.accuracy.ladder import build
+from granular_lmp.accuracy.tolerance import run as run_scene
 from granular_lmp.errors import GranularError, LaunchError, RunFolderError, RunInterrupted, ToleranceError, one_line
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import COST, replace_text, writable
@@ -30,8 +32,7 @@ from granular_lmp.runs.record import STATUS, read_status, write_status
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.studies.forecast import speed
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
-from granular_lmp.studies.runnable import Runnable, build, scene_of
-from granular_lmp.studies.runnable import run as run_scene
+from granular_lmp.studies.runnable import Runnable, scene_of
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 

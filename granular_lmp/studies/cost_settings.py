@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from granular_lmp.accuracy.ladder import finest_step, with_step
+from granular_lmp.accuracy.ladder import build, finest_step, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.selection import warnings
 from granular_lmp.errors import GranularError, LaunchError, SceneError
 from granular_lmp.runs.options import core_count
 from granular_lmp.studies.output_variants import OUTPUTS
-from granular_lmp.studies.runnable import Runnable, build, prepare, spheres_and_steps, with_all
+from granular_lmp.studies.runnable import Runnable, prepare, spheres_and_steps, with_all
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.lattices import PERIODIC
 from granular_lmp.errors import RunFolderError
-from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import Record
 
 # Units of the impact in SI; the far sphere, its largest speed, in the unit v of the impact, and the time, in t0, at
 # which its speed first is half of that, linear between samples, unless it still rises at the end; energies at the end
@@ -30,7 +30,7 @@ _STILL = 1e-12  # m v²: less at the beginning is rounding
 _RISING = 1e-3  # A rise by this share of the largest speed in the last sample: the wave has not passed
 
 
-def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, Any]:
+def read_outs(info: dict[str, Any], record: Record | None) -> dict[str, Any]:
     """Return `COLUMNS` of a run from ``run.json`` and its record; None for what is not known."""
     found: dict[str, Any] = dict.fromkeys(COLUMNS)
     found |= {name: info.get(name) for name in ("t0_s", "velocity_m_s")}
@@ -41,7 +41,7 @@ def read_outs(info: dict[str, Any], record: ImpactRecord | None) -> dict[str, An
     return found | _of_far_sphere(record) | _of_energy(record)
 
 
-def far_sphere(record: ImpactRecord) -> int | None:
+def far_sphere(record: Record) -> int | None:
     """Return the place of the far sphere among the recorded ones; None if all are held or move at the beginning."""
     problem = record.problem
     period = problem.crystal.cell.lengths()[0] if problem.scene.packing.sides == PERIODIC else inf
@@ -74,7 +74,7 @@ def arrival(tau: NDArray[np.float64], speed: NDArray[np.float64]) -> float | Non
     return float(tau[at - 1] + share * (tau[at] - tau[at - 1]))
 
 
-def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
+def _of_far_sphere(record: Record) -> dict[str, Any]:
     far = far_sphere(record)
     if far is None:
         return {}
@@ -87,7 +87,7 @@ def _of_far_sphere(record: ImpactRecord) -> dict[str, Any]:
     return place | {"far_speed": float(speed.max()), "far_tau": arrival(record.tau, speed)}
 
 
-def _of_energy(record: ImpactRecord) -> dict[str, Any]:
+def _of_energy(record: Record) -> dict[str, Any]:
     kept = {"kinetic_kept": float(record.kinetic_energy[-1].sum())}
     try:
         energy = record.energy()

@@ -11,10 +11,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from granular_lmp.accuracy.ladder import RUNGS as RUNS
+from granular_lmp.accuracy.ladder import build, planned_steps
+from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import AnyProblem, Runnable, build, planned_steps, run, scene_of
+from granular_lmp.studies.runnable import AnyProblem, Runnable, scene_of
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most

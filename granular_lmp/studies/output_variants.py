@@ -108,7 +108,7 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     rest = radius * deck.packing.positions[index, :2]
     x, y = ((low + (high - low) * rows[:, :2] - rest) / d0).T
     phi = np.arctan2(rows[:, 3], rows[:, 2]) * radius / d0 if rows.shape[1] == 4 else record.phi
-    kept = replace(record, p=y, q=-x, phi=phi)
+    kept = record.with_signals(p=y, q=-x, phi=phi)
     kept.write_csv(record.folder / TRAJECTORY)
     for stale in (path, record.folder / DUMP):  # the trajectory no longer belongs to the dump of the centre sphere
         stale.unlink()

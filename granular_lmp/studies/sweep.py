@@ -17,16 +17,17 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
 from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, writable
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.record import optional_package, write_status
+from granular_lmp.runs.record import Record, optional_package, write_status
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.executors import stop_requested
-from granular_lmp.studies.runnable import Motion, Runnable, load, resume, run, scene_of, spheres_and_steps
+from granular_lmp.studies.runnable import Runnable, scene_of, spheres_and_steps
 from granular_lmp.studies.sweep_points import points, scene_hash
 from granular_lmp.studies.sweep_rows import (
     ASKED,
@@ -122,7 +123,7 @@ class Sweep(HasCard):
         numbers = all(value is None or isinstance(value, (int, float)) for value in values)
         return np.array(values, dtype=float if numbers else None)
 
-    def record(self, row: Point) -> Motion:
+    def record(self, row: Point) -> Record:
         """Return the record of the run of a row.
 
         Raises
@@ -132,7 +133,7 @@ class Sweep(HasCard):
         """
         folder = self.folder / row["run"]
         refuse_other_point(folder)
-        return load(folder)
+        return Record.load(folder)
 
     def having(self, status: str) -> list[Point]:
         """Return the rows with this status."""
@@ -362,7 +363,7 @@ def run_point(scene: Runnable, folder: Path) -> Point:
     return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Runnable, folder: Path, heed: Callable[[int, int], None]) -> Motion:
+def _continued(scene: Runnable, folder: Path, heed: Callable[[int, int], None]) -> Record:
     if info_of(folder).get("status") in ("running", "interrupted"):
         with suppress(RunFolderError):  # it has no checkpoint
             return resume(folder, progress=heed)

@@ -8,12 +8,13 @@ import numpy as np
 
 from granular_lmp.accuracy.second_harmonic import second_harmonic
 from granular_lmp.errors import GranularError, RunFolderError, SceneError
+from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.linear import mode_of
 from granular_lmp.studies import far_sphere
 from granular_lmp.studies.identity import names_of
-from granular_lmp.studies.runnable import Motion, Runnable, load, scene_in
+from granular_lmp.studies.runnable import Runnable
 from granular_lmp.studies.sweep_points import GridPoint
 
 Point = dict[str, Any]
@@ -71,7 +72,7 @@ def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
     `scene` is that scene if it has been read. One that cannot be read is left to the reader of the record.
     """
     try:
-        scene = scene or scene_in(folder)
+        scene = scene or scene_of(folder)
     except SceneError:
         return
     names = names_of(scene)
@@ -94,7 +95,7 @@ def row_of(folder: Path, scene: Runnable) -> Point:
     info, record = info_of(folder), None
     if info.get("status") == "finished":
         try:
-            record = load(folder)
+            record = Record.load(folder)
         except GranularError as error:  # its files are damaged
             info |= {"status": "failed", "message": str(error)}
     if info:
@@ -102,7 +103,7 @@ def row_of(folder: Path, scene: Runnable) -> Point:
     return summary_of(scene, info, record)
 
 
-def summary_of(scene: Runnable, info: dict[str, Any], record: Motion | None) -> Point:
+def summary_of(scene: Runnable, info: dict[str, Any], record: Record | None) -> Point:
     """Return what the table says of the run of a scene, from ``run.json`` and the record, if there is one."""
     ended = info.get("status") in ("finished", "failed")
     first = {
@@ -111,7 +112,7 @@ def summary_of(scene: Runnable, info: dict[str, Any], record: Motion | None) -> 
         "seconds": info.get("wall_seconds", {}).get("total"),
         **{name: info.get(name) for name in ("steps", "particles")},
     }
-    own = far_sphere.read_outs(info, record) if scene.wave is None else _of_wave(info, record)  # type: ignore[arg-type]
+    own = far_sphere.read_outs(info, record) if scene.wave is None else _of_wave(info, record)
     guards = " ".join(name for name, guard in info.get("guards", {}).items() if not guard["quiet"])
     return first | own | {"guards": guards} | readout_columns(info)
 

@@ -3,7 +3,6 @@
 Everything is read from the run folders of the study (`granular_lmp.studies.cost`).
 """
 
-from dataclasses import replace
 from math import log
 from pathlib import Path
 from statistics import median
@@ -11,20 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp.accuracy.halving import extrapolated
+from granular_lmp.accuracy.estimates import order_of
 from granular_lmp.accuracy.recorded import write_dump
 from granular_lmp.accuracy.richardson import richardson
 from granular_lmp.accuracy.rounding import judged
-from granular_lmp.effects.selection import order
-from granular_lmp.impact import tolerance as impact_tolerance
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, csv_text, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
 from granular_lmp.studies.output_variants import OUTPUTS
-from granular_lmp.studies.runnable import Motion, Runnable, load
+from granular_lmp.studies.runnable import Runnable
 
 RUNS = "runs"
 NOT_RUN = "not run yet"
@@ -93,14 +89,14 @@ def collect(folder: Path, points: list[Point], repeats: int) -> dict[str, Any]:
     return {"reference": of_best, "points": rows}
 
 
-def _write_reference(folder: Path, record: Motion, left: dict[str, float | None], places: list[Path]) -> None:
+def _write_reference(folder: Path, record: Record, left: dict[str, float | None], places: list[Path]) -> None:
     folder.mkdir(exist_ok=True)
     scene = record.scene.to_toml()
     replace_text(folder / SCENE, scene)
-    if isinstance(record, Record):
+    if record.scene.wave is not None:
         record.write_csv(folder / TRAJECTORY)
     else:
-        more = 2 ** impact_tolerance.order(record.scene) - 1
+        more = 2 ** order_of(record.scene) - 1
         write_dump(folder / SNAPSHOTS, [there / SNAPSHOTS for there in places[-2:]], [-1 / more, 1 + 1 / more])
     said = {"error_estimate": left, "scene_sha256": scene_digest(scene), "files": files_of(folder)}
     write_status(folder, record.info | said)
@@ -112,21 +108,16 @@ def _rounds(folder: Path, point: Point, repeats: int) -> list[list[Path]]:
     return [places for places in rounds if all(map(is_done, point.runs, places))]
 
 
-def _record(places: list[Path]) -> Motion:
+def _record(places: list[Path]) -> Record:
     """Return the record of a setting: that of its single run, or the extrapolation of its last two.
 
     The finer of the two is returned where the error is no series in the step, as with contacts that open or slide.
     """
-    records = [load(there) for there in places[-2:]]
+    records = [Record.load(there) for there in places[-2:]]
     if len(records) == 1:
         return records[0]
     coarse, fine = records
-    if isinstance(coarse, Record) and isinstance(fine, Record):
-        return richardson(coarse, fine, order(fine.scene))
-    assert isinstance(fine, ImpactRecord)
-    p = impact_tolerance.order(fine.scene)
-    names = ("velocity", "spin", "displacement")
-    return replace(fine, **{name: extrapolated(getattr(coarse, name), getattr(fine, name), p) for name in names})
+    return richardson(coarse, fine, order_of(fine.scene))
 
 
 def _left(places: list[Path]) -> dict[str, float | None]:
@@ -138,7 +129,7 @@ def _left(places: list[Path]) -> dict[str, float | None]:
     return {name.removeprefix("error_"): error for name, error in errors(_record(places[:-1]), _record(places)).items()}
 
 
-def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Motion) -> Row:
+def _row(folder: Path, point: Point, rounds: list[list[Path]], best: Record) -> Row:
     """Return the row of a setting."""
     row: Row = dict.fromkeys(columns_of(best.scene)) | {"knob": point.knob, "setting": point.setting, "message": ""}
     row["repeats"] = len(rounds)
@@ -175,13 +166,13 @@ def failed(row: Row) -> bool:
     return bool(row["message"]) and row["message"] != NOT_RUN and not row["message"].startswith(NOT_MET)
 
 
-def errors(record: Motion, best: Motion) -> dict[str, float | None]:
+def errors(record: Record, best: Record) -> dict[str, float | None]:
     """Return the errors against the reference: relative L2 errors of p, q, φ, or the largest ones of a strike.
 
     Those of velocities and spins are in the unit of velocity, that of displacements is over the largest of them. An
     error is None if the signal vanishes by symmetry or was not recorded.
     """
-    if not isinstance(record, Record) or not isinstance(best, Record):
+    if best.scene.wave is None:
         return _largest_errors(record, best)
     there = judged(best.scene, best.signals)
     found: dict[str, float | None] = {}
@@ -192,13 +183,11 @@ def errors(record: Motion, best: Motion) -> dict[str, float | None]:
     return found
 
 
-def _largest_errors(record: Any, best: Any) -> dict[str, float | None]:
-    there = impact_tolerance.signals(best)
-    found: dict[str, float | None] = {}
-    for name in COMPONENTS[True]:
-        values, exact = getattr(record, name), getattr(best, name)
+def _largest_errors(record: Record, best: Record) -> dict[str, float | None]:
+    found: dict[str, float | None] = dict.fromkeys(f"error_{name}" for name in COMPONENTS[True])
+    for name, exact in best.signals.items():
         unit = float(np.max(np.abs(exact))) if name == "displacement" else 1.0
-        found[f"error_{name}"] = float(np.max(np.abs(values - exact))) / unit if name in there and unit else None
+        found[f"error_{name}"] = float(np.max(np.abs(record.signals[name] - exact))) / unit if unit else None
     return found
 
 

@@ -19,7 +19,6 @@ from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.errors import CrystalError, GranularError, SceneError
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare as prepare_impact
-from granular_lmp.impact.run import description as describe_impact
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
 from granular_lmp.scene.files import assignment
@@ -91,7 +90,7 @@ def survives(make: Callable[[], Scene], words: set[str]) -> None:
         resolved = prepare(scene).scene
         if resolved.shape.spheres <= MOST_BUILT:
             deck = build(scene)
-            json.dumps(description(deck, [], "module", 1), allow_nan=False)
+            json.dumps(description(deck.problem, [], "module", 1), allow_nan=False)
             assert is_finite(deck.input_text)
     except (SceneError, CrystalError) as error:
         is_one_line(error, words)
@@ -133,7 +132,7 @@ def test_a_bad_impact_is_one_line_that_names_a_key(tables: dict[str, Any]) -> No
         scene = ImpactScene.from_dict(tables)
         if scene.packing.rows * scene.packing.columns <= MOST_BUILT:
             problem = prepare_impact(scene)
-            json.dumps(describe_impact(problem, "module", 1), allow_nan=False)
+            json.dumps(description(problem, [], "module", 1), allow_nan=False)
             assert is_finite(deck_of(problem).input_text)
     except (SceneError, CrystalError) as error:
         is_one_line(error, named(tables) | {"striker", "inclusion"})

@@ -11,9 +11,6 @@ from pathlib import Path
 
 from granular_lmp import build
 from granular_lmp.errors import CrystalError, SceneError
-from granular_lmp.impact.deck import deck_of
-from granular_lmp.impact.problem import prepare
-from granular_lmp.impact.tolerance import planned
 from tests.matrix.features import Kind, Settings, together
 
 BUILDS, PHYSICS, NOT_BUILT, EXCLUSIVE = ".", "P", "N", "x"
@@ -75,7 +72,7 @@ def message(kind: Kind, settings: Settings) -> str:
     """Return why a scene with these settings is refused; "" if its deck is built."""
     try:
         scene = kind.scene.with_values(settings)
-        deck = deck_of(planned(prepare(scene))) if scene.wave is None else build(scene)
+        deck = build(scene)
     except (SceneError, CrystalError) as error:
         return str(error)
     assert deck.files()

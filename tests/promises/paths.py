@@ -11,18 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run_impact
+from granular_lmp import ImpactScene, Record, Scene
 from granular_lmp.accuracy import tolerance
 from granular_lmp.impact.deck import ImpactDeck
-from granular_lmp.impact.run import resume_impact
-from granular_lmp.impact.scene import is_impact
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.runs.options import Options
 from granular_lmp.studies.sweep import sweep
 from tests.conftest import PAPER
 
 Signals = dict[str, np.ndarray]
-AnyScene = Scene | ImpactScene
+AnyScene = Scene
 
 CELL = {"packing.rows": 12, "packing.ends": "periodic", "wave.wavenumber": np.pi / 3, "time.duration": 12.0}
 SHAKEN = {
@@ -110,12 +108,9 @@ class Path_:
 
 
 def run_one(what: AnyScene | Deck | ImpactDeck, folder: Path, options: Options) -> Path:
-    """Run a scene or a deck, of a wave or of an impact, and return its folder."""
-    if isinstance(what, ImpactDeck) or isinstance(what, Scene) and what.wave is None:
-        run_impact(what, folder, options)
-    else:
-        given = {name: getattr(options, name) for name in ("launcher", "ranks", "force", "progress", "kernel")}
-        tolerance.run(what, folder, **given)
+    """Run a scene or a deck and return its folder."""
+    given = {name: getattr(options, name) for name in ("launcher", "ranks", "force", "progress", "kernel")}
+    tolerance.run(what, folder, **given)
     return Path(folder)
 
 
@@ -132,21 +127,18 @@ def _beside_another(run: Callable[[Path], Path], folder: Path) -> Path:
 
 
 def resume(folder: Path) -> None:
-    """Continue a run of either kind."""
-    (resume_impact if is_impact(folder) else tolerance.resume)(folder)
+    """Continue a run."""
+    tolerance.resume(folder)
 
 
 def signals(folder: Path) -> Signals:
     """Return all that a run recorded, by name: p, q, phi and monitors; of an impact velocities and spins."""
-    if is_impact(folder):
-        record = ImpactRecord.load(folder)
-        return {name: getattr(record, name) for name in ("displacement", "velocity", "spin")}
-    wave = Record.load(folder)
+    record = Record.load(folder)
     places = ("tau", "row", "column")
-    return dict(wave.signals) | {
+    return dict(record.signals) | {
         f"{monitor.name}.{name}": values
-        for monitor in wave.scene.monitor
-        for name, values in wave.monitor(monitor.name).columns().items()
+        for monitor in record.scene.monitor
+        for name, values in record.monitor(monitor.name).columns().items()
         if name not in places
     }
 

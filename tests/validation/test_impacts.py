@@ -18,7 +18,8 @@ from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
 from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare
-from granular_lmp.impact.run import judged
+from granular_lmp.lammps.outputs import RunLog
+from granular_lmp.runs.manifest import description, lacking, outcome
 
 Runs = Callable[..., ImpactRecord]
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free"})
@@ -367,9 +368,18 @@ def test_the_guards_are_never_below_the_truth(run: Runs) -> None:
 
 def test_a_guard_without_a_value_is_not_quiet() -> None:
     problem = prepare(CHAIN)
-    assert not judged(problem, {})["largest_overlap"]["quiet"]
-    assert not judged(problem, {"v_overlap": [np.nan]})["largest_overlap"]["quiet"]
-    assert judged(problem, {"v_overlap": [0.01], "v_omega_dt": [0.1]})["largest_overlap"]["quiet"]
+    said = description(problem, [], "module", 1)
+    times = {"Step": np.arange(0.0, 1e4), "v_tau": np.arange(0.0, 1e4)}
+
+    def found(**columns: float) -> dict[str, Any]:
+        table = times | {f"v_{name}": np.full(10_000, value) for name, value in columns.items()}
+        info = said | outcome(Path(), problem, 0, table, said)
+        return info | {"lacks": lacking(problem, RunLog(table, 0.0, {}), info)}
+
+    assert "the guard largest_overlap" in found(omega_dt=0.1)["lacks"]  # which fails a run that is over
+    assert not found(overlap=np.nan, omega_dt=0.1)["guards"]["largest_overlap"]["quiet"]
+    assert found(overlap=0.01, omega_dt=0.1)["guards"]["largest_overlap"]["quiet"]
+    assert not found(overlap=0.01, omega_dt=0.1)["lacks"]
 
 
 def test_a_deck_of_chosen_spheres_records_them_alone() -> None:

@@ -139,7 +139,7 @@ def models(study: Study, repeats: int = REPEATS) -> list[Setting]:
             spent[key].append(time.perf_counter() - started)
     made = []
     for (family, name), values in found.items():
-        known = errors(Record(tau, *values, record.scene), exact)
+        known = errors(Record.of_centre(tau, *values, scene=record.scene), exact)
         times = spent[family, name]
         made.append(Setting(family, name, median(times), min(times), max(times), known))
     return [*made, replace(study.reference, family=LAMMPS, error=errors(record, exact))]

@@ -23,7 +23,7 @@ from analysis.theory.dimer import (
     resonance,
     struck,
 )
-from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import Record
 
 RATIOS = np.sort(
     np.concatenate(
@@ -41,7 +41,7 @@ ANTIRESONANCES = ((0.5, 0.65), (0.2, 0.28), (0.11, 0.14), (0.07, 0.085))
 SMALLEST = 1e-7  # λ of a run at a resonance is an error of the step, of either sign
 
 
-def measured(record: ImpactRecord) -> tuple[float, float, float]:
+def measured(record: Record) -> tuple[float, float, float]:
     """Return ε, λ and r of a run.
 
     Raises ValueError if the chain is not of heavy and light spheres in turn, a heavy one first, which strikes alone, or
@@ -107,7 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser(__doc__, "figures/dimers.png", runs="run folder of a chain of heavy and light spheres").parse_args(
         arguments
     )
-    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+    return show(lambda: [measured(Record.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
 
 
 if __name__ == "__main__":

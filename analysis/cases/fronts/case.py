@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from analysis.measure.front import Front, front
 from analysis.measure.strikes import require
 from analysis.plotting import letter, parser, show, start
-from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import Record
 
 DIRECTIONS = (0, 30, 60, 90)  # degrees from the edge
 NEAREST, FARTHEST = 10.0, 0.6  # distances of neighbours; share of the rows, so that no echo is in the fit
@@ -27,7 +27,7 @@ CHAIN = 0.907470  # V/v^{1/5} of the solitary wave of a chain (analysis.theory.s
 _STYLES = {0: "o", 30: "s", 60: "^", 90: "D"}
 
 
-def fronts(record: ImpactRecord) -> dict[int, Front]:
+def fronts(record: Record) -> dict[int, Front]:
     """Return direction → front, distances in diameters.
 
     Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     chosen = parser(__doc__, "figures/fronts.png", runs="run folder of an impact on a sheet").parse_args(arguments)
     return show(
-        lambda: {Path(folder).name: fronts(ImpactRecord.load(folder)) for folder in chosen.runs},
+        lambda: {Path(folder).name: fronts(Record.load(folder)) for folder in chosen.runs},
         table,
         draw,
         chosen.output,

@@ -19,13 +19,13 @@ from analysis.measure.strikes import require
 from analysis.plotting import letter, parser, show, start
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
-from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import Record
 
 MASSES = np.geomspace(1 / 8, 8.0, 13)
 ANGLES = np.linspace(0.0, 60.0, 121)
 
 
-def measured(record: ImpactRecord) -> tuple[float, FrontsAtInterface]:
+def measured(record: Record) -> tuple[float, FrontsAtInterface]:
     """Return the mass beyond the interface, over that before it, and the fronts.
 
     Raises ValueError if the scene is not a sheet whose first row strikes and whose one inclusion is a half-plane of
@@ -133,7 +133,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser(__doc__, "figures/refraction.png", runs="run folder of a front that meets an interface").parse_args(
         arguments
     )
-    return show(lambda: [measured(ImpactRecord.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
+    return show(lambda: [measured(Record.load(folder)) for folder in chosen.runs], table, draw, chosen.output)
 
 
 if __name__ == "__main__":

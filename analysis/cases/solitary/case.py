@@ -25,8 +25,7 @@ from analysis.plotting import letter, parser, save, start
 from analysis.theory.chain_motion import peak
 from analysis.theory.scattering import impurity
 from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
-from granular_lmp.impact.record import ImpactRecord
-from granular_lmp.runs.record import GranularError
+from granular_lmp.runs.record import GranularError, Record
 
 STEADY = 1e-3  # relative
 RATIOS = 1 + np.geomspace(1e-3, 9.0, 25)  # V/c
@@ -47,7 +46,7 @@ class Front:
         return isclose(self.first, self.second, rel_tol=STEADY)
 
 
-def front(record: ImpactRecord) -> Front:
+def front(record: Record) -> Front:
     """Return the front in the record of a struck chain.
 
     Raises ValueError if nothing presses the chain together, its spheres differ, or others than two pairs of neighbours
@@ -120,7 +119,7 @@ def main(argv: list[str] | None = None) -> int:
     command.add_argument("runs", nargs="*", metavar="RUN", help="run folder of an impact on a compressed chain")
     options = command.parse_args(argv)
     try:
-        fronts = [front(ImpactRecord.load(Path(folder))) for folder in options.runs]
+        fronts = [front(Record.load(Path(folder))) for folder in options.runs]
     except (GranularError, ValueError) as error:
         raise SystemExit(str(error)) from error
     if fronts:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from analysis.measure.front import Front, front
 from analysis.measure.strikes import require
 from analysis.plotting import letter, parser, show, start
-from granular_lmp.impact.record import ImpactRecord
+from granular_lmp.runs.record import Record
 
 DIRECTIONS = {30: (30, 150), 60: (60, 120), 90: (90,)}  # degrees from the edge, with their mirror images
 NEAREST, FARTHEST = 10.0, 30.0  # diameters
@@ -45,7 +45,7 @@ class Spread:
     speed: dict[int, Estimate]
 
 
-def fronts(record: ImpactRecord, degrees: int, farthest: float) -> list[Front]:
+def fronts(record: Record, degrees: int, farthest: float) -> list[Front]:
     """Return the fronts of a run in a direction and its mirror image, distances in diameters.
 
     Raises ValueError if the front has not come as far.
@@ -62,7 +62,7 @@ def fronts(record: ImpactRecord, degrees: int, farthest: float) -> list[Front]:
     return found
 
 
-def measured(records: Iterable[ImpactRecord], farthest: float | None = None) -> list[Spread]:
+def measured(records: Iterable[Record], farthest: float | None = None) -> list[Spread]:
     """Return the fronts by spread, ascending. Records are taken one at a time, and not kept.
 
     Raises ValueError if runs differ in more than their disorder, the sheet is not one that a single sphere strikes, or
@@ -139,7 +139,7 @@ def table(spreads: Sequence[Spread]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and draw the figure into a file; returns the exit status."""
     chosen = parser(__doc__, "figures/unequal.png", runs="run folder of an impact on a sheet").parse_args(arguments)
-    return show(lambda: measured(ImpactRecord.load(folder) for folder in chosen.runs), table, draw, chosen.output)
+    return show(lambda: measured(Record.load(folder) for folder in chosen.runs), table, draw, chosen.output)
 
 
 if __name__ == "__main__":

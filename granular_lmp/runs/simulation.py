@@ -1,0 +1,155 @@
+"""One run of a deck: what it writes before LAMMPS starts, and how its files are read and judged afterwards.
+
+In which order that is done says `granular_lmp.runs.loop`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from granular_lmp.errors import LammpsError, RunFolderError
+from granular_lmp.lammps.binary_dump import mend_binary
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.monitors import is_whole, monitor_files
+from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
+from granular_lmp.runs import kinds, manifest
+from granular_lmp.runs.readouts import readouts_of
+from granular_lmp.runs.record import TRAJECTORY, Record
+from granular_lmp.runs.routes import Job, log_tail
+from granular_lmp.scene.scene import Scene
+
+Judge = Callable[[Record], dict[str, Any]]
+
+
+def nothing_more(record: Record) -> dict[str, Any]:
+    """Return no more entries of ``run.json``."""
+    return {}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """The run of a deck.
+
+    Attributes
+    ----------
+    deck : Deck
+    edits : list of str
+        Lines by which its text differs from the one that this package writes.
+    judge : callable
+        Returns more entries of ``run.json`` from the record of a run that did not fail.
+    """
+
+    deck: Deck
+    edits: list[str] = field(default_factory=list)
+    judge: Judge = nothing_more
+
+    @property
+    def scene(self) -> Scene:
+        """Scene with every "auto" decided."""
+        return self.deck.problem.scene
+
+    @property
+    def input_name(self) -> str:
+        """File name of the input."""
+        return self.deck.input_name
+
+    @property
+    def dump(self) -> str:
+        """Name of the dump without which nothing was recorded."""
+        return SNAPSHOTS if self.scene.wave is None else DUMP
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the run."""
+        return self.scene.time.steps
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Thermo columns of the guards that are looked at between two lines, with which a stopped run is completed."""
+        return kinds.kept_columns(self.deck.problem)
+
+    def files(self) -> dict[str, Iterable[str]]:
+        """Return name → text, in pieces, of the files of the run folder; its scene has every "auto" decided."""
+        return {**self.deck.files(), SCENE: [self.scene.to_toml()]}
+
+    def description(self, launcher: str, ranks: int) -> dict[str, Any]:
+        """Return the entries of ``run.json`` that are known before the run."""
+        return manifest.description(self.deck.problem, self.edits, launcher, ranks)
+
+    def checkpoint_steps(self, ranks: int) -> int:
+        """Return the steps between two checkpoints."""
+        return kinds.checkpoint_steps(self.deck.problem, ranks)
+
+    def resume_text(self, checkpoint: str) -> str:
+        """Return the input that continues from a checkpoint."""
+        return kinds.resume_text(self.deck, checkpoint)
+
+    def mend(self, folder: Path) -> None:
+        """Cut what a stop left of the dumps back to whole records."""
+        mend(folder, self.scene)
+
+    def collect(self, folder: Path, *, stopped: bool) -> Record:
+        """Return the record of a run, finished or not, and write that of a centre sphere to ``trajectory.csv``.
+
+        Dumps are mended if the run was stopped or continued, or lost a sphere; to look for it costs more than to read.
+        """
+        if not (folder / self.dump).exists():
+            return Record.empty(self.scene, folder)
+        try:
+            record = None if stopped else Record.from_dump(folder, self.scene)
+        except RunFolderError:
+            record = None
+        try:
+            if record is None:
+                self.mend(folder)
+                record = Record.from_dump(folder, self.scene)
+        except RunFolderError as error:
+            raise LammpsError(str(error), self.input_name, log_tail(folder)) from error
+        if self.scene.wave is not None:
+            record.write_csv(folder / TRAJECTORY)
+        return record
+
+    def outcome(self, folder: Path, record: Record, log: RunLog, info: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the entries of ``run.json`` after the run, its guards among them."""
+        return manifest.outcome(folder, self.deck.problem, len(record.tau), log.table, dict(info))
+
+    def defect(self, record: Record, log: RunLog, job: Job, info: Mapping[str, Any]) -> LammpsError | None:
+        """Return an error if the record or the log is incomplete or wrong although LAMMPS reported success, else None.
+
+        LAMMPS does not notice a failed write to its log, and a guard without a value is not below its limit.
+        """
+        expected = self.scene.time.samples + 1
+        found = _not_finite(record, tracked=self.deck.problem.on.get("tracking", False))
+        found = found or _fewer(record, expected) or self._monitors_lack(job.folder, expected)
+        found = found or manifest.lacking(self.deck.problem, log, info)
+        return LammpsError(found, job.input_name, log_tail(job.folder)) if found else None
+
+    def _monitors_lack(self, folder: Path, expected: int) -> str:
+        """Return which file of a monitor lacks records; "" if none does."""
+        names = monitor_files(self.scene)
+        missing = (name for name in names if not is_whole(folder / name, expected, self.steps))
+        return next((f"{name} lacks records" for name in missing), "")
+
+    def judged(self, record: Record) -> dict[str, Any]:
+        """Return the entries of ``run.json`` of a run that did not fail: what is read off its record."""
+        return readouts_of(record) | self.judge(record)
+
+
+def _not_finite(record: Record, *, tracked: bool) -> str:
+    """Return whether the record holds numbers that are not finite, in words; a rotation may be untracked."""
+    known = [values for name, values in record.signals.items() if tracked or name != "phi"]
+    finite = all(np.isfinite(values).all() for values in known)
+    return "" if finite else "the record holds numbers that are not finite"
+
+
+def _fewer(record: Record, expected: int) -> str:
+    return "" if len(record.tau) == expected else f"{len(record.tau)} records instead of {expected}"
+
+
+def mend(folder: Path, scene: Scene) -> None:
+    """Mend the dumps of a run folder: `mend_dump`, `mend_binary`."""
+    for path in filter(Path.is_file, map(folder.joinpath, (DUMP, SNAPSHOTS, *monitor_files(scene)))):
+        (mend_binary if path.suffix == ".bin" else mend_dump)(path)

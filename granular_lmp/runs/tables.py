@@ -1,0 +1,111 @@
+"""A record as tables for other programs: columns of one length, SI units, CSV, pandas, xarray.
+
+Of the centre sphere a line for each time: tau, p, q, phi. Of recorded spheres a line for each time and sphere, time by
+time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn phi_t = R ω; the names are those of a
+monitor.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular_lmp.errors import PackageMissingError
+from granular_lmp.lammps.outputs import csv_text, replace_text
+from granular_lmp.runs.kinds import unit_of
+
+Columns = dict[str, NDArray[Any]]
+# Unit and meaning of each signal
+_SAID = {
+    "tau": ("t0", "time"),
+    "p": ("D0", "displacement of the centre sphere along the wave vector"),
+    "q": ("D0", "displacement of the centre sphere across the wave vector"),
+    "phi": ("D0/R rad", "rotation of the centre sphere, R theta/D0"),
+    "displacement": ("l", "displacement of the recorded spheres from rest"),
+    "velocity": ("l/t0", "velocity of the recorded spheres"),
+    "spin": ("l/t0", "rate of rotation of the recorded spheres, R omega"),
+}
+
+
+def columns(record: Any) -> Columns:
+    """Return columns of one length by name, dimensionless."""
+    if "displacement" not in record.signals:
+        return {"tau": record.tau} | dict(record.signals)
+    arrays, count = record.problem.crystal.arrays, len(record.spheres)
+    found = {"tau": np.repeat(record.tau, count)}
+    found |= {name: np.tile(arrays[name][record.spheres], len(record.tau)) for name in ("row", "column")}
+    for names, values in ((("u", "v"), record.displacement), (("u_t", "v_t"), record.velocity)):
+        found |= {name: values[..., axis].ravel() for axis, name in enumerate(names)}
+    return found | ({"phi_t": record.spin.ravel()} if "spin" in record.signals else {})
+
+
+def si(record: Any) -> Columns:
+    """Return columns of one length by name, in SI units.
+
+    Of the centre sphere ``t_s``, ``p_m``, ``q_m``, ``theta_rad``; of recorded spheres ``t_s``, ``row``, ``column``,
+    ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn ``spin_rad_s``.
+    """
+    scale, radius = record.scale, record.scene.sphere.radius
+    unit = unit_of(record.scene)
+    units = {  # by column: name, factor, divisor
+        "tau": ("t_s", scale.time, 1.0),
+        **{"p": ("p_m", unit, 1.0), "q": ("q_m", unit, 1.0), "phi": ("theta_rad", unit, radius)},
+        **{"u": ("ux_m", unit, 1.0), "v": ("uy_m", unit, 1.0)},
+        **{"u_t": ("vx_m_s", scale.velocity, 1.0), "v_t": ("vy_m_s", scale.velocity, 1.0)},
+        "phi_t": ("spin_rad_s", scale.velocity, radius),
+    }
+    found: Columns = {}
+    for name, values in columns(record).items():
+        said, factor, divisor = units.get(name, (name, None, 1.0))
+        found[said] = values if factor is None else values * factor / divisor
+    return found
+
+
+def write_csv(named: Columns, path: Path) -> None:
+    """Write columns, each number in the shortest form that reads back to the same double."""
+    replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
+
+
+def to_pandas(record: Any) -> Any:
+    """Return a ``pandas.DataFrame`` of `columns`; of the centre sphere tau is the index."""
+    frame = optional_package("pandas").DataFrame(columns(record))
+    return frame if "row" in frame else frame.set_index("tau")
+
+
+def to_xarray(record: Any) -> Any:
+    """Return an ``xarray.Dataset`` of the signals over tau, each with its unit and meaning.
+
+    Its attributes are the scales that turn it into SI units, how the run ended, and the scene as TOML: ``D0_m``,
+    ``t0_s``, ``R_m`` of the centre sphere, ``l_m``, ``t0_s``, ``R_m`` of recorded spheres, which have coordinates
+    ``row`` and ``column``.
+    """
+    scene, signals = record.scene, record.signals
+    said = {name: {"units": unit, "long_name": meaning} for name, (unit, meaning) in _SAID.items()}
+    variables = {
+        name: (("tau", "sphere", "axis")[: values.ndim], values, said[name]) for name, values in signals.items()
+    }
+    coordinates: dict[str, Any] = {"tau": ("tau", record.tau, said["tau"])}
+    if "displacement" in signals:
+        arrays = record.problem.crystal.arrays
+        coordinates |= {name: ("sphere", arrays[name][record.spheres]) for name in ("row", "column")}
+        coordinates["axis"] = ["x", "y"]
+    length = "l_m" if scene.wave is None else "D0_m"
+    scales = {length: unit_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
+    origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
+    return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
+
+
+def optional_package(name: str) -> Any:
+    """Return an optional package.
+
+    Raises
+    ------
+    PackageMissingError
+        If it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise PackageMissingError(f"{name} is not installed; pip install {name}") from error
