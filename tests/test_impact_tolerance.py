@@ -1,6 +1,7 @@
 """Impacts to a tolerance: the order is measured; the estimate is above the error against theory, on other scenes."""
 
 import json
+from itertools import pairwise
 from math import inf, nan
 from pathlib import Path
 from typing import Any
