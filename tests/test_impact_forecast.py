@@ -12,9 +12,9 @@ from granular_lmp.cli import main
 from granular_lmp.errors import LammpsMissingError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import SHIPPED_IMPACTS
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies import forecast
 from granular_lmp.studies.forecast import forecast as forecast_of
-from granular_lmp.studies.runnable import Runnable
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 5.0})
 SHEET = ImpactScene.load("point_impact")
@@ -30,11 +30,11 @@ print(1024 * int(re.search(r"VmHWM:\\s+(\\d+) kB", open("{STATUS}").read())[1]))
 
 
 @pytest.fixture
-def tried(monkeypatch: pytest.MonkeyPatch) -> list[Runnable]:
+def tried(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
     """Scenes whose speed was asked for, each said to make 1e6 sphere-steps a second and to start in 0.5 s."""
-    scenes: list[Runnable] = []
+    scenes: list[Scene] = []
 
-    def speed(scene: Runnable) -> tuple[float, float]:
+    def speed(scene: Scene) -> tuple[float, float]:
         scenes.append(scene)
         return 1e6, 0.5
 
@@ -61,14 +61,14 @@ def test_check_says_what_a_run_then_is(
 
 
 @pytest.mark.parametrize("changes", [{}, {"time.tolerance": 1e-3}, {"disorder.vacancies": 0.3}])
-def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Runnable]) -> None:
+def test_the_seconds_are_in_proportion(changes: dict[str, float], tried: list[Scene]) -> None:
     problem = prepare(SHEET.with_values(changes))
     found = forecast_of(problem)
     assert found.spheres == len(problem.crystal)
     assert found.seconds == pytest.approx(0.5 * found.runs + found.spheres * found.steps / 1e6)
 
 
-def test_check_says_time_and_memory(tried: list[Runnable], capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_says_time_and_memory(tried: list[Scene], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "point_impact", "--set", "time.tolerance=1e-3"]) == 0
     said = capsys.readouterr().out
     assert "in 3 runs, or more if their errors ask for it; 46 records of 2501 spheres" in said
@@ -78,7 +78,7 @@ def test_check_says_time_and_memory(tried: list[Runnable], capsys: pytest.Captur
 
 
 def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def missing(scene: Runnable) -> None:
+    def missing(scene: Scene) -> None:
         raise LammpsMissingError("LAMMPS cannot be loaded")
 
     monkeypatch.setattr(forecast, "speed", missing)
@@ -87,7 +87,7 @@ def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in SHIPPED_IMPACTS.iterdir() if path.is_dir()))
-def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> None:
+def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Scene]) -> None:
     scene = ImpactScene.load(name)
     sheet = scene.lattice.sheet
     larger = scene.with_values(LARGE if sheet else {"packing.rows": 20_001})
@@ -100,7 +100,7 @@ def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Runnable]) -> N
     assert found.basis.startswith("a short run of a cell of ")
 
 
-def test_a_long_sample_is_cut_for_the_short_run(tried: list[Runnable]) -> None:
+def test_a_long_sample_is_cut_for_the_short_run(tried: list[Scene]) -> None:
     forecast_of(prepare(SHEET.with_values({"time.sample": 40.0, "time.timestep": 5e-4})))
     (short,) = tried
     assert short.time.steps == 100
@@ -108,7 +108,7 @@ def test_a_long_sample_is_cut_for_the_short_run(tried: list[Runnable]) -> None:
 
 
 @pytest.mark.skipif(not STATUS.is_file(), reason="the system does not tell the peak memory of a process")
-def test_the_memory_is_that_of_a_run(tried: list[Runnable], tmp_path: Path) -> None:
+def test_the_memory_is_that_of_a_run(tried: list[Scene], tmp_path: Path) -> None:
     scene = SHEET.with_values({"time.duration": 20.0, "time.sample": 0.1})
     (tmp_path / "mine.toml").write_text(scene.to_toml())
     words = [sys.executable, "-c", PEAK, str(tmp_path / "mine.toml"), str(tmp_path / "run")]

@@ -18,7 +18,6 @@ from granular_lmp.scene.signals import SIGNALS, Signal
 from granular_lmp.scene.sources import Source
 from granular_lmp.studies import forecast
 from granular_lmp.studies.kick import run_kicked
-from granular_lmp.studies.runnable import read
 
 INPUTS = Path(__file__).parents[1] / "lammps_inputs"
 SCENES = sorted(path.parent.name for path in INPUTS.glob("**/scene.toml"))
@@ -43,7 +42,7 @@ def small_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_each_shipped_scene_has_a_cell_that_stands_for_it(name: str, small_cells: None) -> None:
-    assert forecast.forecast(build(read(name)).problem).seconds is not None
+    assert forecast.forecast(build(Scene.load(name)).problem).seconds is not None
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,6 @@ from granular_lmp.scene.json_schema import keys
 from granular_lmp.scene.schema import count, switch
 from granular_lmp.scene.sections import Effects, Packing
 from granular_lmp.studies.identity import frozen, names_of
-from granular_lmp.studies.runnable import scene_of
 from granular_lmp.studies.sweep import Sweep, sweep
 from granular_lmp.studies.sweep_points import scene_hash
 
@@ -167,7 +166,7 @@ def test_an_old_sweep_is_finished_and_none_of_its_runs_is_repeated(there: Path) 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_name_of_a_run_is_that_of_the_last_release(name: str) -> None:
-    assert names_of(scene_of(NAMES[name]))[0] == name
+    assert names_of(Scene.from_dict(NAMES[name]))[0] == name
 
 
 @pytest.mark.parametrize(("kind", "bare"), [("Scene", False), ("ImpactScene", True)])
@@ -209,7 +208,7 @@ def test_a_new_key_leaves_finished_sweeps_finished(there: Path) -> None:
 
 @pytest.mark.usefixtures("younger")
 def test_a_new_key_is_part_of_the_name_where_it_departs() -> None:
-    scene = scene_of(NAMES["9e298ea678f7394c"])
+    scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
     changes = [{}, {"packing.layers": 1}, {"effects.capillarity": False}]
     others = [{"packing.layers": 2}, {"effects.capillarity": True}]
     assert {names_of(scene.with_values(each))[0] for each in changes} == {"9e298ea678f7394c"}
@@ -217,7 +216,7 @@ def test_a_new_key_is_part_of_the_name_where_it_departs() -> None:
 
 
 def test_a_new_table_is_part_of_the_name_where_it_departs(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scene_of(NAMES["9e298ea678f7394c"])
+    scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
     told = scene.to_dict()
     monkeypatch.setattr(Scene, "sections", Scene.sections | {"substrate": YoungerPacking})
     for layers, same in ((1, True), (2, False)):
@@ -227,5 +226,5 @@ def test_a_new_table_is_part_of_the_name_where_it_departs(monkeypatch: pytest.Mo
 
 
 def test_another_value_of_an_old_key_gives_another_name() -> None:
-    scene = scene_of(NAMES["9e298ea678f7394c"])
+    scene = Scene.from_dict(NAMES["9e298ea678f7394c"])
     assert scene_hash(scene.with_values({"wave.amplitude": 0.06})) not in names_of(scene)

@@ -145,6 +145,12 @@ def planned_steps(problem: Problem) -> int:
     return plan(whole).steps_per_sample * scene.time.samples
 
 
+def sphere_steps(scene: Scene) -> float:
+    """Return spheres times steps of all planned runs of a scene, to which their time is proportional."""
+    steps = scene.time.steps if scene.time.tolerance is None else planned_steps(prepare(scene))
+    return float(scene.shape.spheres * steps)
+
+
 def _refuse_many(scene: Scene, plan: Plan) -> None:
     """Raise SceneError if the planned runs take too many steps."""
     if plan.steps_per_sample * scene.time.samples > MOST_STEPS:

@@ -9,7 +9,6 @@ from granular_lmp.cli.output import progress_of_rest, remark
 
 if TYPE_CHECKING:
     from granular_lmp.scene.scene import Scene
-    from granular_lmp.studies.runnable import Runnable
 
 Commands = argparse._SubParsersAction  # argparse has no public name for what add_subparsers() returns
 Options = argparse.Namespace
@@ -72,24 +71,34 @@ def changes_of(options: Options) -> dict[str, Any]:
     return dict(assignment(change) for change in options.changes)
 
 
-def scene_of(options: Options, load: "Callable[[str], Runnable] | None" = None) -> "Runnable":
-    """Return the scene that is asked for; what was changed to make it fit is said.
+def scene_of(options: Options) -> "Scene":
+    """Return the scene that is asked for; what was changed to make it fit is said."""
+    from granular_lmp.effects.selection import with_all
+    from granular_lmp.scene.scene import Scene
 
-    `load` reads it, by default the reader of scenes of all kinds.
-    """
-    from granular_lmp.studies.runnable import notes_on, read, with_all
-
-    scene = (load or read)(options.scene)
+    scene = Scene.load(options.scene)
     if options.all_effects:
         scene = with_all(scene)
     if options.changes:  # after that: what is said of one effect counts
         scene = scene.with_values(changes_of(options))
-    lines = notes_on(scene, progress_of_rest)
+    lines = _notes_on(scene)
     if sys.stderr.isatty():
         remark("\r\033[K", end="")  # wipe the line of the progress
     for line in lines:
         remark(line)
     return scene
+
+
+def _notes_on(scene: "Scene") -> list[str]:
+    """Return what was changed to make a scene fit, "note: ...", and which effects it lacks, "warning: ..."."""
+    from granular_lmp.effects.selection import remarks, select, warnings
+    from granular_lmp.scene.at_rest import crystal_of
+
+    if scene.wave is None:
+        return [f"note: {sentence}" for sentence in scene.remarks()]
+    crystal = crystal_of(scene, progress_of_rest)
+    notes = [*scene.remarks(), *remarks(scene), *crystal.remarks()]
+    return [*(f"note: {each}" for each in notes), *(f"warning: {each}" for each in warnings(select(scene)))]
 
 
 def wave_scene_of(options: Options) -> "Scene":

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from granular_lmp.impact.problem import ImpactProblem
+    from granular_lmp.problem import Problem
     from granular_lmp.scene.scene import Scene
     from granular_lmp.studies.forecast import Forecast
-    from granular_lmp.studies.runnable import AnyProblem, Runnable
 
 WORTH_RANKS = 10_000  # spheres from which several ranks were measured
 
@@ -64,14 +64,14 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 
 
 def _init(options: Options) -> int:
+    from granular_lmp.scene.scene import Scene
     from granular_lmp.scene.shipped import copy_shipped
     from granular_lmp.scene.starter import write_starter
-    from granular_lmp.studies.runnable import read
 
     if options.all is not None:
         say(f"{options.all}: {', '.join(copy_shipped(options.all))}")
         return 0
-    write_starter(options.file, read(options.source))
+    write_starter(options.file, Scene.load(options.source))
     say(f"{options.file}: as {options.source}; next: granular-lmp check {options.file}")
     return 0
 
@@ -115,7 +115,7 @@ def _check(options: Options) -> int:
     return 0
 
 
-def _as_json(problem: "AnyProblem", found: "Forecast") -> dict[str, object]:
+def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
     """Return what check says, for another program."""
     from dataclasses import asdict
 
@@ -132,7 +132,7 @@ def _as_json(problem: "AnyProblem", found: "Forecast") -> dict[str, object]:
     )
 
 
-def _lines(problem: "AnyProblem", found: "Forecast") -> "Iterator[tuple[str, str]]":
+def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]":
     """Yield the lines of check, each with the word that it begins with."""
     scene, scale = problem.scene, problem.scale
     yield "spheres", f"{found.spheres}"
@@ -178,7 +178,7 @@ def _collision(problem: "ImpactProblem") -> float:
     return problem.shortest_collision / problem.scene.time.step
 
 
-def _sources(problem: "AnyProblem") -> list[dict[str, object]]:
+def _sources(problem: "Problem") -> list[dict[str, object]]:
     return [{"does": each.words, "cost_in_spheres": each.cost} for each in problem.sources]
 
 
@@ -200,8 +200,8 @@ def _build(options: Options) -> int:
 
 def _effects(options: Options) -> int:
     from granular_lmp.accuracy.ladder import planned_steps
+    from granular_lmp.runs.kinds import prepare
     from granular_lmp.runs.manifest import effects_of
-    from granular_lmp.studies.runnable import prepare
 
     problem = prepare(scene_of(options))
     scene, shape, spheres, steps = problem.scene, problem.scene.shape, len(problem.crystal), planned_steps(problem)
@@ -242,10 +242,10 @@ def _modes(options: Options) -> int:
     return 0
 
 
-def _bands_of(scene: "Runnable", options: Options) -> "Callable[[], Figure]":
+def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.studies.runnable import prepare
+    from granular_lmp.runs.kinds import prepare
 
     problem = prepare(scene)
     assert problem.mode is None

@@ -98,7 +98,15 @@ def order(scene: Scene) -> int:
 
 
 def with_all(scene: Scene) -> Scene:
-    """Return the scene with every effect on that neither changes its lattice nor needs a coefficient, to compare."""
+    """Return the scene with every effect on that neither changes its lattice nor needs a coefficient, to compare.
+
+    Raises
+    ------
+    SceneError
+        If the scene has no wave, which says how large the effects are.
+    """
+    if scene.wave is None:
+        raise SceneError("--all-effects: is for the scene of a wave; must be left out, and effects.friction declared")
     return scene.with_values({effect.key: True for effect in EFFECTS if effect.declared is None and effect.in_all})
 
 

@@ -15,7 +15,6 @@ from granular_lmp.plot.signals import dispersion_figure, png
 from granular_lmp.plot.view import sweep_figure
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import Runnable
 from granular_lmp.studies.sweep import Sweep
 
 _DPI = 55  # a picture of 350 pixels and 10 to 20 kB: a notebook keeps it in its file
@@ -35,7 +34,7 @@ def html(thing: Any) -> str:
 
 
 @html.register(Scene)
-def _(scene: Runnable) -> str:
+def _(scene: Scene) -> str:
     scale, time = scene.scale, {"time": f"tau 0..{scene.time.duration:g}"}
     if scene.wave is None:
         units = f"t0 = {scale.time:.4g} s, l = {scale.length:.4g} m, v = {scale.velocity:.4g} m/s"

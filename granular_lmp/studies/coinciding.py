@@ -12,12 +12,12 @@ import numpy as np
 
 from granular_lmp.crystal.lattices import Shape
 from granular_lmp.crystal.wavevector import WaveVector
-from granular_lmp.studies.runnable import Runnable
+from granular_lmp.scene.scene import Scene
 
 LARGEST_CELL = 100_000  # rows or columns; a larger cell is no remedy
 
 
-def remarks(scenes: Iterable[Runnable]) -> list[str]:
+def remarks(scenes: Iterable[Scene]) -> list[str]:
     """Return a sentence for each cell in which several waves of a sweep are one, and one for time steps that are."""
     cells: dict[Shape, set[WaveVector]] = defaultdict(set)
     steps: dict[float, set[float]] = defaultdict(set)

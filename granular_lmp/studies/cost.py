@@ -29,10 +29,10 @@ from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked, refuse_long
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import STATUS, read_status, write_status
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import REFERENCE, Point, Run, base, points, reference
 from granular_lmp.studies.forecast import speed
 from granular_lmp.studies.output_variants import OUTPUTS, edited, keep_centre
-from granular_lmp.studies.runnable import Runnable, scene_of
 from granular_lmp.studies.sweep_points import scene_hash
 from granular_lmp.studies.tally import collect, is_done, place, taken, to_csv
 
@@ -69,7 +69,7 @@ class Plan:
     """
 
     folder: Path
-    scene: Runnable
+    scene: Scene
     points: list[Point]
     left_out: dict[str, str]
     repeats: int
@@ -98,7 +98,7 @@ class Plan:
         return sum(self.price(run) for run, _ in self.todo())
 
 
-def plan(scene: Runnable, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
+def plan(scene: Scene, folder: str | Path, *, repeats: int = 5, budget: float = float("inf")) -> Plan:
     """Return the plan of a study with its expected time, from a short run of the scene; the folder is not touched.
 
     Parameters
@@ -230,7 +230,7 @@ def _save(plan: Plan) -> dict[str, Any]:
     return result
 
 
-def _check_folder(folder: Path, scene: Runnable) -> None:
+def _check_folder(folder: Path, scene: Scene) -> None:
     """Raise RunFolderError if the folder exists and is not that of a study of this scene."""
     refuse_long(folder)
     if not folder.exists():
@@ -239,7 +239,7 @@ def _check_folder(folder: Path, scene: Runnable) -> None:
         raise RunFolderError(f"{folder}: is there already; choose another folder")
     if (folder / COST).is_file():
         try:
-            there = scene_of(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
+            there = Scene.from_dict(json.loads((folder / COST).read_text(encoding="utf-8"))["scene"])
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise RunFolderError(f"{folder / COST}: cannot be read: {one_line(error)}") from error
         if scene_hash(there) != scene_hash(scene):

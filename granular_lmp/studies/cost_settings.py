@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from granular_lmp.accuracy.ladder import build, finest_step, with_step
+from granular_lmp.accuracy.ladder import build, finest_step, sphere_steps, with_step
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
-from granular_lmp.effects.selection import warnings
+from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
+from granular_lmp.runs.kinds import prepare
 from granular_lmp.runs.options import core_count
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS
-from granular_lmp.studies.runnable import Runnable, prepare, spheres_and_steps, with_all
 from granular_lmp.studies.sweep_points import scene_hash
 
 REFERENCE = "reference"
@@ -31,7 +32,7 @@ TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 class Run:
     """One run of LAMMPS, or with a tolerance its runs: a scene, a name in `OUTPUTS`, and the number of MPI ranks."""
 
-    scene: Runnable
+    scene: Scene
     output: str = "probe"
     ranks: int = 1
 
@@ -45,7 +46,7 @@ class Run:
     def work(self) -> float:
         """Spheres times steps, with the equivalent of the time for the output."""
         output = OUTPUTS[self.output].work * (self.scene.time.samples + 1)
-        return spheres_and_steps(self.scene) + self.scene.shape.spheres * output
+        return sphere_steps(self.scene) + self.scene.shape.spheres * output
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Point:
         return f"{self.knob}: {self.setting}"
 
 
-def base(scene: Runnable) -> Runnable:
+def base(scene: Scene) -> Scene:
     """Return the scene that every setting changes: with a step instead of a tolerance, and the snapped ξ.
 
     Of a wave it has no snapshots of all spheres, because the output is one of the settings.
@@ -82,7 +83,7 @@ def base(scene: Runnable) -> Runnable:
     return scene.with_values({"wave.wavenumber": scene.wavenumber, "output.particles": 0.0})
 
 
-def reference(scene: Runnable) -> Point:
+def reference(scene: Scene) -> Point:
     """Return the reference of all settings: three runs with steps finer than those of the time-step settings.
 
     The two finer runs are extrapolated; the extrapolation of the two coarser ones gives the error of the reference.
@@ -91,7 +92,7 @@ def reference(scene: Runnable) -> Point:
     return Point(REFERENCE, f"{step:.3g} + half + quarter", tuple(_stepped(scene, step / 2**k) for k in range(3)))
 
 
-def points(scene: Runnable) -> tuple[list[Point], dict[str, str]]:
+def points(scene: Scene) -> tuple[list[Point], dict[str, str]]:
     """Return all settings, and those that the scene or the machine excludes with the reason.
 
     Parameters
@@ -123,26 +124,26 @@ def points(scene: Runnable) -> tuple[list[Point], dict[str, str]]:
 Make = Callable[[], tuple[Run, ...]]
 
 
-def _stepped(scene: Runnable, step: float) -> Run:
+def _stepped(scene: Scene, step: float) -> Run:
     return Run(scene.with_values({"time.timestep": step}))
 
 
-def _pair(scene: Runnable, step: float) -> tuple[str, tuple[Run, ...]]:
+def _pair(scene: Scene, step: float) -> tuple[str, tuple[Run, ...]]:
     return f"{step:.4g} + {step / 2:.4g}", (_stepped(scene, step), _stepped(scene, step / 2))
 
 
-def _steps(scene: Runnable) -> list[float]:
+def _steps(scene: Scene) -> list[float]:
     """Return the longest step that the scene allows and that fits a sample, and its halves, τ."""
     rules = prepare(scene).step_rules
     longest = scene.time.sample / (int(scene.time.sample / min(rule.longest for rule in rules)) + 1)
     return [longest / 2**k for k in range(HALVINGS + 1)]
 
 
-def _changed(scene: Runnable, values: Mapping[str, Any], **how: Any) -> Make:
+def _changed(scene: Scene, values: Mapping[str, Any], **how: Any) -> Make:
     return lambda: (Run(scene.with_values(values), **how),)
 
 
-def _strip(scene: Runnable) -> dict[str, Any]:
+def _strip(scene: Scene) -> dict[str, Any]:
     """Return the changes that give the fewest spheres; a periodic cell keeps its rows, which fix the wave number.
 
     A crystal that is not perfect, or has sides or a free end, keeps its size.
@@ -153,16 +154,16 @@ def _strip(scene: Runnable) -> dict[str, Any]:
     return {"packing.columns": "auto", **fewer_rows}
 
 
-def _time_step(scene: Runnable) -> dict[str, Make]:
+def _time_step(scene: Scene) -> dict[str, Make]:
     return {f"{step:.4g}": lambda step=step: (_stepped(scene, step),) for step in _steps(scene)}  # type: ignore[misc]
 
 
-def _pairs(scene: Runnable) -> dict[str, Make]:
+def _pairs(scene: Scene) -> dict[str, Make]:
     made = (_pair(scene, step) for step in _steps(scene)[:-1])
     return {setting: lambda runs=runs: runs for setting, runs in made}  # type: ignore[misc]
 
 
-def _tolerance(scene: Runnable) -> dict[str, Make]:
+def _tolerance(scene: Scene) -> dict[str, Make]:
     def make(tolerance: float) -> Make:
         def run() -> tuple[Run, ...]:
             strip = scene.with_values(_strip(scene) | {"time.tolerance": tolerance})
@@ -175,11 +176,11 @@ def _tolerance(scene: Runnable) -> dict[str, Make]:
     return {f"{tolerance:.0e}": make(tolerance) for tolerance in TOLERANCES}
 
 
-def _columns(scene: Runnable) -> dict[str, Make]:
+def _columns(scene: Scene) -> dict[str, Make]:
     return {str(columns): _changed(scene, {"packing.columns": columns}) for columns in COLUMN_COUNTS}
 
 
-def _ends(scene: Runnable) -> dict[str, Make]:
+def _ends(scene: Scene) -> dict[str, Make]:
     few = {"packing.rows": "auto"}
     return {
         f"{scene.shape.rows} rows, {scene.shape.ends}": _changed(scene, {}),
@@ -188,7 +189,7 @@ def _ends(scene: Runnable) -> dict[str, Make]:
     }
 
 
-def _outputs(scene: Runnable) -> dict[str, Make]:
+def _outputs(scene: Scene) -> dict[str, Make]:
     def make(name: str) -> Make:
         def run() -> tuple[Run, ...]:
             return (Run(scene, name),)
@@ -198,7 +199,7 @@ def _outputs(scene: Runnable) -> dict[str, Make]:
     return {name: make(name) for name in OUTPUTS}
 
 
-def _effects(scene: Runnable) -> dict[str, Make]:
+def _effects(scene: Scene) -> dict[str, Make]:
     chosen = prepare(scene).effects
     on = {effect.name: effect.on for effect in chosen}
 
@@ -221,7 +222,7 @@ def _effects(scene: Runnable) -> dict[str, Make]:
     }
 
 
-def _ranks(scene: Runnable) -> dict[str, Make]:
+def _ranks(scene: Scene) -> dict[str, Make]:
     def make(ranks: int) -> Make:
         def run() -> tuple[Run, ...]:
             if ranks > core_count():
@@ -233,7 +234,7 @@ def _ranks(scene: Runnable) -> dict[str, Make]:
     return {str(ranks): make(ranks) for ranks in RANKS}
 
 
-def _sheet(scene: Runnable) -> dict[str, Make]:
+def _sheet(scene: Scene) -> dict[str, Make]:
     """Return the fewest spheres, and a sheet with every effect and LAMMPS's default dump of all positions."""
     sheet = {"packing.columns": SHEET_WIDTH}
     return {
@@ -242,7 +243,7 @@ def _sheet(scene: Runnable) -> dict[str, Make]:
     }
 
 
-KNOBS: dict[str, Callable[[Runnable], dict[str, Make]]] = {
+KNOBS: dict[str, Callable[[Scene], dict[str, Make]]] = {
     "time step": _time_step,
     "Richardson pair": _pairs,
     "tolerance, strip": _tolerance,

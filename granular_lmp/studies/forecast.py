@@ -15,8 +15,8 @@ from granular_lmp.accuracy.ladder import build, planned_steps
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.errors import GranularError
 from granular_lmp.lammps.checkpoints import minutes_between
+from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
-from granular_lmp.studies.runnable import AnyProblem, Runnable, scene_of
 
 _WARM_UP = 2e5  # sphere-steps of the short run: 50 ms
 _FEWEST_STEPS = 100  # A short run whose sample was cut has as many: its two records take 8 % of it at most
@@ -93,7 +93,7 @@ class Forecast:
         return self.start + loop / ranks, self.start + loop * (1 / ranks + SERIAL * (1 - 1 / ranks))
 
 
-def forecast(problem: AnyProblem) -> Forecast:
+def forecast(problem: Problem) -> Forecast:
     """Return what a run of the problem's scene would take; a short run is made in a temporary folder.
 
     The seconds break down where the steps grow dearer on the way, as they do where contacts open or close (nine impacts
@@ -125,7 +125,7 @@ def forecast(problem: AnyProblem) -> Forecast:
     )
 
 
-def _snapshots(scene: Runnable) -> int:
+def _snapshots(scene: Scene) -> int:
     """Return the number of snapshots of all spheres."""
     if scene.wave is None:
         return scene.time.samples + 1 if scene.output.everyone else 0
@@ -133,7 +133,7 @@ def _snapshots(scene: Runnable) -> int:
     return int(scene.time.duration / every + 1e-9) + 1 if every else 0
 
 
-def _tried(scene: Runnable) -> tuple[float, float, str]:
+def _tried(scene: Scene) -> tuple[float, float, str]:
     """Return sphere-steps a second, seconds beside the loop, and what they were made of."""
     small = _small(scene)
     rate, overhead = speed(small)
@@ -142,7 +142,7 @@ def _tried(scene: Runnable) -> tuple[float, float, str]:
     return rate, start, f"a short run of {cell} just now, {rate:.2g} sphere-steps a second"
 
 
-def _small(scene: Runnable) -> Runnable:
+def _small(scene: Scene) -> Scene:
     """Return the scene, or a cell which stands for it, cut after as many steps as a short run takes.
 
     The cell has the spheres, contacts and time of the scene, with a wave along y that fits it, or a striker in its
@@ -156,7 +156,7 @@ def _small(scene: Runnable) -> Runnable:
         rows = _CELL**2 // columns
         own = _struck_cell(scene, rows, columns) if scene.wave is None else _waving_cell(scene, rows)
         own["packing"] |= {"rows": rows, "columns": columns}
-        scene = scene_of(kept | own)
+        scene = Scene.from_dict(kept | own)
     steps = max(_FEWEST_STEPS, ceil(_WARM_UP / scene.shape.spheres))
     if scene.time.tolerance is not None or steps >= scene.time.steps_per_sample:
         return scene
@@ -172,7 +172,7 @@ def _waving_cell(scene: Scene, rows: int) -> dict[str, dict[str, Any]]:
     return kept | {"time": tables["time"] | {"allow_echo": True}}
 
 
-def _struck_cell(scene: Runnable, rows: int, columns: int) -> dict[str, Any]:
+def _struck_cell(scene: Scene, rows: int, columns: int) -> dict[str, Any]:
     return {
         "packing": scene.to_dict()["packing"],
         "striker": [{"spheres": [[rows // 2, columns // 2]], "velocity": scene.scale.velocity}],
@@ -180,7 +180,7 @@ def _struck_cell(scene: Runnable, rows: int, columns: int) -> dict[str, Any]:
     }
 
 
-def speed(scene: Runnable) -> tuple[float, float]:
+def speed(scene: Scene) -> tuple[float, float]:
     """Return sphere-steps a second and the seconds beside the time loop, of a short run in a warm process."""
     scene = build(scene).problem.scene  # with a tolerance the one that has the finest of the planned steps
     per_sample = scene.shape.spheres * scene.time.steps_per_sample

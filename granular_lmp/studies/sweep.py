@@ -17,6 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.accuracy.ladder import sphere_steps
 from granular_lmp.accuracy.tolerance import resume, run
 from granular_lmp.card import HasCard
 from granular_lmp.errors import GranularError, RunFolderError, RunInterrupted, one_line
@@ -24,10 +25,10 @@ from granular_lmp.lammps.outputs import STATUS, SWEEP, csv_text, replace_text, w
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.record import Record, optional_package, write_status
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import plain_value
 from granular_lmp.studies.coinciding import remarks
 from granular_lmp.studies.executors import stop_requested
-from granular_lmp.studies.runnable import Runnable, scene_of, spheres_and_steps
 from granular_lmp.studies.sweep_points import points, scene_hash
 from granular_lmp.studies.sweep_rows import (
     ASKED,
@@ -72,7 +73,7 @@ class Sweep(HasCard):
     """
 
     folder: Path
-    scene: Runnable
+    scene: Scene
     over: dict[str, list[Any]]
     rows: list[Point]
     notes: list[str] = field(default_factory=list)
@@ -92,7 +93,7 @@ class Sweep(HasCard):
         request = _read_request(folder)
         if request is None:
             raise RunFolderError(f"{folder}: not a sweep folder (there is no {SWEEP})")
-        scene, over = scene_of(request["scene"]), request["over"]
+        scene, over = Scene.from_dict(request["scene"]), request["over"]
         grid = points(scene, over, folder / RUNS)
         made = {point.run: point.of_run for point in grid}
         rows = {name: row_of(folder / RUNS / name, each) for name, each in made.items()}
@@ -177,7 +178,7 @@ class Sweep(HasCard):
 
 
 def sweep(
-    scene: Runnable,
+    scene: Scene,
     over: Mapping[str, Iterable[Any]],
     folder: str | Path,
     *,
@@ -278,7 +279,7 @@ def _claim(folder: Path, request: dict[str, Any], force: bool) -> None:
 
 
 def _identity(request: dict[str, Any]) -> str:
-    return json.dumps([list(request["over"].items()), scene_hash(scene_of(request["scene"]))])
+    return json.dumps([list(request["over"].items()), scene_hash(Scene.from_dict(request["scene"]))])
 
 
 def _read_request(folder: Path) -> dict[str, Any] | None:
@@ -297,7 +298,7 @@ def _read_request(folder: Path) -> dict[str, Any] | None:
     return {"over": request["over"], "scene": request["scene"]}
 
 
-def _results(folder: Path, todo: dict[str, Runnable], executor: Executor) -> Iterator[tuple[str, Point]]:
+def _results(folder: Path, todo: dict[str, Scene], executor: Executor) -> Iterator[tuple[str, Point]]:
     """Yield name and row of each run as it ends.
 
     The futures are polled, because the futures of some executors have no callbacks.
@@ -341,7 +342,7 @@ class _Here(Executor):
         return future
 
 
-def run_point(scene: Runnable, folder: Path) -> Point:
+def run_point(scene: Scene, folder: Path) -> Point:
     """Do one run of a sweep, or the rest of it, and return its row; the executor calls this function.
 
     Raises
@@ -363,14 +364,14 @@ def run_point(scene: Runnable, folder: Path) -> Point:
     return summary_of(scene, record.info, record)
 
 
-def _continued(scene: Runnable, folder: Path, heed: Callable[[int, int], None]) -> Record:
+def _continued(scene: Scene, folder: Path, heed: Callable[[int, int], None]) -> Record:
     if info_of(folder).get("status") in ("running", "interrupted"):
         with suppress(RunFolderError):  # it has no checkpoint
             return resume(folder, progress=heed)
     return run(scene, folder, force=True, progress=heed)
 
 
-def _result(scene: Runnable, folder: Path, future: "Future[Point]") -> Point:
+def _result(scene: Scene, folder: Path, future: "Future[Point]") -> Point:
     """Return the row of a run; if its process died, write the reason into its folder."""
     try:
         return future.result()
@@ -388,6 +389,6 @@ def _result(scene: Runnable, folder: Path, future: "Future[Point]") -> Point:
     return row_of(folder, scene) | {"status": "failed", "message": message}
 
 
-def _cost(scene: Runnable) -> float:
+def _cost(scene: Scene) -> float:
     """Return spheres times steps, to which the time of a run is proportional, with the equivalent of its start."""
-    return spheres_and_steps(scene) + _OVERHEAD
+    return sphere_steps(scene) + _OVERHEAD

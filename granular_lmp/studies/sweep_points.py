@@ -10,11 +10,13 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
+from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.errors import SceneError
+from granular_lmp.runs.kinds import prepare
 from granular_lmp.scene.files import assignment
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut, shown
 from granular_lmp.studies.identity import names_of
-from granular_lmp.studies.runnable import Runnable, prepare
 
 _AT_COMMAS = re.compile(r",(?![^\[]*\])")  # commas between values, not those inside a pair
 _WAVE_VECTOR = ("wavenumber", "frequency", "direction")  # keys that together say which wave it is
@@ -87,11 +89,11 @@ class GridPoint:
     asked: dict[str, Any]
     ran: dict[str, Any]
     run: str
-    scene: Runnable
-    of_run: Runnable
+    scene: Scene
+    of_run: Scene
 
 
-def points(scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = None) -> list[GridPoint]:
+def points(scene: Scene, over: Mapping[str, list[Any]], runs: Path | None = None) -> list[GridPoint]:
     """Return every point of the outer product of `over`, the last key running fastest.
 
     `runs` is the folder of the runs, where that is there already: points that share a run take one that is there.
@@ -116,12 +118,13 @@ def points(scene: Runnable, over: Mapping[str, list[Any]], runs: Path | None = N
         asked = dict(zip(over, values, strict=True))
         try:
             one = scene.with_values(asked)
-            concrete = prepare(one).scene
+            problem = prepare(one)
+            planned_steps(problem)  # raises if a tolerance takes too many
         except SceneError as error:
             said = ", ".join(f"{key} = {shown(value)}" for key, value in asked.items())
             raise SceneError(f"{error} (in the sweep at {said})") from error
-        made.append(GridPoint(asked, _ran(concrete, asked), _name(one, concrete, runs), one, one))
-        motions.setdefault(_motion(concrete), []).append(made[-1])
+        made.append(GridPoint(asked, _ran(problem.scene, asked), _name(one, problem.scene, runs), one, one))
+        motions.setdefault(_motion(problem.scene), []).append(made[-1])
     of_run = {id(point): _chosen(same, runs) for same in motions.values() for point in same}
     chosen = [of_run[id(point)] for point in made]
     return [replace(point, ran=of.ran, run=of.run, of_run=of.scene) for point, of in zip(made, chosen, strict=True)]
@@ -132,7 +135,7 @@ def _chosen(same: list[GridPoint], runs: Path | None) -> GridPoint:
     return next((point for point in same if runs and (runs / point.run).exists()), same[0])
 
 
-def _ran(scene: Runnable, asked: dict[str, Any]) -> dict[str, Any]:
+def _ran(scene: Scene, asked: dict[str, Any]) -> dict[str, Any]:
     """Return the values of a scene that runs, its every "auto" decided, for those that were asked for."""
 
     def of(key: str, value: Any) -> Any:
@@ -142,7 +145,7 @@ def _ran(scene: Runnable, asked: dict[str, Any]) -> dict[str, Any]:
     return {key: of(key, value) for key, value in asked.items()}
 
 
-def _motion(scene: Runnable) -> str:
+def _motion(scene: Scene) -> str:
     """Return all that a scene that runs says of its motion: equal for values that its cell or sample makes equal."""
     values = scene.to_dict()
     if scene.wave is not None:
@@ -153,12 +156,12 @@ def _motion(scene: Runnable) -> str:
     return json.dumps(values | {"name": None, "description": None}, sort_keys=True)
 
 
-def scene_hash(scene: Runnable) -> str:
+def scene_hash(scene: Scene) -> str:
     """Return the name of a scene's run, in which every "auto" is decided (`granular_lmp.studies.identity`)."""
     return names_of(prepare(scene).scene)[0]
 
 
-def _name(scene: Runnable, concrete: Runnable, runs: Path | None) -> str:
+def _name(scene: Scene, concrete: Scene, runs: Path | None) -> str:
     """Return the name of a scene's run; in a folder `runs` that of an earlier release, where the run has that one.
 
     `concrete` is the scene with every "auto" decided.

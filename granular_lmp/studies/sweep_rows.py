@@ -12,9 +12,9 @@ from granular_lmp.runs.formats import scene_of
 from granular_lmp.runs.readouts import readout_columns
 from granular_lmp.runs.record import STATUS, Record, read_status
 from granular_lmp.scene.linear import mode_of
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies import far_sphere
 from granular_lmp.studies.identity import names_of
-from granular_lmp.studies.runnable import Runnable
 from granular_lmp.studies.sweep_points import GridPoint
 
 Point = dict[str, Any]
@@ -33,7 +33,7 @@ _OF_WAVE = (
 )
 
 
-def columns_of(scene: Runnable) -> tuple[str, ...]:
+def columns_of(scene: Scene) -> tuple[str, ...]:
     """Return the columns of a scene in the table; read-outs of its monitors follow."""
     return (*_FIRST, *(far_sphere.COLUMNS if scene.wave is None else _OF_WAVE), "guards")
 
@@ -66,7 +66,7 @@ def table_of(grid: list[GridPoint], rows: dict[str, Point]) -> list[Point]:
     return [values(each) | {"run": f"{RUNS}/{each.run}"} | empty | rows[each.run] for each in grid]
 
 
-def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
+def refuse_other_point(folder: Path, scene: Scene | None = None) -> None:
     """Raise RunFolderError if the scene in a run folder is not the one after which the folder is named.
 
     `scene` is that scene if it has been read. One that cannot be read is left to the reader of the record.
@@ -84,7 +84,7 @@ def refuse_other_point(folder: Path, scene: Runnable | None = None) -> None:
         )
 
 
-def row_of(folder: Path, scene: Runnable) -> Point:
+def row_of(folder: Path, scene: Scene) -> Point:
     """Return what the table says of the run folder of a scene, or of one that is not there.
 
     Raises
@@ -103,7 +103,7 @@ def row_of(folder: Path, scene: Runnable) -> Point:
     return summary_of(scene, info, record)
 
 
-def summary_of(scene: Runnable, info: dict[str, Any], record: Record | None) -> Point:
+def summary_of(scene: Scene, info: dict[str, Any], record: Record | None) -> Point:
     """Return what the table says of the run of a scene, from ``run.json`` and the record, if there is one."""
     ended = info.get("status") in ("finished", "failed")
     first = {

@@ -18,9 +18,9 @@ from granular_lmp.lammps.outputs import SCENE, SNAPSHOTS, csv_text, replace_text
 from granular_lmp.runs.agreement import scene_digest
 from granular_lmp.runs.record import STATUS, TRAJECTORY, Record, read_status, write_status
 from granular_lmp.runs.seal import files_of
+from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.cost_settings import ORDERED, REFERENCE, Point, Run
 from granular_lmp.studies.output_variants import OUTPUTS
-from granular_lmp.studies.runnable import Runnable
 
 RUNS = "runs"
 NOT_RUN = "not run yet"
@@ -36,7 +36,7 @@ _ABOVE_REFERENCE = 3.0
 Row = dict[str, Any]
 
 
-def columns_of(scene: Runnable) -> tuple[str, ...]:
+def columns_of(scene: Scene) -> tuple[str, ...]:
     """Return the names of the columns of the table of a scene."""
     errors = (f"error_{name}" for name in COMPONENTS[scene.wave is None])
     return (*_COLUMNS, *errors, "slope", "message")
