@@ -12,43 +12,16 @@ from functools import partial
 from importlib import import_module
 from typing import NoReturn
 
-SCRIPTS = {
-    "accuracy": "what granular-lmp cost measured, beside the theories",
-    "adhesion_laws": "the DMT and the JKR law in the same crystal: forces, second harmonic, resonance, antiresonance",
-    "behind": "the second harmonic behind an interface: made before it, and at it",
+from analysis.cases.declared import Case, names
+
+DOORS = {
+    "case": "run cases: what a figure needs, runs, script and expected numbers",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
-    "convergence": "how errors of the theories fall with amplitude",
-    "defects": "a wave that a vacancy or a heavy sphere scatters, beside the network and theory",
     "design": "two waves of given frequencies that resonate: which pair, directions and compression",
-    "dimers": "the front of an impact on a chain of heavy and light spheres: where it decays, and where it does not",
-    "disorder": "what unequal spheres do to contacts, attenuation, sound and the second harmonic, from sweeps",
-    "dispersion": "all branches, from one kicked sheet",
-    "driven": "a driven row beside its theory",
-    "effects": "the second harmonic over wave number, by what a scene leaves out or adds",
-    "figure2": "the paper's figure 2: dispersion, resonance and antiresonance",
-    "figure3": "the paper's figure 3: p, q and φ of runs beside theory",
-    "fronts": "the front of an impact on a hexagonal sheet: its decay and its speed",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
-    "impact": "error over cost of an impact: LAMMPS, two symplectic schemes, DOP853",
-    "laws": "three shear laws side by side",
-    "map": "the second harmonic over direction and wave number",
-    "mixing": "the partners of a wave: with which others of the zone it is phase-matched",
-    "oblique": "waves of any direction beside theory, from a sweep",
-    "onset": "the amplitudes at which contacts open and slide, and the second harmonic beyond",
-    "pull_off": "a collision by the JKR law: snap-in, pull-off and restitution, in LAMMPS and theory",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
-    "refraction": "a plane front of an impact at an interface of two hexagonal crystals: angles, and what passes",
-    "scatter": "what passes rows that differ and what comes back, beside the linear lattice",
-    "sheets": "any field on a periodic sheet beside theory",
-    "solitary": "the solitary wave: shape, speed from sonic vacuum to sound, impurities",
-    "spectrum": "the second harmonic of runs over wave number, its zero and its pole",
-    "standing": "a standing wave beside its theory",
-    "timestep": "what a time step does to a lattice",
-    "tones": "two rows shaken at two frequencies: sum and difference beside their theory",
-    "unequal": "the front of an impact in sheets of unequal spheres: decay and speed over the spread of radii",
-    "witness": "error over time in a crystal that is not perfect, beside the network",
 }
-DOORS = {"compare", "design", "harmonic"}  # scripts whose answer is a table
+SCRIPTS = DOORS | {case.name: case.says for case in map(Case.load, names()) if case.figure}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -74,9 +47,16 @@ def _script(argv: list[str] | None) -> Callable[[], int | None]:
         epilog="scripts:\n" + "\n".join(f"  {name:13} {says}" for name, says in SCRIPTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("script", choices=SCRIPTS, metavar="SCRIPT", help="which; each has --help")
+    parser.add_argument(
+        "script",
+        choices=[*SCRIPTS, "cases"],
+        metavar="SCRIPT",
+        help="which; each has --help; cases lists those with runs and figures",
+    )
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help="for the script")
     chosen = parser.parse_args(argv)
+    if chosen.script == "cases":
+        chosen.script, chosen.arguments = "case", ["--list", *chosen.arguments]
     sys.argv[0] = f"granular-analysis {chosen.script}"  # the name by which the script speaks of itself
     module = f"analysis.{chosen.script}" if chosen.script in DOORS else f"analysis.cases.{chosen.script}.case"
     return partial(import_module(module).main, chosen.arguments)

@@ -111,8 +111,10 @@ ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
     "compare": {"second_harmonic", "theory", "measure", "plotting"},
     "design": {"theory", "plotting"},
     "harmonic": {"measure", "plotting"},
+    "resonances": {"theory", "plotting"},
     "cases": {"second_harmonic", "theory", "measure", "plotting"},
-    "cli": {"plotting", "compare", "design", "harmonic", "cases"},
+    "case": {"plotting", "cases"},
+    "cli": {"plotting", "compare", "design", "harmonic", "resonances", "cases", "case"},
 }
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis import resonances as script
 from analysis import second_harmonic as sh
-from analysis.cases.resonances import case as script
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal

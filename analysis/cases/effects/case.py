@@ -72,6 +72,21 @@ def curve(wave: Wave) -> tuple[NDArray[np.float64], list[float]]:
     return xis, [abs(generated_amplitude(each, wave.ratios)) / 2 for each in modes]
 
 
+def deviations(records: Sequence[Record]) -> list[float]:
+    """Return |p − p_lattice|/|p_lattice| over each run, by the exact lattice."""
+    exact = [trajectory("exact-lattice", wave_of(record), record.tau)[0] for record in records]
+    return [float(np.linalg.norm(r.p - p) / np.linalg.norm(p)) for r, p in zip(records, exact, strict=True)]
+
+
+def table(sweeps: Sequence[Sequence[Record]]) -> str:
+    """Return a line for each sweep: median and largest deviation of p from the exact lattice."""
+    lines = [f"{'contact':28}{'runs':>6}{'median':>10}{'largest':>10}"]
+    for records in sweeps:
+        off = deviations(records)
+        lines.append(f"{name(wave_of(records[0]).contact):28}{len(off):6d}{np.median(off):10.2e}{max(off):10.2e}")
+    return "\n".join(lines)
+
+
 def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
     """All sweeps in three panels over the wave number."""
     figure = Figure(figsize=(7.0, 8.5), layout="constrained")
@@ -90,8 +105,7 @@ def draw(sweeps: Sequence[Sequence[Record]]) -> Figure:
         if number == 0 or not closed:
             middle.semilogy(xis, [strength(p, wave) for p in exact], **line, linewidth=1.2, label=label)
             middle.semilogy(xis, [strength(record.p, wave) for record in records], **marks, markerfacecolor="white")
-        off = [np.linalg.norm(r.p - p) / np.linalg.norm(p) for r, p in zip(records, exact, strict=True)]
-        below.semilogy(xis, off, **{**marks, "markersize": 3.5})
+        below.semilogy(xis, deviations(records), **{**marks, "markersize": 3.5})
     first = sweeps[0][0]
     wave, end = wave_of(first), first.tau[-1]
     above.set(
@@ -121,6 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.error(
                 f"{record.folder}: its wave is not along y, as those drawn are; granular-analysis oblique takes it"
             )
+    print(table(sweeps))
     save(draw(sweeps), chosen.output)
     return 0
 

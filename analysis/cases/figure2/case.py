@@ -16,6 +16,7 @@ from analysis.plotting import COLOURS, parser, save, spheres, start
 from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, resonance
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
+PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs
 
 
 def draw(constants: Ratios) -> Figure:
@@ -29,6 +30,15 @@ def draw(constants: Ratios) -> Figure:
     for axes in (branches, upper, lower):
         axes.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi))
     return figure
+
+
+def table(constants: Ratios) -> str:
+    """Return where the second harmonic of TR is resonant and where it vanishes, and its amplitude at the paper's ξ."""
+    vanishing = antiresonance(constants)
+    lines = [f"resonance {resonance(constants):.5f}", f"antiresonance {vanishing:.5f}" if vanishing else ""]
+    waves = [mode("TR", xi, constants) for xi in PAPER]
+    lines += [f"TR {wave.wavenumber:.3f} {abs(generated_amplitude(wave, constants)) / 2:.4e}" for wave in waves]
+    return "\n".join(filter(None, lines))
 
 
 def _dispersion(axes: Axes, constants: Ratios) -> None:
@@ -74,8 +84,8 @@ def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     contact, output = spheres(parser(__doc__, "figures/figure2.png"), argv)
+    print(table(contact.ratios))
     save(draw(contact.ratios), output)
-    print(output)
     return 0
 
 

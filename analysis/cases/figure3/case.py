@@ -10,6 +10,7 @@ best theory of this folder for the wave, whose name is in the title. The numbers
 against the run.
 """
 
+from collections.abc import Sequence
 from string import ascii_lowercase
 
 import numpy as np
@@ -17,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.measure.runs import load
-from analysis.measure.signals import errors
+from analysis.measure.signals import COMPONENTS, errors
 from analysis.plotting import parser, save, start
 from analysis.theory.choice import TheoryError, best, trajectory, wave_of
 from granular_lmp.runs.record import Record
@@ -83,6 +84,18 @@ def _column(panels: list[Axes], record: Record, letters: list[str]) -> None:
         axes.ticklabel_format(axis="y", scilimits=(-2, 3))
 
 
+def table(records: Sequence[Record]) -> str:
+    """Return a line for each run: errors of p, q, φ by the paper's order, and by the best theory."""
+    lines = [f"{'run':18}{'best theory':>16}" + "".join(f"{name:>10}" for name in 2 * COMPONENTS)]
+    for record in records:
+        wave = wave_of(record)
+        ours = best(wave, record.tau)
+        found = [errors(record, trajectory(name, wave, record.tau)) for name in ("second-order", ours)]
+        cells = (f"{'-' if error is None else f'{error:.2e}':>10}" for each in found for error in each.values())
+        lines.append(f"{record.scene.name:18}{ours:>16}" + "".join(cells))
+    return "\n".join(lines)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = parser(__doc__, "figures/figure3.png")
@@ -91,11 +104,12 @@ def main(argv: list[str] | None = None) -> int:
     if ROWS * len(chosen.runs) > len(ascii_lowercase):
         options.error(f"{len(chosen.runs)} runs: at most {len(ascii_lowercase) // ROWS} fit into one figure")
     try:
-        figure = draw([load(folder) for folder in chosen.runs])
+        records = [load(folder) for folder in chosen.runs]
+        print(table(records))
+        figure = draw(records)
     except TheoryError as error:
         raise SystemExit(f"{' '.join(chosen.runs)}: {error}") from error
     save(figure, chosen.output)
-    print(chosen.output)
     return 0
 
 

@@ -25,9 +25,10 @@ from analysis.theory.wave import Wave
 Floats = NDArray[np.float64]
 AMPLITUDE = 0.2  # D0/Δ0 of the paper's simulations
 TAU = np.linspace(0.0, 120.0, 241)  # the paper's duration
+PAPER = 0.802  # rad per row, of the paper's first case
 NEAR_ANTIRESONANCE = 2.127  # rad per row, of the paper's third case
 SMALL = 0.005  # amplitude of the circles: the lattice is off second order by a² of it, by 150 a² at the antiresonance
-CIRCLES = (0.3, 0.6, 0.802, 1.1, 1.3, 1.475, 1.65, 1.9, NEAR_ANTIRESONANCE, 2.4, 2.7, 3.0)  # rad per row
+CIRCLES = (0.3, 0.6, PAPER, 1.1, 1.3, 1.475, 1.65, 1.9, NEAR_ANTIRESONANCE, 2.4, 2.7, 3.0)  # rad per row
 # Dark to light, and told apart by their dashes in grey.
 LINES: Final[dict[Law, dict[str, str]]] = {
     "secant": {"color": "black", "linestyle": "-"},
@@ -61,6 +62,18 @@ def lattice_amplitude(mode: Mode, contact: Contact) -> float:
     wave, tau = Wave(mode, SMALL, contact), TAU[TAU <= 60]
     exact, theory = torus(wave, tau)[0], second_harmonic(wave, tau)
     return abs(generated_amplitude(mode, contact)) * float(np.linalg.norm(exact) / np.linalg.norm(theory))
+
+
+def table(poisson_ratio: float) -> str:
+    """Return a line for each law: its antiresonance, and |P̃1|/2 in closed form and in the exact lattice."""
+    mode = sh.mode("TR", PAPER, sh.ratios(poisson_ratio))
+    lines = [f"{'law':12}{'antiresonance':>14}{f'at {PAPER}':>12}{'lattice':>12}"]
+    for law in LAWS:
+        contact = Contact(poisson_ratio, law=law)
+        zero = antiresonance(contact)
+        closed, exact = abs(generated_amplitude(mode, contact)) / 2, lattice_amplitude(mode, contact) / 2
+        lines.append(f"{law:12}{'-' if zero is None else f'{zero:.4f}':>14}{closed:12.4e}{exact:12.4e}")
+    return "\n".join(lines)
 
 
 def draw(poisson_ratio: float) -> Figure:
@@ -118,6 +131,7 @@ def draw(poisson_ratio: float) -> Figure:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the figure into a file."""
     contact, output = spheres(parser(__doc__, "figures/laws.png"), arguments)
+    print(table(contact.poisson_ratio))
     save(draw(contact.poisson_ratio), output)
 
 

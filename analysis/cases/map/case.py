@@ -66,6 +66,16 @@ def lattice_in_words(contact: Contact) -> str:
     return ", ".join(words)
 
 
+def table(contact: Contact) -> str:
+    """Return the amplitude of each branch half-way from Γ to M and to K."""
+    halves = np.array([[0.0, EDGE / 2], [CORNER / 2, 0.0]])
+    lines = [f"{'branch':8}{'Γ-M':>12}{'Γ-K':>12}"]
+    for branch, word in enumerate(BRANCHES):
+        amplitude = np.linalg.norm(second_harmonic_amplitude(halves, branch, contact), axis=-1)
+        lines.append(f"{word:8}" + "".join(f"{each:12.4e}" for each in amplitude))
+    return "\n".join(lines)
+
+
 def draw(contact: Contact) -> Figure:
     """Return the figure of the three maps for contacts of the secant law."""
     k = wave_vectors(POINTS)
@@ -128,6 +138,7 @@ def draw(contact: Contact) -> Figure:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Draw the maps into a file."""
     contact, output = spheres(parser(__doc__, "figures/map.png"), arguments, geometry=True)
+    print(table(contact))
     save(draw(contact), output)
 
 

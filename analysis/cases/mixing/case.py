@@ -15,7 +15,7 @@ What it leaves out: nothing says here how far from a line two waves still mix; a
 2·rate·a/|d|. Every line is that of small amplitudes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
 import numpy as np
@@ -68,15 +68,35 @@ def partners(
             yield target, vectors, growth_rates(Pair(first, Tone(vectors, branch), sign, contact))[:, target]
 
 
-def draw(first: Tone, contact: Contact, title: str) -> Figure:
-    """Return the figure of the partners of one wave."""
+def measured(first: Tone, contact: Contact) -> dict[tuple[str, int], list[tuple[int, Floats, Floats]]]:
+    """Return the `partners` of a wave by sign and branch."""
     branches = range(3 if contact.turns else 2)
+    return {
+        (name, branch): list(partners(first, branch, sign, contact, POINTS))
+        for sign, name in SIGNS.items()
+        for branch in branches
+    }
+
+
+def table(found: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]]) -> str:
+    """Return a line for each sign and branch: points on the lines of its partners, and the highest rate there."""
+    lines = [f"{'with the branch':24}{'points':>8}{'rate':>10}"]
+    for (name, branch), drawn in found.items():
+        rates = np.concatenate([rates for _, _, rates in drawn]) if drawn else np.zeros(1)
+        count = sum(len(line) for _, line, _ in drawn)
+        lines.append(f"{f'{name}, {BRANCHES[branch]}':24}{count:8d}{np.nanmax(rates):10.4f}")
+    return "\n".join(lines)
+
+
+def draw(first: Tone, found: Mapping[tuple[str, int], Sequence[tuple[int, Floats, Floats]]], title: str) -> Figure:
+    """Return the figure of the partners of one wave."""
+    branches = sorted({branch for _, branch in found})
     figure = Figure(figsize=(3.4 * len(branches) + 0.4, 7.6), layout="constrained")
     panels = figure.subplots(2, len(branches), sharex=True, sharey=True)
-    for row, (sign, name) in zip(panels, SIGNS.items(), strict=True):
+    for row, name in zip(panels, SIGNS.values(), strict=True):
         for branch, panel in zip(branches, row, strict=True):
             _zone(panel, first)
-            for target, line, rates in partners(first, branch, sign, contact, POINTS):
+            for target, line, rates in found[name, branch]:
                 pieces = np.stack([line[:-1], line[1:]], axis=1)
                 drawn = LineCollection(
                     list(pieces),
@@ -130,7 +150,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rf"partners of {options.mode}, $\xi$ = {options.wavenumber:g} at {options.direction:g}°,"
         rf" $\nu$ = {options.poisson_ratio:g}"
     )
-    save(draw(first, contact, title), options.output)
+    found = measured(first, contact)
+    print(table(found))
+    save(draw(first, found, title), options.output)
 
 
 if __name__ == "__main__":

@@ -123,11 +123,10 @@ def main(argv: list[str] | None = None) -> int:
     except (GranularError, ValueError) as error:
         raise SystemExit(str(error)) from error
     if fronts:
-        print(f"{'crest':>10}{'farther on':>12}{'V/c - 1':>12}")
-    for each in fronts:
-        print(f"{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}")
+        print(f"{'run':12}{'crest':>10}{'farther on':>12}{'V/c - 1':>12}")
+    for folder, each in zip(options.runs, fronts, strict=True):
+        print(f"{Path(folder).name:12}{each.first:10.5f}{each.second:12.5f}{each.speed - 1:12.6f}")
     save(draw(fronts), options.output)
-    print(options.output)
     return 0
 
 

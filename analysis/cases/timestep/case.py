@@ -5,7 +5,7 @@
 Dots are runs of the stepped lattice, lines the law of their phase.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +26,7 @@ WAVES: tuple[tuple[ModeName, float, str], ...] = (
     ("RT", 0.802, ""),
     ("L", 0.802, ""),
 )
+Floats = NDArray[np.float64]
 # The paper's spheres in LAMMPS's geometry
 SPHERES = Contact(0.17, overlap_ratio=2.4985144e-4)
 SHOWN = {rf"{name}, $\xi$ = {xi}{place}": Wave.of_mode(name, xi, 0.2, SPHERES) for name, xi, place in WAVES}
@@ -34,7 +35,7 @@ COLOURS = ("#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and I
 PER_SAMPLE = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 
 
-def errors(record: NDArray[np.float64], exact: NDArray[np.float64]) -> list[float]:
+def errors(record: Floats, exact: Floats) -> list[float]:
     """Relative L2 errors of p, q, φ, (T, 3) each; of p alone where q and φ vanish (L). inf for a run that blew up."""
     shown = [index for index in range(3) if np.max(np.abs(exact[:, index])) > SILENT]
     if not np.all(np.isfinite(record)):
@@ -42,7 +43,7 @@ def errors(record: NDArray[np.float64], exact: NDArray[np.float64]) -> list[floa
     return [relative_error(record[:, index], exact[:, index]) for index in shown]
 
 
-def study(waves: Sequence[Wave]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def study(waves: Sequence[Wave]) -> tuple[Floats, Floats]:
     """Errors of p and q, (waves, steps, 2), of single runs and of pairs with PER_SAMPLE steps; nan for q of L."""
     counts = sorted(set(PER_SAMPLE) | {2 * count for count in PER_SAMPLE})
     runs = {count: stepped(waves, count) for count in counts}
@@ -56,9 +57,18 @@ def study(waves: Sequence[Wave]) -> tuple[NDArray[np.float64], NDArray[np.float6
     return single, pair
 
 
-def draw(waves: dict[str, Wave]) -> Figure:
+def table(waves: Mapping[str, Wave], single: Floats, pair: Floats) -> str:
+    """Return a line for each wave and number of steps to a sample: errors of p and q of a run, and of a pair."""
+    lines = [f"{'wave':34}{'steps':>6}" + "".join(f"{word:>10}" for word in ("p", "q", "p, pair", "q, pair"))]
+    for w, label in enumerate(waves):
+        for i in (0, 4, 9):
+            cells = "".join(f"{error:10.2e}" for error in (*single[w, i], *pair[w, i]))
+            lines.append(f"{label:34}{PER_SAMPLE[i]:6d}{cells}")
+    return "\n".join(lines)
+
+
+def draw(waves: Mapping[str, Wave], single: Floats, pair: Floats) -> Figure:
     """Errors of p and q over the steps that a unit of time costs: single runs, pairs, and the law of the phase."""
-    single, pair = study(list(waves.values()))
     counts = np.array(PER_SAMPLE)
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -90,8 +100,9 @@ def draw(waves: dict[str, Wave]) -> Figure:
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     options = parser(__doc__, "figures/timestep.png").parse_args(argv)
-    save(draw(SHOWN), options.output)
-    print(options.output)
+    single, pair = study(list(SHOWN.values()))
+    print(table(SHOWN, single, pair))
+    save(draw(SHOWN, single, pair), options.output)
     return 0
 
 

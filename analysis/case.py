@@ -1,0 +1,105 @@
+"""Run a case: its runs, its script, and its numbers beside those that are expected.
+
+    granular-analysis case NAME... [--runs DIR] [--figures DIR] [--workers N] [--measure]
+    granular-analysis cases
+
+A case is a folder ``analysis/cases/NAME``. ``case.toml`` says what it is about, and holds the commands of its runs and
+of pictures that need no script; ``case.py`` measures the runs, prints a table and draws the figure; ``expected.json``
+holds numbers of that table, each with a tolerance and its reason. The exit status is 1 if one of them is missed.
+"""
+
+import argparse
+import io
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stdout
+from functools import partial
+from pathlib import Path
+from string import Template
+
+from analysis.cases.declared import Case, names
+from analysis.plotting import start
+
+PROGRAMS = {"granular-lmp": ["-m", "granular_lmp"], "python": []}
+CONTINUED = ("sweep", "cost")  # commands that keep what is finished in a folder; others begin again
+
+
+def simulate(case: Case, folder: Path, workers: int) -> None:
+    """Run the commands of a case: single runs side by side, sweeps one after another with as many workers."""
+    single, swept = [], []
+    for name, words in case.runs().items():
+        command = [*words, "-o", str(folder / name)]
+        if words[1] in CONTINUED:
+            swept.append(command + (["--workers", str(workers)] if words[1] == "sweep" else []))
+        else:
+            single.append([*command, "--force"])
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(launch, single))
+    for command in swept:
+        launch(command)
+
+
+def launch(words: Sequence[str]) -> None:
+    """Run one command. Raises SystemExit if it fails; what it says stands above."""
+    program, *rest = words
+    if status := subprocess.run([sys.executable, *PROGRAMS[program], *rest], check=False).returncode:
+        raise SystemExit(f"{shlex.join(words)}: ended with status {status}")
+
+
+def measure(case: Case, runs: Path, figures: Path) -> list[str]:
+    """Measure the runs of a case and draw; returns the expected numbers that are missed."""
+    folders = shlex.join(str(runs / name) for name in case.runs())
+    where = {"folders": folders, "runs": shlex.quote(str(runs)), "figures": shlex.quote(str(figures))}
+    for picture in case.pictures:
+        launch(shlex.split(Template(picture).substitute(where)))
+    if case.figure is None:
+        return []
+    words = shlex.split(Template(case.arguments).substitute(where))
+    with redirect_stdout(io.StringIO()) as printed:
+        case.script().main([*words, "-o", str(figures / case.figure)])
+    print(printed.getvalue(), end="")
+    return [missed for number in case.expected() if (missed := number.missed(printed.getvalue()))]
+
+
+def listing() -> str:
+    """Return a line for each case: name, minutes of processor time, page, what it is about."""
+    cases = map(Case.load, names())
+    return "\n".join(f"{each.name:14} {each.minutes:5g} min  {each.page:24} {each.says}" for each in cases)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the cases that the command line names; returns 1 if a number is not as expected."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("cases", nargs="*", metavar="NAME", help="cases; granular-analysis cases lists them")
+    parser.add_argument("--list", action="store_true", help="list the cases")
+    parser.add_argument("--runs", type=Path, metavar="DIR", help="folder of the runs (default: runs/NAME)")
+    parser.add_argument("--figures", type=Path, default=Path("figures"), metavar="DIR", help="default: figures")
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), metavar="N", help="default: all processors")
+    parser.add_argument("--measure", action="store_true", help="make no runs: measure those that are there")
+    chosen = parser.parse_args(argv)
+    if chosen.list:
+        print(listing())
+        return 0
+    try:
+        cases = [Case.load(name) for name in chosen.cases]
+    except ValueError as error:
+        parser.error(str(error))
+    return max(map(partial(_play, chosen), cases), default=0)
+
+
+def _play(chosen: argparse.Namespace, case: Case) -> int:
+    runs = chosen.runs or Path("runs", case.name)
+    if not chosen.measure:
+        simulate(case, runs, chosen.workers)
+    missed = measure(case, runs, chosen.figures)
+    for each in missed:
+        print(f"{case.name}: {each}", file=sys.stderr)
+    return int(bool(missed))
+
+
+if __name__ == "__main__":
+    start(main)
