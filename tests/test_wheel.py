@@ -111,7 +111,8 @@ def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Pa
 
 def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
     scripts = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
-    assert set(SCRIPTS) == {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in scripts} - {"cli"}
+    names = {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in scripts}
+    assert set(SCRIPTS) == names - {"cli"}
 
 
 def test_every_command_of_the_project_is_installed(programs: Path) -> None:
