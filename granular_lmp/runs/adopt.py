@@ -33,6 +33,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job
 from granular_lmp.runs.simulation import Simulation, mend
 from granular_lmp.scene.initial_fields import initial_fields
+from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
 
@@ -79,7 +80,7 @@ def adopt(
         When a file is missing, the log does not say the variables and `changes` does not either, or the record does
         not begin as the wave of the scene does.
     SceneError
-        For a scene that cannot be, or has a tolerance.
+        For a scene that cannot be, has no wave, or has a tolerance.
     LammpsError
         For a record or a log that is not complete.
     EffectError
@@ -87,6 +88,7 @@ def adopt(
     """
     source = absolute(source)
     declared = scene or _scene(source)
+    require_wave(declared)
     place = absolute(folder or f"runs/{declared.name}")
     log = _text(source / LOG)
     said = said_variables(log)
