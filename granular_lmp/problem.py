@@ -59,6 +59,7 @@ class Problem:
     effects: tuple[Chosen, ...]
     planes: ClassVar[Mapping[str, float]] = MappingProxyType({})  # no walls, and no forces on ends
     loads: ClassVar[Mapping[int, float]] = MappingProxyType({})
+    loose: ClassVar[bool] = False  # adhesion or compression holds the spheres together, so that a wave is linear
 
     @cached_property
     def at_rest(self) -> CrystalAtRest:

@@ -12,6 +12,7 @@ from typing import Protocol
 
 import ase
 
+from granular_lmp.crystal.scale import Scale
 from granular_lmp.scene.resolution import gathered_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.units import AnyUnits
@@ -38,6 +39,12 @@ class Prepared(Protocol):
     def on(self) -> Mapping[str, bool]: ...
     @property
     def units(self) -> AnyUnits: ...
+    @property
+    def scale(self) -> Scale: ...
+    @property
+    def loose(self) -> bool: ...
+    @property
+    def planes(self) -> Mapping[str, float]: ...
 
 
 Lines = Callable[[Prepared], list[str]]
@@ -81,7 +88,8 @@ class Guard:
         of them, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : callable
         Lines of a deck that compute NAME_looks, of a problem; ``look(QUANTITY)`` stands for the values of a quantity at
-        those looks.
+        those looks. Where spheres just meet (`Prepared.loose`) every look is a line of the table, and they compute
+        NAME itself.
     limit : float
         Value above which the guard triggers.
     meaning : str
@@ -94,6 +102,8 @@ class Guard:
         True if the lines read `granular_lmp.effects.reading.contact_lines` or `overlap_lines`.
     per_contact : callable
         Scene → True if what LAMMPS measures does not always decide, and contacts are dumped while it does not.
+    heading : str
+        Words behind the column at the top of the deck, in which ``{limit}`` is the limit; "" for those of `meaning`.
     """
 
     title: str
@@ -105,6 +115,7 @@ class Guard:
     roundings: float = 0.0
     of_contacts: bool = False
     per_contact: Callable[[Scene], bool] = lambda scene: False
+    heading: str = ""
 
     @property
     def column(self) -> str:

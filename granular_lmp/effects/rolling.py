@@ -38,9 +38,10 @@ def loss(case: Case) -> str:
 
 
 def law(scene: Scene, on: bool) -> Mapping[str, Any]:
+    if not on:
+        return {}
     effects = scene.effects
-    sds = (effects.rolling_stiffness, effects.rolling_viscosity, effects.rolling_friction)
-    return {"rolling": sds} if on else {}
+    return {"rolling": (effects.rolling_stiffness, effects.rolling_viscosity, effects.rolling_friction)}
 
 
 def refuse(case: Case) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
+from granular_lmp.effects.deep_overlap import DEEP_OVERLAP, LONG_STEP
 from granular_lmp.effects.effect import Case, Chosen, Effect, Finding
 from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.effects.quiet_ends import QUIET_ENDS
@@ -28,8 +29,9 @@ EFFECTS: tuple[Effect, ...] = (
 
 
 def guards() -> dict[str, Guard]:
-    """Return the guards of all effects by their titles."""
-    return {guard.title: guard for effect in EFFECTS for guard in effect.guards}
+    """Return the guards of all effects, and of spheres that just meet, by their titles."""
+    of_effects = (guard for effect in EFFECTS for guard in effect.guards)
+    return {guard.title: guard for guard in (*of_effects, DEEP_OVERLAP, LONG_STEP)}
 
 
 def select(scene: Scene) -> list[Chosen]:

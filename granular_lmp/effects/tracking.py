@@ -20,7 +20,8 @@ def wave(problem: Prepared) -> list[str]:
 
 def record(problem: Prepared) -> list[str]:
     """Return the lines of the angle of the spheres that are recorded."""
-    seen = "all" if problem.scene.output.particles > 0 or problem.scene.monitor else "centre"
+    scene = problem.scene
+    seen = "all" if scene.wave is None or scene.output.particles > 0 or scene.monitor else "centre"
     return [
         f"compute      dipole {seen} property/atom mux muy",
         "variable     theta atom atan2(c_dipole[2],c_dipole[1])",

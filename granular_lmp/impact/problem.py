@@ -16,6 +16,7 @@ from granular_lmp.crystal.scale import Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.effects.effect import Chosen
+from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
@@ -64,6 +65,7 @@ class ImpactProblem:
     recorded: Integers
     state: Floats
     mode: ClassVar[None] = None
+    loose: ClassVar[bool] = True  # spheres just touch, or are pressed from outside, and part without a pull
     sources: ClassVar[tuple[PlacedSource, ...]] = ()
     monitors: ClassVar[tuple[PlacedMonitor, ...]] = ()
 
@@ -328,7 +330,7 @@ class ImpactProblem:
     @cached_property
     def on(self) -> dict[str, bool]:
         """True or false for each effect by name."""
-        return {effect.name: effect.on for effect in self.effects}
+        return {effect.name: False for effect in EFFECTS} | {effect.name: effect.on for effect in self.effects}
 
 
 def prepare(scene: ImpactScene) -> ImpactProblem:

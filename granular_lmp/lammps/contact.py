@@ -36,8 +36,8 @@ TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
 
 def contacts(problem: Problem) -> list[str]:
-    """Return the block of the contact law of all effects together."""
-    law: dict[str, Any] = {"friction": "${friction}"}
+    """Return the block of the contact law of all effects together, between spheres and with walls."""
+    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.loose else "${friction}"}
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
     materials = problem.materials
@@ -45,11 +45,31 @@ def contacts(problem: Problem) -> list[str]:
         (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
         for m, n in combinations_with_replacement(range(len(materials)), 2)
     }
+    words = "damping and nu" if problem.loose else "damping, nu and half the work of adhesion"
     return [
-        "# --- contacts: normal law with E, damping, nu and half the work of adhesion; tangential law with friction",
+        f"# --- contacts: normal law with E, {words}; tangential law with friction",
         pairs(laws),
+        *_walls(problem, law),
         *at_rest_lines(problem),
     ]
+
+
+def _walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
+    """Return the lines of the rigid walls that spheres of each material touch."""
+    if not problem.planes:
+        return []
+    groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
+    planes = [
+        wall(
+            model(rigid(each), problem.units, **law),
+            f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}",
+            name=f"{name}{m}",
+            group=f"material{m}",
+        )
+        for name, place in problem.planes.items()
+        for m, each in enumerate(problem.materials, 1)
+    ]
+    return groups + planes
 
 
 def model(
@@ -155,6 +175,6 @@ def rigid(sphere: Sphere) -> Sphere:
     return replace(sphere, youngs_modulus=2 * sphere.youngs_modulus)
 
 
-def wall(contact: str, place: str) -> str:
+def wall(contact: str, place: str, *, name: str = "wall", group: str = "all") -> str:
     """Return the command for a wall, such as ``xplane NULL 0.0``, with a contact `model`; see `rigid`."""
-    return f"fix          wall all wall/gran granular {contact} &\n             {place}"
+    return f"fix          {name} {group} wall/gran granular {contact} &\n             {place}"

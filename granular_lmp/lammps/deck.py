@@ -44,15 +44,16 @@ def blocks(*, all_spheres: bool = False) -> tuple[Block, ...]:
         Block(contact.contacts),
         Block(openings.begin, again=False),
         Block(start.preload, again=start.reference),
-        Block(start.wave, again=start.kept_field),
+        Block(start.begin, again=start.kept_field),
         Block(strikes.strikers, again=False),
         Block(sources.driven_row),
         Block(sources.sources),
+        Block(motion.loads),
         Block(motion.motion),
         Block(guards.guards, again=guards.guards),
         Block(recording.record, again=recording.record),
         Block(monitors.monitors, again=monitors.monitors),
-        Block(recording.run, again=recording.run_on),
+        Block(recording.run, again=recording.run),
     )
 
 
@@ -105,7 +106,7 @@ class Deck(HasCard):
 
     def files(self) -> dict[str, Iterable[str]]:
         """Return name → text, in pieces, of the three files of a deck folder."""
-        title = f"{variables.title(self.scene)}; units {self.problem.units.style}"
+        title = variables.data_title(self.problem)
         return {
             SCENE: [self.declared.to_toml()],
             self.input_name: [self.input_text],
@@ -135,8 +136,8 @@ class Deck(HasCard):
 
     def __repr__(self) -> str:
         edited = ", edited" if self.edits() else ""
-        shape = self.scene.shape
-        return f"<Deck {self.scene.name}: {self.scene.wave_label}, {shape.spheres} spheres{edited}>"
+        words = self.scene.words if self.scene.wave is None else self.scene.wave_label
+        return f"<Deck {self.scene.name}: {words}, {len(self.packing)} spheres{edited}>"
 
     def write(self, folder: str | Path, *, force: bool = False) -> None:
         """Write the three files into `folder`, which is created.

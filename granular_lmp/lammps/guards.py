@@ -9,6 +9,7 @@ the record (`_inside`). The guards are defined with their effects (`granular_lmp
 """
 
 from math import pi
+from typing import Any
 
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
@@ -27,6 +28,7 @@ from granular_lmp.scene.shape import quiet_rows
 
 GUARDS = all_guards()
 LINE = 10.0  # tau between two lines of the thermo table
+LOOKS_IN_COLLISION = 20  # looks of the guards in the shortest collision
 
 
 # Extremes over all contacts, also those that cannot affect the record: held ends cut a wave off and shear their
@@ -56,15 +58,23 @@ def fastest(scene: Scene) -> float:
     return max(2 * max(own), top * swiftness(scene))
 
 
-def look_interval(problem: Problem) -> int:
-    """Return the steps between two looks: `LOOKS` looks per period of `fastest`, a whole number of them in the run."""
-    scene = problem.scene
-    most = min(int(_look_time(scene) / scene.time.step + 1e-9), scene.time.steps)
-    return next(steps for steps in range(max(most, 1), 0, -1) if scene.time.steps % steps == 0)
+def look_interval(problem: Any) -> int:
+    """Return the steps between two looks, a whole number of them in the run: `LOOKS` per period of `fastest`.
+
+    Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.
+    """
+    time = problem.scene.time
+    if problem.loose:
+        most, whole = int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), time.steps_per_sample
+    else:
+        most, whole = int(_look_time(problem.scene) / time.step + 1e-9), time.steps
+    return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)
 
 
 def line_interval(problem: Problem) -> int:
-    """Return the steps between two lines of the thermo table, a whole number of looks."""
+    """Return the steps between two lines of the thermo table, a whole number of looks; one where spheres meet."""
+    if problem.loose:
+        return look_interval(problem)
     return look_interval(problem) * _looks_per_line(problem)
 
 
@@ -126,6 +136,8 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
     The contacts of a guard whose effect is off are judged one by one, also where the scene calls for the effect.
     """
+    if problem.loose:
+        return _of_meetings(problem)
     scene, names, how = problem.scene, problem.guards, Reading.of(problem)
     part, watched = watches_part(scene), [GUARDS[name] for name in names]
     steps, longest = look_interval(problem), _look_time(scene) * (1 + 1e-9)
@@ -169,6 +181,19 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
     ]
 
 
+def _of_meetings(problem: Problem) -> list[str]:
+    """Return the block of the guards of spheres that meet: every look is a line of the thermo table."""
+    lines = dict.fromkeys(line for name in problem.guards for line in GUARDS[name].lines(problem))
+    return [
+        "# --- guards: the largest force of a contact; its overlap and frequency are at most those of the softest and",
+        "#     the stiffest pair of spheres",
+        *lines,
+        f"thermo_style custom step {' '.join(columns(problem))}",
+        "thermo_modify flush yes",
+        f"thermo       {look_interval(problem)}",
+    ]
+
+
 def _extremes(names: list[str]) -> list[str]:
     """Return the lines of the thermo columns of some guards: extremes over the looks since the line before."""
     text = []
@@ -180,6 +205,8 @@ def _extremes(names: list[str]) -> list[str]:
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step."""
     names = problem.guards
+    if problem.loose:
+        return ["v_tau", *(GUARDS[name].column for name in names)]
     own = [column for name in names for column in (GUARDS[name].column, f"{GUARDS[name].column}_at")]
     others = ELSEWHERE if watches_part(problem.scene) else ()
     return ["v_tau", *own, "v_overlap", *(name for name in (*others, "v_mu") if _is_there(name, names))]
@@ -229,11 +256,15 @@ def _written_out(names: list[str], scene: Scene, how: Reading, checkpoint: str) 
 
 def header(problem: Problem) -> list[str]:
     """Return the comment at the top of a deck: the thermo columns and the limits above which the run is invalid."""
+    judged = [GUARDS[name] for name in problem.judged]
+    if problem.loose:
+        top = "# The run is invalid if, in the thermo table,"
+        return [top, *(f"#   {each.column}, {each.heading.format(limit=each.limit)}" for each in judged)]
     limits = [
         f"#   {guard.column} is above {guard.limit_in(problem.scene):.4g}: "
         + guard.meaning.rpartition(": ")[2]
         + (f"; {CONTACTS} then holds each contact" if guard is SLIP else "")
-        for guard in (GUARDS[name] for name in problem.judged)
+        for guard in judged
     ]
     top = "# A line of the thermo table holds extremes since the one before. The run is invalid, from v_NAME_at on, if"
     return [top, *limits] if limits else []

@@ -29,6 +29,8 @@ LARGE = 100_000
 
 def suits(scene: Scene) -> bool:
     """Return whether LAMMPS makes the spheres of a scene: a large perfect sheet, at rest or with a plane wave."""
+    if scene.wave is None:
+        return False
     waved = scene.wave.form in ("running", "standing", "none") and not scene.envelope.finite
     moved = scene.wave.form != "none" and any(each.motion for each in scene.source)
     made = waved and scene.perfect and not scene.start.moves and not moved

@@ -125,7 +125,7 @@ def _line(name: str, expression: str, comment: str = "") -> str:
 def driven_row(problem: Problem) -> list[str]:
     """Return the block of the driven row of a wave, [] without one."""
     wave = problem.scene.wave
-    if wave.form != "driven":
+    if wave is None or wave.form != "driven":
         return []
     return [
         "# --- drive: from rest, the first row is moved by D0 r cos(Omega tau - phase) along the d_u of its spheres, "

@@ -1,5 +1,7 @@
 """The spheres of a deck at rest: the data file, and the block that reads it or makes a large sheet of it."""
 
+from typing import Any
+
 import ase
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +14,34 @@ from granular_lmp.problem import Problem
 
 def data_of(problem: Problem) -> DataFile:
     """Return all spheres of a problem with the fields in which they begin."""
-    scene, packing, units = problem.scene, problem.crystal, problem.units
-    to_deck = units.number(scene.sphere.radius, length=1)
-    low = packing.get_celldisp().ravel() * to_deck
-    size = packing.cell.lengths() * to_deck
-    densities = packing.arrays.get("density", np.full(len(packing), scene.sphere.density))
+    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
     return DataFile(
-        box=np.column_stack([low, low + size]),
+        box=_box(problem),
         kind=types(packing),
         position=packing.positions * to_deck,
         diameter=2 * packing.arrays["radius"] * to_deck,
-        density=units.number(densities, mass=1, length=-3),
+        density=_densities(problem),
         wave=start.columns(problem),
         directed=problem.on["tracking"],
     )
+
+
+def _box(problem: Problem) -> NDArray[np.float64]:
+    """Return the faces of the box, (3, 2); a chain of unequal spheres that touch is longer or shorter than its cell."""
+    packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
+    low = packing.get_celldisp().ravel() * to_deck
+    high = low + packing.cell.lengths() * to_deck
+    if problem.loose:
+        low[1] = min(low[1], packing.positions[:, 1].min() - 1)
+        high[1] = max(high[1], packing.positions[:, 1].max() + 1)
+    return np.column_stack([low, high])
+
+
+def _densities(problem: Any) -> NDArray[np.float64]:
+    if problem.loose:
+        return np.asarray(problem.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
+    densities = problem.crystal.arrays.get("density", np.full(len(problem.crystal), problem.scene.sphere.density))
+    return problem.units.number(densities, mass=1, length=-3)
 
 
 def types(packing: ase.Atoms) -> NDArray[np.int64]:
@@ -42,38 +58,53 @@ def spheres(problem: Problem) -> list[str]:
 
 
 def read(problem: Problem) -> list[str]:
-    """Return the lines that read the spheres at rest and their wave."""
-    lines = [start.field(problem), "read_data    ${data} fix wave NULL wave"]
-    return _lattice(problem, "the section wave of the data file holds", lines)
+    """Return the lines that read the spheres at rest and the fields in which they begin."""
+    return _lattice(problem, "the section wave of the data file holds", start.read(problem))
 
 
 def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
     return [
-        f"# --- lattice at rest; {wave_is} the wave for unit amplitude",
+        *_titles(problem, wave_is),
         f"units        {problem.units.style}",
         "dimension    2",
-        f"boundary     {boundary(problem)}",
+        f"boundary     {boundary(problem)}{'  # m: the box follows spheres that fly away' if problem.loose else ''}",
         f"atom_style   {'hybrid sphere dipole' if problem.on['tracking'] else 'sphere'}",
-        "atom_modify  map array sort 1 0.0",
+        f"atom_modify  map array{'' if problem.loose else ' sort 1 0.0'}",
         "comm_modify  vel yes",
         *lines,
         *selection.lines("spheres", problem),
         f"group        mobile type {' '.join(str(2 * m + 1) for m in range(len(problem.materials)))}",
-        _neighbor(problem),
+        *_neighbours(problem),
+    ]
+
+
+def _titles(problem: Problem, wave_is: str) -> list[str]:
+    scale, sphere = problem.scale, problem.scene.sphere
+    if not problem.loose:
+        return [f"# --- lattice at rest; {wave_is} the wave for unit amplitude"]
+    return [
+        f"# --- units: the radius R = {sphere.radius!r} m, the mass m = {scale.mass!r} kg and t0 = {scale.time!r} s",
+        f"#     v = {scale.velocity!r} m/s and l = {scale.length!r} m are the units of velocities and overlaps below",
     ]
 
 
 def restarted(problem: Problem, checkpoint: str) -> list[str]:
     """Return the lines that read the spheres of a checkpoint, which holds no ``comm_modify``."""
-    return ["atom_modify  sort 1 0.0", "comm_modify  vel yes", f"read_restart {checkpoint}", _neighbor(problem)]
+    sort = [] if problem.loose else ["atom_modify  sort 1 0.0"]
+    return [*sort, "comm_modify  vel yes", f"read_restart {checkpoint}", *_neighbours(problem)]
 
 
-def _neighbor(problem: Problem) -> str:
-    return f"neighbor     {problem.units.number(problem.scene.sphere.radius / 10, length=1)!r} bin"
+def _neighbours(problem: Problem) -> list[str]:
+    """Return the line of the neighbour lists; spheres that fly move faster than those that vibrate."""
+    if problem.loose:
+        return ["neighbor     0.2 bin", start.STEP]
+    return [f"neighbor     {problem.units.number(problem.scene.sphere.radius / 10, length=1)!r} bin"]
 
 
 def boundary(problem: Problem) -> str:
     """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
+    if problem.loose:
+        return f"{'p' if problem.crystal.pbc[0] else 'm'} m p"
     shape = problem.scene.shape
     faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
     return " ".join("p" if periodic else "m" if free else "f" for periodic, free in faces) + " p"

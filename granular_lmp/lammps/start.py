@@ -11,19 +11,33 @@ from granular_lmp.problem import Problem
 from granular_lmp.scene.initial_fields import initial_fields
 
 STEP = "timestep     $(v_step:%.17g)"
+_REFERENCE = "compute      u all displace/atom"
+_PLANE = "fix          plane all enforce2d"
 
 
 def field(problem: Problem) -> str:
-    """Return the line that names the columns of the section ``wave`` of the data file."""
-    turns, state = problem.on["rotation"], problem.scene.start.moves
+    """Return the line that names the columns of the section ``wave`` of the data file; "" without any."""
+    turns, scene = problem.on["rotation"], problem.scene
+    if scene.wave is None:
+        state = ["d_ux", "d_uy", "d_vx", "d_vy", *["d_spin"] * turns]
+        return f"fix          start all property/atom {' '.join(state)}" if scene.start.moves else ""
     names = ["d_ux", "d_uy", *["d_phi"] * turns, "d_vx", "d_vy", *["d_vphi"] * turns]
-    if state:
+    if scene.start.moves:
         names += ["d_sx", "d_sy", "d_svx", "d_svy", *["d_sspin"] * turns]
     return f"fix          wave all property/atom {' '.join(names)}"
 
 
+def read(problem: Problem) -> list[str]:
+    """Return the lines that read the data file and the fields in it."""
+    names = field(problem)
+    fix = names.split()[1] if names else ""
+    return [*([names] if names else []), f"read_data    ${{data}}{f' fix {fix} NULL wave' if names else ''}"]
+
+
 def columns(problem: Problem) -> NDArray[np.float64]:
     """Return the section ``wave``, (N, 4 or 6): the wave for unit amplitude; behind it the state, 4 or 5 columns."""
+    if problem.scene.wave is None:
+        return _state(problem)
     fields = initial_fields(problem.scene, problem.crystal, problem.mode)
     for source in problem.sources:
         if source.source.motion:
@@ -45,30 +59,49 @@ def _state(problem: Problem) -> NDArray[np.float64]:
     return np.asarray(problem.state * factors)[:, : 5 if problem.on["rotation"] else 4]
 
 
-def _moves(problem: Problem) -> bool:
-    """Return whether spheres begin displaced or with velocities, other than those of strikers."""
-    return problem.scene.start.moves or problem.scene.wave.form in ("running", "standing")
+# --- the lines --------------------------------------------------------------------------------------------------------
+
+
+def _waves(problem: Problem) -> bool:
+    wave = problem.scene.wave
+    return wave is not None and wave.form in ("running", "standing")
+
+
+def _preloads(problem: Problem) -> bool:
+    """Return whether contacts are sheared at the beginning; without a wave only by a state that displaces spheres."""
+    if problem.scene.wave is None:
+        return problem.on["shear"] and bool(problem.state[:, :2].any())
+    return _waves(problem) or problem.scene.start.moves
+
+
+def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
+    """Return the sum of a field of the wave and one of the state, of those that the scene has."""
+    if problem.scene.wave is None:
+        return of_state
+    return of_wave + (f"+{of_state}" if problem.scene.start.moves else "")
 
 
 def preload(problem: Problem) -> list[str]:
     """Return the lines that move the spheres from rest to their places, or that count displacements from rest."""
-    if not _moves(problem):
+    if not _preloads(problem):
         return reference(problem)
-    state = problem.scene.start.moves
-    ux, uy = ("(v_D0*d_ux+d_sx)", "(v_D0*d_uy+d_sy)") if state else ("v_D0*d_ux", "v_D0*d_uy")
+    state, wave = problem.scene.start.moves, problem.scene.wave
+    ux, uy = (_sum(problem, f"v_D0*d_u{axis}", f"d_s{axis}" if wave else f"d_u{axis}") for axis in "xy")
+    if wave and state:
+        ux, uy = f"({ux})", f"({uy})"
     return [
-        "# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the wave in "
-        "one",
+        f"# --- preload: LAMMPS starts every contact without shear, so the spheres are moved from rest to the "
+        f"{'wave' if wave else 'state'} in one",
         "#     step without forces, which loads the shear springs; a long step, slow enough for negligible forces of "
         "dashpots",
         "variable     slow  equal 1e6*v_step",
         "timestep     $(v_slow:%.17g)",
-        "compute      u all displace/atom",
+        _REFERENCE,
         f"variable     to_ux atom {ux}/v_slow",
         f"variable     to_uy atom {uy}/v_slow",
         "velocity     all set v_to_ux v_to_uy NULL units box",
         *selection.lines("preload", problem),
-        "fix          plane all enforce2d",
+        _PLANE,
         "fix          move mobile nve/noforce",
         "thermo_style custom step",
         "run          1 post no",
@@ -80,23 +113,42 @@ def preload(problem: Problem) -> list[str]:
 
 def reference(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
-    return ["compute      u all displace/atom", "fix          plane all enforce2d", STEP]
+    if problem.loose:
+        return ["# --- displacements count from the places at rest", _REFERENCE]
+    return [_REFERENCE, _PLANE, STEP]
 
 
 def kept_field(problem: Problem, checkpoint: str) -> list[str]:
     """Return the line by which LAMMPS finds the field of a driven row in a checkpoint."""
-    return [field(problem)] if problem.scene.wave.form == "driven" else []
+    wave = problem.scene.wave
+    return [field(problem)] if wave and wave.form == "driven" else []
 
 
-def wave(problem: Problem) -> list[str]:
-    """Return the lines of the true velocities, spins and angles."""
-    if not _moves(problem):
+def begin(problem: Problem) -> list[str]:
+    """Return the lines of the true velocities, spins and angles of the wave and of the state."""
+    if problem.scene.wave is None:
+        return _begun(problem)
+    if not _preloads(problem):
         return []
-    vx, vy = ("+d_svx", "+d_svy") if problem.scene.start.moves else ("", "")
     return [
         "# --- wave: the true velocities",
-        f"variable     vx atom v_D0*d_vx/v_t0{vx}",
-        f"variable     vy atom v_D0*d_vy/v_t0{vy}",
+        f"variable     vx atom {_sum(problem, 'v_D0*d_vx/v_t0', 'd_svx')}",
+        f"variable     vy atom {_sum(problem, 'v_D0*d_vy/v_t0', 'd_svy')}",
         "velocity     all set v_vx v_vy NULL units box",
         *selection.lines("wave", problem),
+    ]
+
+
+def _begun(problem: Problem) -> list[str]:
+    """Return the lines that displace and move the spheres of a state."""
+    if not problem.scene.start.moves:
+        return []
+    turns, there = problem.on["rotation"], _preloads(problem)
+    names = [*([] if there else ["ux", "uy"]), "vx", "vy", *["spin"] * turns]
+    return [
+        "# --- state at the beginning: displacements from rest and velocities, the section wave of the data file",
+        *(f"variable     {name} atom d_{name}" for name in names),
+        *([] if there else ["displace_atoms all move v_ux v_uy 0.0 units box"]),
+        "velocity     all set v_vx v_vy 0.0 units box",
+        *(["set          group all omega 0.0 0.0 v_spin"] if turns else []),
     ]

@@ -5,16 +5,18 @@ from granular_lmp.problem import Problem
 
 
 def strikers(problem: Problem) -> list[str]:
-    """Return the block that gives strikers their velocities, in addition to that of the wave; [] without any.
+    """Return the block that gives strikers their velocities, in addition to that of a wave; [] without any.
 
     One group after the other is made, as LAMMPS has 32 at most.
     """
-    text = ["# --- strikers: velocities in addition to that of the wave"]
+    alone = problem.scene.wave is None
+    text = ["# --- strikers" + ("" if alone else ": velocities in addition to that of the wave")]
+    how = "0.0 units box" if alone else "NULL sum yes units box"
     for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
         vx, vy = (problem.units.number(each, length=1, time=-1) for each in striker.components)
         text += [
             f"group        striker id {id_ranges(spheres)}",
-            f"velocity     striker set {vx!r} {vy!r} NULL sum yes units box",
+            f"velocity     striker set {vx!r} {vy!r} {how}",
             "group        striker delete",
         ]
     return text if problem.strikers else []

@@ -15,19 +15,28 @@ _SAID = "granular-lmp variables: "
 
 
 def title(scene: Scene) -> str:
-    """Return name, wave, size and ends of a scene in one line."""
+    """Return name, wave or strikers, size and ends of a scene in one line."""
+    if scene.wave is None:
+        return f"{scene.name}: {scene.words}"
     shape = scene.shape
     differing = f"; not perfect: {scene.imperfections}" if scene.imperfections else ""
     return f"{scene.name}: {scene.wave_words}, {shape.words}, {shape.cut}{differing}"
 
 
+def data_title(problem: Problem) -> str:
+    """Return the first line of the data file."""
+    units = "lengths in radii, masses in m" if problem.loose else f"units {problem.units.style}"
+    return f"{title(problem.scene)}; {units}"
+
+
 def heading(problem: Problem) -> list[str]:
     """Return what a deck is, how it is run, and when its run is invalid."""
     scene = problem.scene
+    values = "-var amplitude 0.1 -var timestep 0.025" if problem.mode else "-var timestep 0.01"
     return [
         f"# {title(scene)}",
         f"# Runs as it is in this folder:  lmp -in in.{scene.name}",
-        f"# With other values:             lmp -in in.{scene.name} -var amplitude 0.1 -var timestep 0.025",
+        f"# With other values:             lmp -in in.{scene.name} {values}",
         *guards.header(problem),
     ]
 
@@ -38,29 +47,44 @@ def continues(problem: Problem, checkpoint: str) -> list[str]:
 
 
 def variables(problem: Problem) -> list[str]:
-    """Return the variables that may be overridden."""
-    scene, time = problem.scene, problem.scene.time
-    ramp = f"variable ramp      index {scene.envelope.ramp!r}  # tau in which the first row is switched on"
-    snapshots = [
-        f"variable particles index {scene.output.particles!r}  # tau between snapshots of all spheres",
-        f"variable snapshots index {SNAPSHOTS}",
+    """Return the variables that may be overridden, and the clock of the run where its unit of time is 1."""
+    time, name, wave = problem.scene.time, problem.scene.name, problem.scene.wave
+    tau, dump = ("t0", SNAPSHOTS) if wave is None else ("tau", DUMP)
+    values = [
+        *([("amplitude", wave.amplitude, "D0/Delta0")] if wave else []),
+        ("timestep", time.timestep, f"{tau}; rounded down to fit a whole number of steps into a sample"),
+        ("sample", time.sample, f"{tau} between records"),
+        ("duration", time.duration, tau),
     ]
+    files = {"data": f"data.{name}", "dump": dump}
+    width = 9 if wave else 8
     return [
         "# --- variables: these, and no others, may be overridden with -var NAME VALUE",
-        f"variable amplitude index {scene.wave.amplitude!r}  # D0/Delta0",
-        f"variable timestep  index {time.timestep!r}  # tau; rounded down to fit a whole number of steps into a sample",
-        f"variable sample    index {time.sample!r}  # tau between records",
-        f"variable duration  index {time.duration!r}  # tau",
-        *([ramp] if scene.wave.form == "driven" else []),
+        *(f"variable {key:{width}} index {value!r}  # {words}" for key, value, words in values),
+        *(_ramp(problem) if wave else []),
         *selection.lines("variables", problem),
-        f"variable data      index data.{scene.name}",
-        f"variable dump      index {DUMP}",
-        *(snapshots if scene.output.particles > 0 else []),
+        *(f"variable {key:{width}} index {value}" for key, value in files.items()),
+        *(_snapshots(problem) if wave else []),
         f"variable checkpoint index {checkpoint_steps(problem)}  # steps between checkpoints, here for one core",
-        "variable marked    index unmarked  # a group without spheres, by which a checkpoint tells of which scene it "
-        "is",
-        _refusal(),
-        f'print "{_said(problem)}"',
+        f"variable {'marked':{width}} index unmarked  # a group without spheres, by which a checkpoint tells of which "
+        "scene it is",
+        *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
+        *(clock(problem) if problem.loose else []),
+    ]
+
+
+def _ramp(problem: Problem) -> list[str]:
+    if problem.scene.wave.form != "driven":
+        return []
+    return [f"variable ramp      index {problem.scene.envelope.ramp!r}  # tau in which the first row is switched on"]
+
+
+def _snapshots(problem: Problem) -> list[str]:
+    if not problem.scene.output.particles:
+        return []
+    return [
+        f"variable particles index {problem.scene.output.particles!r}  # tau between snapshots of all spheres",
+        f"variable snapshots index {SNAPSHOTS}",
     ]
 
 
@@ -105,16 +129,29 @@ def said_variables(log: str) -> dict[str, str] | None:
 
 
 def units(problem: Problem) -> list[str]:
-    """Return the lengths and times of the scene in the units of the deck, and the clock of the run."""
+    """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
     of, scale = problem.units, problem.scale
+    if problem.loose:
+        return []
     return [
         f"# --- units {of.style}: {of.names}",
         f"variable Delta0 equal {of.number(scale.length, length=1)!r}  # static overlap",
         f"variable R      equal {of.number(problem.scene.sphere.radius, length=1)!r}  # radius",
         f"variable t0     equal {of.number(scale.time, time=1)!r}  # one tau",
-        "variable D0     equal v_amplitude*v_Delta0",
-        "variable every  equal ceil(v_sample/v_timestep-1e-9)",
-        "variable step   equal $(v_sample/v_every*v_t0:%.17g)",
-        "variable steps  equal v_every*floor(v_duration/v_sample+1e-9)",
-        "variable tau    equal step*v_step/v_t0",
+        *(["variable D0     equal v_amplitude*v_Delta0"] if problem.scene.wave else []),
+        *clock(problem),
+    ]
+
+
+def clock(problem: Problem) -> list[str]:
+    """Return the variables of steps and time; t0 is 1 where the units are those of the scene."""
+    width = 8 if problem.loose else 6
+    step, tau = ("v_sample/v_every*v_t0", "step*v_step/v_t0")
+    if problem.loose:
+        step, tau = ("v_sample/v_every", "step*v_step")
+    return [
+        f"variable {'every':{width}} equal ceil(v_sample/v_timestep-1e-9)",
+        f"variable {'step':{width}} equal {step if problem.loose else f'$({step}:%.17g)'}",
+        f"variable {'steps':{width}} equal v_every*floor(v_duration/v_sample+1e-9)",
+        f"variable {'tau':{width}} equal {tau}",
     ]

@@ -1,0 +1,70 @@
+"""Deep overlaps and long steps: the guards of spheres that meet, whose contacts have no overlap at rest.
+
+The largest force F of a contact makes no overlap above (F/A)^{2/3} of the softest pair of spheres, and no contact is
+stiffer than one of the stiffest pair, or with a wall, at that overlap.
+"""
+
+from typing import Any
+
+from granular_lmp.effects.guard import Guard
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
+from granular_lmp.step_rules import LONGEST_STEP
+
+
+def deepest(problem: Any) -> list[str]:
+    """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
+    softest, walls = float(problem.coefficients.min(initial=1.0)), problem.planes
+    length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
+    lines = [
+        "compute      contact all pair/local force",
+        "compute      largest all reduce max c_contact inputs local",
+        f"variable     depth equal ((c_largest>0)*c_largest/{softest * length!r})^(2/3)  # of spheres, in l",
+    ]
+    for name, place in walls.items():
+        beyond = f"{place!r}-{name[0]}+radius" if name.endswith("lo") else f"{name[0]}+radius-({place!r})"
+        lines += [
+            f"variable     beyond_{name} atom ({beyond})/{length!r}",
+            f"compute      in_{name} all reduce max v_beyond_{name}",
+        ]
+    depth = "v_depth"
+    for name in walls:
+        depth = f"ternary(c_in_{name}>{depth},c_in_{name},{depth})"
+    return [*lines, f"variable     deepest equal {depth}"]
+
+
+def overlap(problem: Any) -> list[str]:
+    """Return the lines of the deepest overlap in diameters."""
+    smallest = float(problem.crystal.arrays["radius"].min())
+    length = problem.units.number(problem.scale.length, length=1)
+    return [
+        *deepest(problem),
+        f"variable     overlap equal v_deepest*{length / (2 * smallest)!r}  # in diameters of the smallest sphere",
+    ]
+
+
+def omega_dt(problem: Any) -> list[str]:
+    """Return the lines of the step in units of 1/ω of the stiffest contact."""
+    return [
+        *deepest(problem),
+        f"variable     omega_dt equal v_step*sqrt({problem.square_rate!r}*sqrt(v_deepest))",
+    ]
+
+
+DEEP_OVERLAP = Guard(
+    title="largest_overlap",
+    name="overlap",
+    lines=overlap,
+    limit=LARGEST_OVERLAP_RATIO,
+    meaning="of the diameter is the largest overlap, for which Hertz's law does not hold",
+    cure="take a smaller striker.velocity or packing.contact_force",
+    heading="the largest overlap over the smallest diameter, is above {limit}: too deep",
+)
+LONG_STEP = Guard(
+    title="step_in_contact",
+    name="omega_dt",
+    lines=omega_dt,
+    limit=LONGEST_STEP,
+    meaning="is the time step times the frequency of the stiffest contact, which is too long for a collision",
+    cure="take a shorter time.timestep, or a smaller time.tolerance",
+    heading="the step times the frequency of the stiffest contact, is above {limit}: too long",
+)
