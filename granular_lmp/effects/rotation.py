@@ -7,7 +7,9 @@ from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepar
 
 
 def preload(problem: Prepared) -> list[str]:
-    """Return the lines that turn the spheres on their way to the wave."""
+    """Return the lines that turn the spheres on their way to the wave; a state has no angles."""
+    if problem.scene.wave is None:
+        return []
     return [
         "variable     to_th atom v_D0*d_phi/v_R/v_slow",
         "variable     zero  atom 0.0",
