@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from granular_lmp import Record, Scene, build, prepare, run
+from granular_lmp import Record, Scene, build, run
 from granular_lmp.accuracy.tolerance import resume
 from granular_lmp.errors import RunInterrupted
 from granular_lmp.lammps import replicated
 from granular_lmp.lammps.datafile import read
-from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.studies.kick import kicked
 
@@ -33,9 +33,16 @@ WAVES = {
 SAME_FIELD = 1.01e-13
 
 
+def deck_of_all(scene: Scene) -> Deck:
+    """Return the deck whose data file has every sphere."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replicated, "LARGE", 10**9)
+        return build(scene)
+
+
 def started(scene: Scene, folder: Path, *, all_spheres: bool, ranks: int = 1) -> tuple[NDArray[np.float64], list[str]]:
     """Return the spheres as LAMMPS has them before the preload, sorted by number, and the box."""
-    deck = deck_of(prepare(scene), all_spheres=all_spheres)
+    deck = deck_of_all(scene) if all_spheres else build(scene)
     deck.write(folder)
     fields = ["d_ux", "d_uy", "d_vx", "d_vy", *(["d_phi", "d_vphi"] if deck.problem.physics.rotation else [])]
     dump = (
@@ -85,7 +92,9 @@ def test_another_wave_is_seen(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("small_is_large")
 def test_a_run_of_it_is_that_of_the_data_file(tmp_path: Path) -> None:
     made = run(SHEET, tmp_path / "made")
-    expected = run(deck_of(prepare(SHEET), all_spheres=True), tmp_path / "all")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(replicated, "LARGE", 10**9)
+        expected = run(SHEET, tmp_path / "all")
     assert "edited" not in made.info
     for name, values in expected.signals.items():
         # Fields that differ by 1e-13 D0 move the sphere by as much, over 2 tau by no more than ten times that
@@ -121,8 +130,7 @@ def test_small_and_imperfect_crystals_packets_and_driven_rows_keep_every_sphere_
 
 @pytest.mark.usefixtures("small_is_large")
 def test_a_kicked_sheet_has_velocities_of_all_its_spheres() -> None:
-    deck = build(SHEET)
-    assert len(deck.data.kind) == 10
-    kick = kicked(deck, seed=3)
-    assert kick.data.wave.shape == (105, 6)
+    assert len(build(SHEET).data.kind) == 10
+    kick = build(kicked(SHEET, seed=3))
+    assert kick.data.wave.shape == (105, 11)  # of the wave that is none, and of the noise
     assert "read_data    ${data} fix wave NULL wave" in kick.input_text

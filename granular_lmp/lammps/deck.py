@@ -1,7 +1,7 @@
 """The LAMMPS deck of a scene: ``in.NAME`` and ``data.NAME``.
 
 The deck is complete: it runs with plain ``lmp -in in.NAME`` in its folder. Values that can change without a new lattice
-are index variables, which ``-var`` overrides. Its text is a list of blocks (`blocks`), each a function of the problem
+are index variables, which ``-var`` overrides. Its text is a list of blocks (`BLOCKS`), each a function of the problem
 in the module of its subject.
 """
 
@@ -33,28 +33,26 @@ from granular_lmp.lammps.outputs import SCENE, write_deck
 from granular_lmp.problem import Problem
 from granular_lmp.scene.scene import Scene
 
-
-def blocks(*, all_spheres: bool = False) -> tuple[Block, ...]:
-    """Return the blocks of a deck in their order; `all_spheres` as of `deck_of`."""
-    return (
-        Block(variables.heading, again=variables.continues),
-        Block(variables.variables),
-        Block(variables.units),
-        Block(spheres.read if all_spheres else spheres.spheres, again=spheres.restarted),
-        Block(contact.contacts),
-        Block(openings.begin, again=False),
-        Block(start.preload, again=start.reference),
-        Block(start.begin, again=start.kept_field),
-        Block(strikes.strikers, again=False),
-        Block(sources.driven_row),
-        Block(sources.sources),
-        Block(motion.loads),
-        Block(motion.motion),
-        Block(guards.guards, again=guards.guards),
-        Block(recording.record, again=recording.record),
-        Block(monitors.monitors, again=monitors.monitors),
-        Block(recording.run, again=recording.run),
-    )
+# In their order
+BLOCKS = (
+    Block(variables.heading, again=variables.continues),
+    Block(variables.variables),
+    Block(variables.units),
+    Block(spheres.spheres, again=spheres.restarted),
+    Block(contact.contacts),
+    Block(openings.begin, again=False),
+    Block(start.preload, again=start.reference),
+    Block(start.begin, again=start.kept_field),
+    Block(strikes.strikers, again=False),
+    Block(sources.driven_row),
+    Block(sources.sources),
+    Block(motion.loads),
+    Block(motion.motion),
+    Block(guards.guards, again=guards.guards),
+    Block(recording.record, again=recording.record),
+    Block(monitors.monitors, again=monitors.monitors),
+    Block(recording.run, again=recording.run),
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -157,32 +155,24 @@ class Deck(HasCard):
         write_deck(folder, self.files(), force=force)
 
 
-def deck_of(problem: Problem, *, all_spheres: bool = False) -> Deck:
+def deck_of(problem: Problem) -> Deck:
     """Return the deck of a problem; no file is written.
 
-    The wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first
-    order in the amplitude.
-
-    Parameters
-    ----------
-    problem : Problem
-    all_spheres : bool
-        Write every sphere and its part of the wave into the data file, also of a large sheet that LAMMPS could make
-        from its first rows (`granular_lmp.lammps.replicated`).
+    A wave starts as a Bloch mode of the lattice that LAMMPS simulates, so that no other mode is excited at first order
+    in the amplitude. LAMMPS makes large sheets from their first rows (`granular_lmp.lammps.replicated`).
 
     Raises
     ------
     SceneError
         If the scene has a tolerance and no time step; `granular_lmp.accuracy.ladder.build` chooses one.
     """
-    text = written_text(problem, all_spheres=all_spheres)
-    made = replicated.suits(problem.scene) and not all_spheres
-    return Deck(problem, text, replicated.first_rows(problem) if made else spheres.data_of(problem))
+    made = replicated.suits(problem.scene)
+    return Deck(problem, written_text(problem), replicated.first_rows(problem) if made else spheres.data_of(problem))
 
 
-def written_text(problem: Problem, *, all_spheres: bool = False) -> str:
+def written_text(problem: Problem) -> str:
     """Return ``in.NAME`` of a problem as this package writes it."""
-    return text_of(block.lines(problem) for block in blocks(all_spheres=all_spheres))
+    return text_of(block.lines(problem) for block in BLOCKS)
 
 
 def resume_text(problem: Problem, checkpoint: str) -> str:
@@ -192,4 +182,4 @@ def resume_text(problem: Problem, checkpoint: str) -> str:
     positions of ``compute displace/atom`` by its name, so the input repeats these commands.
     https://docs.lammps.org/Howto_restart.html
     """
-    return text_of(block.continued(problem, checkpoint) for block in blocks())
+    return text_of(block.continued(problem, checkpoint) for block in BLOCKS)

@@ -51,14 +51,9 @@ def types(packing: ase.Atoms) -> NDArray[np.int64]:
 
 
 def spheres(problem: Problem) -> list[str]:
-    """Return the lines that read the spheres at rest, or make a large sheet of its first rows."""
-    if not replicated.suits(problem.scene):
-        return read(problem)
-    return _lattice(problem, "the variables wave_* are", replicated.lines(problem))
-
-
-def read(problem: Problem) -> list[str]:
-    """Return the lines that read the spheres at rest and the fields in which they begin."""
+    """Return the lines that read the spheres at rest and how they begin, or make a large sheet of its first rows."""
+    if replicated.suits(problem.scene):
+        return _lattice(problem, "the variables wave_* are", replicated.lines(problem))
     return _lattice(problem, "the section wave of the data file holds", start.read(problem))
 
 
