@@ -9,8 +9,10 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
-from granular_lmp.impact.deck import checkpoint_steps, deck_of, look_steps
 from granular_lmp.impact.problem import prepare
+from granular_lmp.lammps.checkpoints import checkpoint_steps
+from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.guards import look_interval
 from granular_lmp.lammps.outputs import CHECKPOINTS
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
@@ -126,9 +128,9 @@ def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, 
 def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path) -> None:
     problem = prepare(SHEET)
     steps = checkpoint_steps(problem)
-    assert steps % look_steps(problem) == 0
+    assert steps % look_interval(problem) == 0
     assert f"variable checkpoint index {steps}  #" in deck_of(problem).input_text
-    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=look_steps(problem))
+    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=look_interval(problem))
     assert ImpactScene.loads(SHEET.to_toml()) == SHEET
     with pytest.raises(SceneError, match=re.escape("output.checkpoint = 0.0: must be a number in (0, 100000]")):
         SHEET.with_values({"output.checkpoint": 0.0})

@@ -1,6 +1,5 @@
 """A scene with a wave and a scene without one, prepared and written by the functions of its class."""
 
-from collections.abc import Mapping
 from typing import cast
 
 import ase
@@ -8,14 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp import problem as waves
-from granular_lmp.effects.guard import Guard
-from granular_lmp.impact import deck as impact_deck
-from granular_lmp.impact import guards as impact_guards
 from granular_lmp.impact import problem as impacts
-from granular_lmp.lammps import checkpoints, guards
-from granular_lmp.lammps import deck as wave_deck
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.lammps.edits import differing_lines
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
@@ -29,56 +22,9 @@ def prepare(scene: Scene) -> Problem:
     return waves.prepare(scene)
 
 
-def deck_of(problem: Problem) -> Deck:
-    """Return the deck of a problem."""
-    if isinstance(problem, impacts.ImpactProblem):
-        return cast(Deck, impact_deck.deck_of(problem))
-    return wave_deck.deck_of(problem)
-
-
 def in_deck(what: Scene | Deck) -> tuple[Scene, Deck | None]:
     """Return the scene to run, and its deck if there is one."""
-    if isinstance(what, Deck | impact_deck.ImpactDeck):
-        return what.problem.scene, what
-    return what, None
-
-
-def edits(deck: Deck) -> list[str]:
-    """Return the lines by which the text of a deck differs from the one that this package writes."""
-    if isinstance(deck, impact_deck.ImpactDeck):
-        return differing_lines(impact_deck.deck_of(deck.problem).input_text, deck.input_text)
-    return deck.edits()
-
-
-def resume_text(deck: Deck, checkpoint: str) -> str:
-    """Return the input that continues a run of a deck from a checkpoint."""
-    if isinstance(deck, impact_deck.ImpactDeck):
-        return impact_deck.resume_text(deck.problem, checkpoint)
-    return wave_deck.resume_text(deck.problem, checkpoint)
-
-
-def checkpoint_steps(problem: Problem, ranks: int) -> int:
-    """Return the steps between two checkpoints."""
-    if isinstance(problem, impacts.ImpactProblem):
-        return impact_deck.checkpoint_steps(problem, ranks)
-    return checkpoints.checkpoint_steps(problem, ranks)
-
-
-def line_steps(problem: Problem) -> int:
-    """Return the steps between two lines of the thermo table."""
-    if isinstance(problem, impacts.ImpactProblem):
-        return impact_deck.look_steps(problem)
-    return guards.line_interval(problem)
-
-
-def kept_columns(problem: Problem) -> tuple[str, ...]:
-    """Return the thermo columns that hold extremes between two lines, which are written when a run is stopped."""
-    return () if problem.mode is None else tuple(guards.columns(problem))
-
-
-def guards_of(problem: Problem) -> Mapping[str, Guard]:
-    """Return the guards of which some are in the deck of a problem, by title."""
-    return impact_guards.GUARDS if problem.mode is None else guards.GUARDS
+    return (what.problem.scene, what) if isinstance(what, Deck) else (what, None)
 
 
 def units_of(scene: Scene) -> AnyUnits:

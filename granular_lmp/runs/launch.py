@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from granular_lmp.errors import LaunchError, RunInterrupted
-from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, write_files
-from granular_lmp.runs import kinds
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.kinds import deck_of, in_deck, prepare
+from granular_lmp.runs.kinds import in_deck, prepare
 from granular_lmp.runs.loop import begin, proceed
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase
@@ -41,7 +40,7 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
         with phase("build"):
             scene, given = in_deck(what)
             deck = given or deck_of(prepare(scene))
-            edits = kinds.edits(deck) if given else []
+            edits = deck.edits() if given else []
         kernel = _kernel_of(deck) if options.kernel else None
         return begin(Simulation(deck, edits, judge), folder, options, seconds, kernel)
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from granular_lmp import __version__
 from granular_lmp.crystal.lattices import HEXAGONAL, centre
 from granular_lmp.lammps.guard_results import first_decks, measured
-from granular_lmp.lammps.guards import ELSEWHERE, fastest, look_interval
+from granular_lmp.lammps.guards import ELSEWHERE, GUARDS, fastest, line_interval, look_interval
 from granular_lmp.lammps.outputs import LOG, LOOP_SECTIONS, RunLog
 from granular_lmp.problem import Problem
 from granular_lmp.runs.agreement import Signals, scene_digest
 from granular_lmp.runs.formats import FORMAT
-from granular_lmp.runs.kinds import guards_of, line_steps
 from granular_lmp.scene.at_rest import CrystalAtRest
 
 
@@ -138,7 +137,7 @@ def _outcome_of(
     It judges only an effect that is off and that the scene does not call for. While the effect is on, a value above the
     limit is expected and the guard counts as quiet.
     """
-    guard = guards_of(problem)[effect["guard"]]
+    guard = GUARDS[effect["guard"]]
     found = measured(guard, table, problem, folder)
     return {
         "effect": name,
@@ -160,11 +159,10 @@ def lacking(problem: Problem, log: RunLog, info: Mapping[str, Any]) -> str:
     """
     table, last = log.table, problem.scene.time.steps
     older = "adopted" in info and first_decks(table)
-    every = log.every if older else line_steps(problem)
+    every = log.every if older else line_interval(problem)
     missed = sorted({*range(0, last, every), last} - {*map(int, table.get("Step", ()))})
     ends = ("",) if older or problem.mode is None else ("", "_at")
-    known = guards_of(problem)
-    needed = {name: {f"{known[name].column}{end}" for end in ends} for name in info["guards"]}
+    needed = {name: {f"{GUARDS[name].column}{end}" for end in ends} for name in info["guards"]}
     absent = [name for name, needs in needed.items() if not needs <= set(table)]
     if missed or absent:
         return f"the log lacks {f'step {missed[0]}' if missed else f'the guard {absent[0]}'}"

@@ -12,10 +12,12 @@ import numpy as np
 
 from granular_lmp.errors import LammpsError, RunFolderError
 from granular_lmp.lammps.binary_dump import mend_binary
-from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.checkpoints import checkpoint_steps
+from granular_lmp.lammps.deck import Deck, resume_text
+from granular_lmp.lammps.guards import columns
 from granular_lmp.lammps.monitors import is_whole, monitor_files
 from granular_lmp.lammps.outputs import DUMP, SCENE, SNAPSHOTS, RunLog, mend_dump
-from granular_lmp.runs import kinds, manifest
+from granular_lmp.runs import manifest
 from granular_lmp.runs.readouts import readouts_of
 from granular_lmp.runs.record import TRAJECTORY, Record
 from granular_lmp.runs.routes import Job, log_tail
@@ -69,7 +71,8 @@ class Simulation:
     @property
     def columns(self) -> tuple[str, ...]:
         """Thermo columns of the guards that are looked at between two lines, with which a stopped run is completed."""
-        return kinds.kept_columns(self.deck.problem)
+        problem = self.deck.problem
+        return () if problem.loose else tuple(columns(problem))
 
     def files(self) -> dict[str, Iterable[str]]:
         """Return name → text, in pieces, of the files of the run folder; its scene has every "auto" decided."""
@@ -81,11 +84,11 @@ class Simulation:
 
     def checkpoint_steps(self, ranks: int) -> int:
         """Return the steps between two checkpoints."""
-        return kinds.checkpoint_steps(self.deck.problem, ranks)
+        return checkpoint_steps(self.deck.problem, ranks)
 
     def resume_text(self, checkpoint: str) -> str:
         """Return the input that continues from a checkpoint."""
-        return kinds.resume_text(self.deck, checkpoint)
+        return resume_text(self.deck.problem, checkpoint)
 
     def mend(self, folder: Path) -> None:
         """Cut what a stop left of the dumps back to whole records."""

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.errors import CrystalError, GranularError, SceneError
-from granular_lmp.impact.deck import deck_of
 from granular_lmp.impact.problem import prepare as prepare_impact
+from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
 from granular_lmp.scene.files import assignment

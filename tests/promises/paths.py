@@ -13,7 +13,6 @@ import numpy as np
 
 from granular_lmp import ImpactScene, Record, Scene
 from granular_lmp.accuracy import tolerance
-from granular_lmp.impact.deck import ImpactDeck
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.runs.options import Options
 from granular_lmp.studies.sweep import sweep
@@ -87,7 +86,7 @@ class Path_:
         """Order of the error in the time step."""
         return 1 if self.kind in ("quiet ends", "damped", "impact") else 2
 
-    def run(self, what: AnyScene | Deck | ImpactDeck, folder: Path, progress: Any = None) -> Path:
+    def run(self, what: AnyScene | Deck, folder: Path, progress: Any = None) -> Path:
         """Run a scene or a deck on this path, and return its run folder."""
         if self.name == "sweep":
             assert isinstance(what, AnyScene)
@@ -107,7 +106,7 @@ class Path_:
         return ["run", str(scene), "--set", setting, "-o", str(scene.parent / "run"), *switches, *ranks]
 
 
-def run_one(what: AnyScene | Deck | ImpactDeck, folder: Path, options: Options) -> Path:
+def run_one(what: AnyScene | Deck, folder: Path, options: Options) -> Path:
     """Run a scene or a deck and return its folder."""
     given = {name: getattr(options, name) for name in ("launcher", "ranks", "force", "progress", "kernel")}
     tolerance.run(what, folder, **given)
