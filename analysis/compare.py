@@ -11,6 +11,9 @@ runs in other lattices and layers have the second order of their crystal (`analy
 which, why, and which script has a theory of the run. A theory that leaves out what the scene has is refused, and so is
 a run with an effect, a form, a key of the scene that stands in no line of `analysis.theory.catalogue`.
 
+A run without a wave, of strikers or a state, has no p, q and φ: all motions that it records are compared with the
+network, displacements and velocities in both directions and spins.
+
 Each run gets a figure ``compare.png`` in its folder, and of several runs it is said what differs between their scenes;
 the finished runs of a sweep are a line each, with what was varied in front, and without figures.
 """
@@ -23,12 +26,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from analysis.measure.budget import Source, budget_lines, error_budget
 from analysis.measure.reference import Reference
 from analysis.measure.runs import load
-from analysis.measure.signals import COMPONENTS, errors, measured_amplitude, predicted_amplitude
+from analysis.measure.signals import COMPONENTS, FIELDS, errors, measured_amplitude, predicted_amplitude, recorded
 from analysis.measure.swept import Swept
 from analysis.plotting import save, start, write
 from analysis.second_harmonic import ALONG_Y
@@ -37,8 +42,10 @@ from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, tra
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
+Floats = NDArray[np.float64]
 INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}
 LABELS = {"p": "$p = v/D_0$", "q": "$q = -u/D_0$", "phi": r"$\phi = R\theta/D_0$"}
+LABELS |= {"displacement": r"$u/\ell$", "velocity": "$v/v_0$", "spin": r"$R\omega/v_0$"}
 OBLIQUE_LABELS = LABELS | {"p": r"$p$ (along $\mathbf{k}$)", "q": r"$q$ (along $\hat z\times\mathbf{k}$)"}
 
 
@@ -50,13 +57,13 @@ class Comparison:
     ----------
     folder : str or None
         The run folder as it was given; None for a record that is in no folder.
-    direction : float
-        Of k, degrees from a close-packed row; 90 is y.
+    mode, wavenumber, direction, amplitude : or None
+        Of the wave, if there is one; direction of k, degrees from a close-packed row; 90 is y.
     theory : str or None
         Reference of the run (`analysis.theory.catalogue.REFERENCES`); None if none holds what the run has.
     error, lattice_error : dict
-        Relative L2 error of p, q, phi against the theory named, and against the exact lattice; None where the
-        component is zero by symmetry. Empty without a theory.
+        Relative L2 error of each signal (`analysis.measure.signals.recorded`) against the theory named, and against
+        the exact lattice; None where it is zero by symmetry. Empty without a theory.
     predicted : float or None
         Amplitude |ε P̃1|/2 of the generated second harmonic in D0, by the closed form; None where that leaves out what
         the run has, and for waves that do not run along y.
@@ -68,8 +75,8 @@ class Comparison:
     budget : list of Source
         What separates the run and the paper's theory from the exact lattice (`analysis.measure.budget`).
     signals : tuple of (T,) arrays, or None
-        p, q, φ of the reference at the times of the record, in D0; not in the JSON.
-    record, wave : Record, Wave
+        The same signals of the reference at the times of the record; not in the JSON.
+    record, wave : Record, Wave or None
         What was compared; not in the JSON.
 
     Notes
@@ -80,10 +87,10 @@ class Comparison:
 
     folder: str | None
     name: str
-    mode: str
-    wavenumber: float
-    direction: float
-    amplitude: float
+    mode: str | None
+    wavenumber: float | None
+    direction: float | None
+    amplitude: float | None
     theory: str | None
     error: dict[str, float | None]
     predicted: float | None
@@ -92,7 +99,7 @@ class Comparison:
     notes: list[str]
     signals: Trajectory | None = field(repr=False, compare=False)
     record: Record = field(repr=False, compare=False)
-    wave: Wave = field(repr=False, compare=False)
+    wave: Wave | None = field(repr=False, compare=False)
 
     @property
     def run(self) -> str:
@@ -101,7 +108,9 @@ class Comparison:
 
     @cached_property
     def _exact(self) -> Trajectory | None:
-        return trajectory("exact-lattice", self.wave, self.record.tau) if holding(self.wave) else None
+        if self.wave is None or not holding(self.wave):
+            return None
+        return trajectory("exact-lattice", self.wave, self.record.tau)
 
     @cached_property
     def lattice_error(self) -> dict[str, float | None]:
@@ -109,7 +118,9 @@ class Comparison:
 
     @cached_property
     def budget(self) -> list[Source]:
-        return [] if self._exact is None else error_budget(self.record, self.wave, self.lattice_error, self._exact)
+        if self.wave is None or self._exact is None:
+            return []
+        return error_budget(self.record, self.wave, self.lattice_error, self._exact)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plain values, as the JSON holds them."""
@@ -123,19 +134,19 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     Raises TheoryError for a theory that is not in `analysis.theory.catalogue.REFERENCES`, or leaves out what the run
     has, for the network of a run without snapshots, and for a run with anything that no theory knows.
     """
-    wave = wave_of(record)
+    wave = None if record.scene.wave is None else wave_of(record)
     reference = Reference.named(theory, record, wave) if theory else Reference.of(record, wave)
-    measured, fit_error = measured_amplitude(record, wave)
+    measured, fit_error = (None, None) if wave is None else measured_amplitude(record, wave)
     return Comparison(
         folder=None if record.folder is None else str(record.folder),
         name=record.scene.name,
-        mode=wave.mode.name,
-        wavenumber=wave.mode.wavenumber,
-        direction=wave.mode.direction,
-        amplitude=wave.amplitude,
+        mode=wave.mode.name if wave else None,
+        wavenumber=wave.mode.wavenumber if wave else None,
+        direction=wave.mode.direction if wave else None,
+        amplitude=wave.amplitude if wave else None,
         theory=reference.name,
         error={} if reference.signals is None else errors(record, reference.signals),
-        predicted=predicted_amplitude(wave),
+        predicted=predicted_amplitude(wave) if wave else None,
         measured=measured,
         fit_error=fit_error,
         notes=notes(record, wave, reference),
@@ -145,7 +156,7 @@ def compare(record: Record, theory: str | None = None) -> Comparison:
     )
 
 
-def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
+def notes(record: Record, wave: Wave | None, reference: Reference) -> list[str]:
     """Return why a comparison may mislead: an unfinished run, loud guards, and all that no theory here covers."""
     guards = record.info.get("guards", {})
     status = record.info.get("status", "finished")
@@ -155,6 +166,8 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
         loud.append(f"its deck was edited, which no theory knows of; lines that differ: {len(edited)}, {edited[0]!r}")
     if accepted := record.info.get("accepted"):
         loud.append(f"files were changed after the run, and accepted: {', '.join(accepted)}")
+    if wave is None:
+        return loud + ([] if reference.name else [f"the run is compared with nothing, as {reference.reason}"])
     if not holding(wave):
         script = script_for(traits(wave))
         instead = INSTEAD[reference.name] + (f", as {reference.reason}" if reference.reason else "")
@@ -172,16 +185,22 @@ def notes(record: Record, wave: Wave, reference: Reference) -> list[str]:
 
 
 def table(comparisons: list[Comparison]) -> str:
-    """The comparisons as text, two lines a run: against theory, against the exact lattice; then the notes."""
+    """The comparisons as text, two lines a wave: against theory and the exact lattice; a line for other runs; notes."""
     width = max([len("run"), *(len(c.run) for c in comparisons)])
-    titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'±':>9}{'predicted':>11}"
-    lines = [f"{'run':{width}} {'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}"]
-    for c in comparisons:
+    lines: list[str] = []
+    waves, others = ([c for c in comparisons if (c.wave is None) == without] for without in (False, True))
+    if waves:
+        titles = f"{'p':>9}{'q':>9}{'phi':>9}   {'SH measured':>12}{'±':>9}{'predicted':>11}"
+        lines.append(f"{'run':{width}} {'mode':5}{'xi':>8}{'a':>7}  {'against':15}{titles}")
+    for c in waves:
         head = f"{c.run:{width}} {c.mode:5}{c.wavenumber:8.4g}{c.amplitude:7.3g}"
         measured = f"{'-':>12}{'-':>9}" if c.measured is None else f"{c.measured:12.4g}{c.fit_error:9.0e}"
         predicted = f"{'-':>11}" if c.predicted is None else f"{c.predicted:11.4g}"
         lines.append(f"{head}  {c.theory or '-':15}{_cells(c.error)}   {measured}{predicted}")
         lines.append(f"{'':{len(head)}}  {'exact lattice':15}{_cells(c.lattice_error)}")
+    if others:
+        lines.append(f"{'run':{width}}  {'against':15}" + "".join(f"{name:>14}" for name in FIELDS))
+    lines += [f"{c.run:{width}}  {c.theory or '-':15}{_cells(c.error, FIELDS, 14)}" for c in others]
     lines += [f"note on {c.run}: {note}" for c in comparisons for note in c.notes]
     for c in comparisons:
         lines += budget_lines(c.run, c.budget)
@@ -191,13 +210,20 @@ def table(comparisons: list[Comparison]) -> str:
 def swept_table(swept: Swept, comparisons: list[Comparison]) -> str:
     """The runs of a sweep as text, a line each: what was varied, errors against theory, the second harmonic in D0."""
     varied = swept.columns([c.record for c in comparisons])
-    titles = [*varied, "against", *COMPONENTS, "SH measured", "±", "predicted", "deviation"]
+    signals = names_of(comparisons[0])
+    titles = [*varied, "against", *signals, "SH measured", "±", "predicted", "deviation"]
     rows = [titles]
     for number, c in enumerate(comparisons):
         numbers = [("-" if x is None else f"{x:.5g}") for x in (c.measured, c.fit_error, c.predicted)]
         off = "-" if c.measured is None or not c.predicted else f"{c.measured / c.predicted - 1:.1e}"
         rows.append(
-            [*(values[number] for values in varied.values()), c.theory or "-", *_cells(c.error).split(), *numbers, off]
+            [
+                *(values[number] for values in varied.values()),
+                c.theory or "-",
+                *_cells(c.error, signals).split(),
+                *numbers,
+                off,
+            ]
         )
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
@@ -246,37 +272,52 @@ def difference_lines(records: Sequence[Record], comparisons: Sequence[Comparison
     return lines
 
 
-def _cells(values: dict[str, float | None]) -> str:
+def names_of(comparison: Comparison) -> tuple[str, ...]:
+    """Return the names of the signals of a comparison."""
+    return FIELDS if comparison.wave is None else COMPONENTS
+
+
+def _cells(values: dict[str, float | None], names: Sequence[str] = COMPONENTS, width: int = 9) -> str:
     shown = {name: "0" if value is None else format(value, ".1e") for name, value in values.items()}
-    return "".join(f"{shown.get(name, '-'):>9}" for name in COMPONENTS)
+    return "".join(f"{shown.get(name, '-'):>{width}}" for name in names)
 
 
 def figure(record: Record, comparison: Comparison) -> Figure:
-    """p, q and φ of the run over theory, the difference below each in its own scale.
+    """Return each signal of the run over the reference, the difference below it in its own scale.
+
+    Of a run without a wave they are those of the sphere that moves most, in its direction.
 
     Raises TheoryError for a comparison without a theory.
     """
-    if comparison.signals is None:
-        raise TheoryError(f"theory = None: {comparison.run} is compared with nothing")
-    along_y = comparison.direction == ALONG_Y
+    c = comparison
+    if c.signals is None:
+        raise TheoryError(f"theory = None: {c.run} is compared with nothing")
+    along_y = c.wave is None or c.direction == ALONG_Y
     labels = LABELS if along_y else OBLIQUE_LABELS
-    result = Figure(figsize=(7.5, 7.0), layout="constrained")
+    result, runs = Figure(figsize=(7.5, 7.0), layout="constrained"), recorded(record)
     panels = result.subplots(6, 1, sharex=True, height_ratios=[3, 1] * 3)
-    for (signal, difference), name, values in zip(panels.reshape(3, 2), COMPONENTS, comparison.signals, strict=True):
-        run = getattr(record, name)
+    for (signal, difference), name, values in zip(panels.reshape(3, 2), names_of(c), c.signals, strict=True):
+        run, theory = _liveliest(runs.get(name, np.full_like(values, np.nan)), values)
         signal.plot(record.tau, run, color="black", label="LAMMPS")
-        signal.plot(record.tau, values, color="tab:red", linestyle="--", label=comparison.theory)
+        signal.plot(record.tau, theory, color="tab:red", linestyle="--", label=c.theory)
         signal.set_ylabel(labels[name])
-        signal.set_title(_title(comparison.error, name), fontsize="small", pad=2)
-        difference.plot(record.tau, run - values, color="tab:grey", linewidth=0.8)
+        signal.set_title(_title(c.error, name), fontsize="small", pad=2)
+        difference.plot(record.tau, run - theory, color="tab:grey", linewidth=0.8)
         difference.set_ylabel("difference", fontsize="x-small")
     result.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
-    panels[-1].set_xlabel(r"time $\tau$")
+    panels[-1].set_xlabel(r"time $\tau$" if c.wave else "time $t/t_0$")
     panels[-1].margins(x=0)
-    c = comparison
     heading = "" if along_y else rf" at {c.direction:g}$^\circ$"
-    result.suptitle(rf"{c.name}: {c.mode}{heading}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$")
+    of_wave = rf": {c.mode}{heading}, $\xi$ = {c.wavenumber:.5g}, $D_0$ = {c.amplitude:g} $\Delta_0$" if c.wave else ""
+    result.suptitle(c.name + of_wave)
     return result
+
+
+def _liveliest(run: Floats, reference: Floats) -> tuple[Floats, Floats]:
+    """Return two signals (T, ...) of a run and its reference where the reference is largest, (T,) each."""
+    flat = reference.reshape(len(reference), -1)
+    largest = int(np.argmax(np.abs(flat).max(axis=0)))
+    return run.reshape(len(run), -1)[:, largest], flat[:, largest]
 
 
 def _title(error: dict[str, float | None], name: str) -> str:

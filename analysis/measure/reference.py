@@ -1,4 +1,4 @@
-"""The reference of a run: the trajectory of p, q and φ that its record is compared with.
+"""The reference of a run: the signals that its record is compared with, p, q and φ, or without a wave all motions.
 
 Most references are theories, functions of a plane wave (`analysis.theory.choice.THEORIES`). Two are made from the run:
 
@@ -6,6 +6,8 @@ Most references are theories, functions of a plane wave (`analysis.theory.choice
   holds crystals that are not perfect, waves of any shape, and contacts that slide, open and form;
 * *crystal-second-order*: first and second order in the crystal of its scene, of any lattice, also of layers, and of
   running and standing waves (`analysis.theory.scenes`).
+
+A run without a wave, of strikers and states alone, has the network only, of all spheres that it records.
 
 The rule: the best theory of the wave; where none holds the run, the network, if it is not long (`MOST_UNASKED`); where
 that cannot be, the second order of its crystal; where that leaves something out, nothing. The reference says why.
@@ -18,7 +20,7 @@ import numpy as np
 
 from analysis.measure.snapshot import first_snapshot
 from analysis.theory.catalogue import CRYSTAL, NETWORK, OPENING, REFERENCES, SLIDING, missing
-from analysis.theory.choice import TheoryError, Trajectory, best, holding, refuse_less, traits, trajectory
+from analysis.theory.choice import TheoryError, Trajectory, best, holding, others_of, refuse_less, traits, trajectory
 from analysis.theory.network_motion import integrate
 from analysis.theory.scenes import Setting
 from analysis.theory.wave import Wave
@@ -26,10 +28,10 @@ from granular_lmp.runs.record import GranularError, Record
 
 RTOL = 1e-9  # a thousandth of what LAMMPS's time step leaves
 SLIDING_STEP = 1 / 80  # τ; leaves 3e-6 D0, of second order
-# Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide or open shorten the steps of
-# all spheres (docs/network.md), so that each costs as many.
+# Spheres times τ that are integrated unasked: a quarter of a minute. Contacts that slide, or adhere and open, shorten
+# the steps of all spheres (docs/network.md), so that each costs as many; Hertz's, whose force has no jump, cost fewer
 MOST_UNASKED = 1e6
-COSTS_AS_MANY = 40
+COSTS_AS_MANY = {"slide": 40, "snap": 40, "open": 8}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class Reference:
     Attributes
     ----------
     name : one of `analysis.theory.catalogue.REFERENCES`; None if there is none.
-    signals : p, q, φ at the times of the record, in D0; None if there is none.
+    signals : p, q, φ at the times of the record, in D0, or `analysis.measure.signals.FIELDS`; None if there is none.
     reason : why it is neither a theory of a plane wave nor the network.
     """
 
@@ -48,7 +50,7 @@ class Reference:
     reason: str = ""
 
     @classmethod
-    def named(cls, name: str, record: Record, wave: Wave) -> Self:
+    def named(cls, name: str, record: Record, wave: Wave | None) -> Self:
         """Return the reference of a name.
 
         Raises TheoryError for a name that is none of `analysis.theory.catalogue.REFERENCES`, a reference that leaves
@@ -56,18 +58,19 @@ class Reference:
         """
         if name not in REFERENCES:
             raise TheoryError(f"theory = {name!r} is not one of {', '.join(REFERENCES)}")
-        made = {NETWORK: _network, CRYSTAL: _crystal}
-        return cls(name, made[name](record, wave) if name in made else trajectory(name, wave, record.tau))
+        if name == NETWORK:
+            return cls(name, _network(record, wave))
+        if wave is None:
+            raise TheoryError(f"theory = {name!r} is of a wave, and the run has none; must be {NETWORK!r}")
+        return cls(name, _crystal(record, wave) if name == CRYSTAL else trajectory(name, wave, record.tau))
 
     @classmethod
-    def of(cls, record: Record, wave: Wave) -> Self:
+    def of(cls, record: Record, wave: Wave | None) -> Self:
         """Return the reference of a run by the rule of this module, one without a name if there is none."""
-        if holding(wave):
+        if wave is not None and holding(wave):
             return cls.named(best(wave, record.tau), record, wave)
-        reasons = _against(record, wave)
-        for name in [CRYSTAL] if reasons else [NETWORK, CRYSTAL]:
-            if name == CRYSTAL and missing(name, traits(wave)):
-                continue
+        reasons, others = _against(record, wave), [CRYSTAL] if _holds_crystal(wave) else []
+        for name in others if reasons else [NETWORK, *others]:
             try:
                 return replace(cls.named(name, record, wave), reason=", and ".join(reasons))
             except TheoryError as error:
@@ -75,9 +78,17 @@ class Reference:
         return cls(None, None, ", and ".join(reasons))
 
 
-def _against(record: Record, wave: Wave) -> list[str]:
+def _traits(record: Record, wave: Wave | None) -> frozenset[str]:
+    return others_of(record) if wave is None else traits(wave)
+
+
+def _holds_crystal(wave: Wave | None) -> bool:
+    return wave is not None and not missing(CRYSTAL, traits(wave))
+
+
+def _against(record: Record, wave: Wave | None) -> list[str]:
     """Return all that stands against the network of a run, so that its user is not told one reason after the other."""
-    lacks = missing(NETWORK, traits(wave))
+    lacks = missing(NETWORK, _traits(record, wave))
     found = [f"the network leaves out {', '.join(lacks)}"] if lacks else []
     try:
         first_snapshot(record)
@@ -87,10 +98,12 @@ def _against(record: Record, wave: Wave) -> list[str]:
     return [*found, too_long] if too_long else found
 
 
-def _too_long(record: Record, wave: Wave) -> str:
+def _too_long(record: Record, wave: Wave | None) -> str:
     """Return why the network of a run is not integrated unasked, "" if it may be."""
     spheres, until = record.scene.shape.spheres, record.tau[-1]
-    most = MOST_UNASKED / COSTS_AS_MANY if {SLIDING, OPENING} & traits(wave) else MOST_UNASKED
+    there, adheres = _traits(record, wave), record.scene.sphere.work_of_adhesion > 0
+    case = "slide" if SLIDING in there else ("snap" if adheres else "open") if OPENING in there else ""
+    most = MOST_UNASKED / COSTS_AS_MANY.get(case, 1)
     if spheres * until <= most:
         return ""
     return (
@@ -99,22 +112,23 @@ def _too_long(record: Record, wave: Wave) -> str:
     )
 
 
-def _network(record: Record, wave: Wave) -> Trajectory:
-    """Return p, q, φ of the recorded sphere in the network of a run."""
-    refuse_less(NETWORK, wave)
+def _network(record: Record, wave: Wave | None) -> Trajectory:
+    """Return the signals of a run in its network."""
+    refuse_less(NETWORK, _traits(record, wave))
     try:
         first = first_snapshot(record)
         longest = SLIDING_STEP * first.time if np.isfinite(first.network.friction) else np.inf
+        spheres = None if wave is None else [first.recorded]
         times = record.tau * first.time
-        run = integrate(first.network, first.state, times, rtol=RTOL, spheres=[first.recorded], longest_step=longest)
+        run = integrate(first.network, first.state, times, rtol=RTOL, spheres=spheres, longest_step=longest)
     except (ValueError, RuntimeError, OSError, GranularError) as error:
         raise TheoryError(f"theory = 'network': {error}") from error
-    return first.signals(run)
+    return first.fields(run) if wave is None else first.signals(run)
 
 
 def _crystal(record: Record, wave: Wave) -> Trajectory:
     """Return p, q, φ of the centre sphere to second order in the crystal of a run's scene."""
-    refuse_less(CRYSTAL, wave)
+    refuse_less(CRYSTAL, traits(wave))
     try:
         first, second = Setting(record.scene).signals(record.tau)
     except ValueError as error:

@@ -10,24 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from analysis.measure.signals import recorded
 from analysis.measure.swept import Swept
+from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.runs.record import GranularError, Record, Scene
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
-    if _is_impact(Path(folder)):
-        raise SystemExit(
-            f"{folder}: holds an impact, and theories here are compared with waves only; granular-lmp view draws it"
-        )
+    reader: Any = ImpactRecord if _is_impact(Path(folder)) else Record
     try:
-        record = Record.load(folder, unfinished=unfinished)
+        record: Record = reader.load(folder, unfinished=unfinished)
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
     if len(record.tau) < 2:
         raise SystemExit(f"{folder}: {len(record.tau)} records; there is nothing to compare")
-    tracked = [x for x in (record.p, record.q, record.phi) if not (x is record.phi and np.isnan(x).all())]
-    if not all(np.isfinite(x).all() for x in tracked):
+    if not all(np.isfinite(x).all() for x in recorded(record).values()):
         raise SystemExit(f"{folder}: the record holds numbers that are not finite; there is nothing to compare")
     return record
 

@@ -1,4 +1,8 @@
-"""The signals p, q, φ of one sphere of a run: their errors, and the second harmonic that is in them."""
+"""The signals of a run: their errors, and the second harmonic that is in them.
+
+Those of a wave are p, q, φ of one sphere. Those of a run without a wave are the displacements and velocities (T, n, 2)
+and the spins (T, n) of all that it records.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +16,7 @@ from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COMPONENTS = ("p", "q", "phi")
+FIELDS = ("displacement", "velocity", "spin")
 # A component that theory says is zero is compared with nothing: rounding over rounding.
 SILENT = 1e-9
 FEWEST = 3  # records for each factor of a fit, without which its error says nothing
@@ -28,15 +33,20 @@ def predicted_amplitude(wave: Wave) -> float | None:
     return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
 
 
-def errors(record: Record, reference: tuple[Floats, Floats, Floats]) -> dict[str, float | None]:
-    """Relative L2 error of p, q, phi of a run against a reference trajectory; None where the reference is silent.
+def recorded(record: Record) -> dict[str, Floats]:
+    """Return the signals of a run by name; an angle that was not tracked is left out."""
+    names = COMPONENTS if record.scene.wave is not None else FIELDS
+    found = {name: np.asarray(getattr(record, name)) for name in names}
+    return {name: values for name, values in found.items() if not np.isnan(values).all()}
 
-    An angle that was not tracked has no error.
-    """
+
+def errors(record: Record, reference: tuple[Floats, Floats, Floats]) -> dict[str, float | None]:
+    """Return the relative L2 error of each signal of a run against a reference; None where the reference is silent."""
+    names, found = COMPONENTS if record.scene.wave is not None else FIELDS, recorded(record)
     return {
-        name: relative_error(getattr(record, name), values) if np.max(np.abs(values)) > SILENT else None
-        for name, values in zip(COMPONENTS, reference, strict=True)
-        if not np.isnan(getattr(record, name)).all()
+        name: relative_error(found[name], values) if np.max(np.abs(values)) > SILENT else None
+        for name, values in zip(names, reference, strict=True)
+        if name in found
     }
 
 

@@ -9,27 +9,29 @@ Later snapshots are refused: the slip of the contacts, which they would need, is
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.measure.outside import Scales, outside
+from analysis.second_harmonic import ALONG_Y
 from analysis.theory.bloch import frame
-from analysis.theory.catalogue import SLIDING
-from analysis.theory.choice import contact_of, others_of
-from analysis.theory.network import Law, Material, Network
+from analysis.theory.choice import switched
+from analysis.theory.network import Law, Material, Network, mixed
 from analysis.theory.network_laws import Adhesion
 from analysis.theory.network_motion import Trajectory
 from analysis.theory.network_state import State, start
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 
 _TURNING = ("omegaz", "v_theta")  # columns that a dump of spheres that do not turn may lack
 _COLUMNS = ("id", "type", "x", "y", "radius", "Displacement.X", "Displacement.Y", "vx", "vy", "omegaz", "v_theta")
 _TITLES = {0: "TIMESTEP", 2: "NUMBER", 4: "BOX", 8: "ATOMS"}  # by line
+SNAPSHOTS = "dump.particles"
 CENTRE = "dump.centre"  # beside the snapshots; it names the recorded sphere
 # Largest radius (m) of the spheres of a LAMMPS unit style, and the style's units of mass, length and time in SI
 UNITS = ((1e-5, (1e-21, 1e-9, 1e-9)), (1e-3, (1e-15, 1e-6, 1e-6)), (np.inf, (1.0, 1.0, 1.0)))
@@ -42,25 +44,41 @@ class FirstSnapshot:
     Attributes
     ----------
     network, state : the spheres at rest, and the state they start from.
-    recorded : index of the sphere whose motion is the record.
-    time : t0.
-    length : D0.
-    radius : R of the declared sphere, which turns angles into φ.
+    recorded : index of the sphere whose motion is the record of a wave; −1 in a run without a wave.
+    scales : D0 (ℓ without a wave), t0, k1, and R of the declared sphere, which turns angles into φ.
     direction : of the wave vector, degrees from a close-packed row.
     """
 
     network: Network
     state: State
     recorded: int
-    time: float
-    length: float
-    radius: float
+    scales: Scales
     direction: float
+
+    @property
+    def time(self) -> float:
+        """Return t0."""
+        return self.scales.time
+
+    @property
+    def length(self) -> float:
+        """Return D0."""
+        return self.scales.length
+
+    @property
+    def radius(self) -> float:
+        """Return R of the declared sphere."""
+        return self.scales.radius
 
     def signals(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
         """Return p, q and φ, (T,) each, of the recorded sphere: the motion of the first sphere of a trajectory."""
         (p, q), angle = frame(self.direction) @ run.motion[:, :2, 0].T, run.motion[:, 2, 0]
         return p / self.length, q / self.length, angle * self.radius / self.length
+
+    def fields(self, run: Trajectory) -> tuple[Floats, Floats, Floats]:
+        """Return displacements (T, n, 2), velocities (T, n, 2) and Rω (T, n) of a trajectory, in ℓ and ℓ/t0."""
+        speed = self.length / self.time
+        return run.displacement / self.length, run.velocity / speed, run.motion[:, 5] * self.radius / speed
 
 
 def first_snapshot(record: Record) -> FirstSnapshot:
@@ -70,35 +88,97 @@ def first_snapshot(record: Record) -> FirstSnapshot:
     which nothing slides.
 
     Raises RunFolderError for a run without snapshots (``output.particles``), ValueError for a first snapshot that is
-    none of step 0 or lacks a column, as without ``effects.tracking``, OSError for a folder without `CENTRE`.
+    none of step 0, lacks a column, as without ``effects.tracking``, or a sphere, OSError for a folder without `CENTRE`,
+    and TheoryError for what acts from outside and is not known (`analysis.measure.outside`).
     """
-    scene, path = record.scene, record.snapshots().path
-    sphere, sliding, contact = scene.sphere, SLIDING in others_of(record), contact_of(record)
-    _, (kilogram, metre, second) = next(unit for unit in UNITS if sphere.radius < unit[0])
+    scene, path = record.scene, _snapshots(record)
+    on, declared = switched(record), record.scene.effects
+    units, scales = units_of(record, path)
+    kilogram, metre, second = units
+    damped = on.get("damping", True)
     network, state = read_network(
         path,
         _materials(record, kilogram / (metre * second**2), kilogram / second**2),
-        density=sphere.density / (kilogram / metre**3) if scene.perfect else None,
-        law=scene.effects.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
-        friction=float(scene.effects.friction) if sliding else np.inf,
-        shear=contact.shear,
-        rotation=contact.rotation,
-        viscosity=scene.effects.viscosity / (kilogram / second) if contact.viscosity else 0.0,
-        restitution=contact.restitution,
-        adhesion=contact.adhesion_law,
+        density=scene.sphere.density / (kilogram / metre**3) if "mass" not in _columns(path) else None,
+        law=declared.shear_law,  # type: ignore[arg-type]  # `Network` refuses others by name
+        friction=float(declared.friction) if on.get("sliding", False) else np.inf,
+        shear=on.get("shear", True),
+        rotation=on.get("rotation", True),
+        viscosity=getattr(declared, "viscosity", 0.0) / (kilogram / second) if damped else 0.0,
+        restitution=declared.restitution if damped and declared.restitution < 1 else None,
+        adhesion=scene.sphere.adhesion_law,  # type: ignore[arg-type]  # checked there
+        turned=scene.wave is not None and scene.wave.form != "none",
     )
+    acting = outside(record, network, scales)
+    if any(each is not None and len(each) for each in acting.values()):
+        network, motion = replace(network, **acting), state.motion
+        state = start(network, motion[:2].T, motion[3:5].T, motion[2], motion[5])
+    if scene.wave is None:
+        return FirstSnapshot(network, state, -1, scales, ALONG_Y)
     with _centre_of(path.parent).open(encoding="utf-8") as stream:
         _head(stream)
         recorded, *_ = stream.readline().split()  # too few words are a ValueError
-    return FirstSnapshot(
-        network,
-        state,
-        recorded=int(recorded) - 1,
-        time=sphere.time_scale / second,
-        length=scene.displacement_amplitude / metre,
-        radius=sphere.radius / metre,
-        direction=scene.direction,
-    )
+    return FirstSnapshot(network, state, int(recorded) - 1, scales, scene.direction)
+
+
+def units_of(record: Record, path: Path) -> tuple[tuple[float, float, float], Scales]:
+    """Return kg, m and s of the units of a run's deck, and the scales of its record in them.
+
+    The deck of spheres that just touch has the units R, m and t0: its spheres have the radius 1.
+    """
+    scene, sphere = record.scene, record.scene.sphere
+    strike = scene.wave is None
+    length, time = scale_of_strike(scene) if strike else (scene.displacement_amplitude, sphere.time_scale)
+    _, units = next(unit for unit in UNITS if sphere.radius < unit[0])
+    if abs(_median_radius(path) - 1) < abs(_median_radius(path) - sphere.radius / units[1]):
+        units = sphere.density * 4 / 3 * np.pi * sphere.radius**3, sphere.radius, time
+    kilogram, metre, second = units
+    stiffness = 0.0 if strike else sphere.normal_stiffness / (kilogram / second**2)
+    return units, Scales(length / metre, time / second, stiffness, sphere.radius / metre, metre)
+
+
+def scale_of_strike(scene: Scene) -> tuple[float, float]:
+    """Return ℓ (m) and t0 = ℓ/v (s) of a scene without a wave.
+
+        ℓ = (m v²/A)^{2/5},   v the largest velocity at the start, of a surface Rω of a sphere that turns;
+        v = √(A/m) ℓ^{5/4},   ℓ the largest displacement, where all spheres are let go from rest
+
+    with A of two of the declared spheres.
+    """
+    sphere, state = scene.sphere, np.reshape([each[2:] for each in scene.start.state], (-1, 5))
+    material = Material(sphere.youngs_modulus, sphere.poisson_ratio)
+    A, *_ = mixed([material], (np.zeros(1, int), np.zeros(1, int)), (np.full(1, sphere.radius),) * 2)
+    mass = 4 / 3 * np.pi * sphere.radius**3 * sphere.density
+    struck = [each.velocity for each in scene.striker]
+    fastest = max([*struck, *np.hypot(*state[:, 2:4].T), *abs(sphere.radius * state[:, 4])], default=0.0)
+    length = float((mass * fastest**2 / A[0]) ** 0.4) if fastest else float(np.hypot(*state[:, :2].T).max())
+    return length, length / float(fastest or np.sqrt(A[0] / mass) * length**1.25)
+
+
+def _snapshots(record: Record) -> Path:
+    """Return the dump of all spheres of a run.
+
+    Raises ValueError for a run without a wave that recorded some of its spheres.
+    """
+    if record.scene.wave is not None:
+        return record.snapshots().path
+    path = Path(record.folder or ".") / SNAPSHOTS
+    if record.scene.output.rows or record.scene.output.spheres:
+        raise ValueError("output.rows and output.spheres: must be left out, as the network starts from all spheres")
+    return path
+
+
+def _columns(path: Path) -> list[str]:
+    with path.open(encoding="utf-8") as stream:
+        return _head(stream)[8][2:]
+
+
+def _median_radius(path: Path) -> float:
+    """Return the median radius of the spheres of a dump, in its units."""
+    with path.open(encoding="utf-8") as stream:
+        head = _head(stream)
+        at, count = head[8][2:].index("radius"), int(head[3][0])
+        return float(np.median([float(stream.readline().split()[at]) for _ in range(count)]))
 
 
 def _centre_of(folder: Path) -> Path:
@@ -129,6 +209,7 @@ def read_network(
     viscosity: float = 0.0,
     restitution: float | None = None,
     adhesion: Adhesion = "dmt",
+    turned: bool = True,
 ) -> tuple[Network, State]:
     """Return the network of the spheres at rest, in the order of their numbers, and the state they start from.
 
@@ -138,6 +219,7 @@ def read_network(
     materials : of the spheres: those of material m, counted from 0, have the types 2m + 1 (free) and 2m + 2 (held).
     density : of all spheres, for a dump without the column mass.
     law, friction, shear, rotation, viscosity, restitution, adhesion : as of `analysis.theory.network.Network`.
+    turned : whether spheres are turned at the start, so that a dump must hold their angles.
 
     Raises ValueError for a file that is no dump of step 0, lacks a column or is cut off, for a type without a material,
     and where not exactly one of the column mass and `density` is given.
@@ -149,7 +231,8 @@ def read_network(
                 f"{path}: begins at step {head[1][0]}, must be 0: the slip of later contacts is not dumped"
             )
         names, count = head[8][2:], int(head[3][0])
-        missing = [name for name in _COLUMNS if name not in names and (rotation or name not in _TURNING)]
+        left_out = (set() if rotation else {*_TURNING}) | (set() if turned else {_TURNING[1]})
+        missing = [name for name in _COLUMNS if name not in {*names, *left_out}]
         if missing:
             raise ValueError(f"{path}: has no column {', '.join(missing)}")
         if ("mass" in names) == (density is not None):

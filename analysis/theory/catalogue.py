@@ -61,8 +61,10 @@ HOLDS: dict[str, frozenset[str]] = {
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
     NETWORK: _ALONG_Y
-    | {JKR, STANDING, AT_REST, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
+    | {JKR, STANDING, AT_REST, DRIVEN, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
     | STRUCK
+    | QUIET
+    | {"source"}
     | FACES
     | _IMPERFECT,
     # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern

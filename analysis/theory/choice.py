@@ -22,6 +22,7 @@ leaves out what the scene has.
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
 from analysis.theory.resonance import three_mode
 from analysis.theory.wave import Wave
-from granular_lmp.runs.record import Record
+from granular_lmp.runs.record import Record, Scene
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]
@@ -48,7 +49,7 @@ class TheoryError(ValueError):
 _SAID = frozenset({"shear", "rotation", "damping", "sliding", "contact_opening"})
 
 
-def _switched(record: Record) -> dict[str, bool]:
+def switched(record: Record) -> dict[str, bool]:
     """Return which effects are on, by name.
 
     A record without ``run.json`` has the effects that its scene switches, and those that are "auto" at their usual.
@@ -62,7 +63,7 @@ def contact_of(record: Record) -> Contact:
 
     Raises ValueError for a contact that none of the theories here can be given.
     """
-    sphere, declared, on = record.scene.sphere, record.scene.effects, _switched(record)
+    sphere, declared, on = record.scene.sphere, record.scene.effects, switched(record)
     damped = on.get("damping", True)
     return Contact(
         sphere.poisson_ratio,
@@ -84,19 +85,20 @@ def direction_of(record: Record) -> float:
 
 def others_of(record: Record) -> frozenset[str]:
     """Return the traits of a run that neither its contact nor its direction has, keys that none knows among them."""
-    scene, on = record.scene, _switched(record)
+    scene, on = record.scene, switched(record)
     effects, guards = record.info.get("effects", {}), record.info.get("guards", {})
     parted = effects.get("contact_opening", {}).get("called_for", False)
-    said = {"wave.form": scene.wave.form, "wave.mode": scene.wave.mode, "packing.ends": scene.shape.ends}
-    said |= {"packing.lattice": scene.packing.lattice} if scene.packing.lattice != "hexagonal" else {}
+    said = {"packing.lattice": scene.packing.lattice} if scene.packing.lattice != "hexagonal" else {}
+    if scene.wave is not None:
+        said |= {"wave.form": scene.wave.form, "wave.mode": scene.wave.mode, "packing.ends": scene.shape.ends}
     present = {
         catalogue.SLIDING: on.get("sliding", False),
         catalogue.OPENING: parted or guards.get("open_contacts", {}).get("passed_at") is not None,
-        catalogue.ENVELOPE: scene.envelope.finite,
+        catalogue.ENVELOPE: scene.wave is not None and scene.envelope.finite,
     }
     unknown = {
         key
-        for key, value in scene.departures().items()
+        for key, value in _departures(scene).items()
         if key not in {"name", "inclusion", *catalogue.KEYS} and not (key.startswith("effects.") and value is False)
     }
     differing = {
@@ -112,6 +114,15 @@ def others_of(record: Record) -> frozenset[str]:
         | unknown
         | differing
     )
+
+
+def _departures(scene: Scene) -> dict[str, Any]:
+    """Return the values that are not those of every scene, by dotted key; all values of a scene without a wave."""
+    if scene.wave is not None:
+        return scene.departures()
+    tables = ((name, each) for name, each in scene.to_dict().items() if name != "description")
+    single = ((name, each if isinstance(each, dict) else {"": each}) for name, each in tables)
+    return {f"{name}.{key}".rstrip("."): value for name, each in single for key, value in each.items()}
 
 
 def traits_of(record: Record) -> frozenset[str]:
@@ -190,10 +201,10 @@ def beyond(wave: Wave) -> list[str]:
     return min((catalogue.missing(name, traits(wave)) for name in THEORIES), key=len)
 
 
-def refuse_less(name: str, wave: Wave) -> None:
-    """Raise a TheoryError if the reference of a name leaves out what a wave has; it lists those that do not."""
-    if missing := catalogue.missing(name, traits(wave)):
-        allowed = [each for each in catalogue.REFERENCES if not catalogue.missing(each, traits(wave))]
+def refuse_less(name: str, traits: frozenset[str]) -> None:
+    """Raise a TheoryError if the reference of a name leaves out any of the traits; it lists those that do not."""
+    if missing := catalogue.missing(name, traits):
+        allowed = [each for each in catalogue.REFERENCES if not catalogue.missing(each, traits)]
         raise TheoryError(
             f"theory = {name!r} leaves out {', '.join(missing)}; that hold it: {', '.join(allowed) or 'none'}"
         )
@@ -201,7 +212,7 @@ def refuse_less(name: str, wave: Wave) -> None:
 
 def trajectory(name: str, wave: Wave, tau: Floats) -> Trajectory:
     """Return p, q, φ of one of `THEORIES`; TheoryError if it leaves out what the wave has."""
-    refuse_less(name, wave)
+    refuse_less(name, traits(wave))
     return _computed(name, wave, tuple(np.asarray(tau, dtype=float).tolist()))
 
 

@@ -23,6 +23,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from analysis.theory.contact import Contact
@@ -241,6 +242,13 @@ def ricker(frequency: float, delay: float = 0.0) -> Function:
 def step(ramp: float, delay: float = 0.0) -> Function:
     """Return r(t/ramp), which stays 1."""
     return lambda tau: _rise((tau - delay) / ramp)
+
+
+def samples(pairs: ArrayLike, delay: float = 0.0) -> Function:
+    """Return the cubic spline through (τ, value) pairs (n, 2), level at both ends; it stays what it is beyond them."""
+    tau, value = np.asarray(pairs, dtype=float).T
+    spline = CubicSpline(np.linspace(tau[0], tau[-1], len(tau)), value, bc_type="clamped")
+    return lambda times: np.asarray(spline(np.clip(np.asarray(times) - delay, tau[0], tau[-1])))
 
 
 def _rise(share: Floats) -> Floats:

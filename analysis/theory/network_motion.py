@@ -198,7 +198,8 @@ def _sizes(network: Network, state: State, length: float, speed: float) -> Float
     shear = np.full(len(state.shear), length)
     if network.law == "incremental":
         pairs = state.pairs
-        shear *= pairs.B * np.sqrt(np.maximum(pairs.overlap, length))
+        stiffness = pairs.B * np.sqrt(np.maximum(pairs.overlap, length))
+        shear *= np.where(stiffness > 0, stiffness, 1.0)  # contacts without shear have a memory that stays 0
     return np.concatenate([*ways, shear, [np.inf]])
 
 

@@ -55,6 +55,7 @@ class Drive:
     moves : whether it prescribes the motion.
     longest : time in which the signal changes; no step of an integration is longer.
     size : largest value of the signal.
+    share : (n,) factors of the signal on each sphere.
     """
 
     spheres: Integers
@@ -63,12 +64,13 @@ class Drive:
     moves: bool = False
     longest: float = np.inf
     size: float = 0.0
+    share: Floats | float = 1.0
 
-    def at(self, time: float) -> tuple[float, float]:
-        """Return the value of a prescribed motion, and its slope."""
+    def at(self, time: float) -> Floats:
+        """Return the values of a prescribed motion, and their slopes, (2, n) or (2, 1)."""
         step = _STEP * self.longest
         values = self.signal(time + step * _STENCIL)
-        return float(values[2]), float(_SLOPE @ values) / step
+        return np.outer([values[2], _SLOPE @ values / step], self.share)
 
 
 def pushes(drives: tuple[Drive, ...], time: float, spheres: int) -> Floats:
@@ -76,7 +78,7 @@ def pushes(drives: tuple[Drive, ...], time: float, spheres: int) -> Floats:
     total = np.zeros((3, spheres))
     for each in drives:
         if not each.moves:
-            total[each.component, each.spheres] += each.signal(np.array([time]))[0]
+            total[each.component, each.spheres] += each.share * each.signal(np.array([time]))[0]
     return total
 
 
@@ -87,5 +89,5 @@ def imposed(drives: tuple[Drive, ...], time: float, motion: Floats) -> Floats:
         return motion
     motion = motion.copy()
     for each in moving:
-        motion[[each.component, each.component + 3], each.spheres[:, None]] = each.at(time)
+        motion[each.component, each.spheres], motion[each.component + 3, each.spheres] = each.at(time)
     return motion

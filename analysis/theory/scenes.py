@@ -98,10 +98,11 @@ class Setting:
     def crystal(self, *, layers: bool = True) -> Crystal:
         """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode.
 
-        Raises ValueError for a scene that declares what is not held: dashpots, rolling resistance, disorder, inclusions
-        that are no pattern of rows.
+        Raises ValueError for layers in a scene that declares what is not held: dashpots, rolling resistance, disorder,
+        inclusions that are no pattern of rows.
         """
-        self.refuse(CRYSTAL_KEYS)
+        if layers:
+            self.refuse(CRYSTAL_KEYS)
         scene = self.scene
         sphere, effects = scene.sphere, scene.effects
         density = self.densities if layers else np.array([sphere.density])

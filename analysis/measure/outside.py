@@ -1,0 +1,218 @@
+"""What acts on the spheres of a run from outside, for its network: sources, a driven row, walls, loads and quiet ends.
+
+All of it is said by the scene, in τ, D0, k1 D0 and k1 D0 R, but for the drag of quiet ends: its strength is a choice of
+the run, which its deck holds.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.theory import green
+from analysis.theory.choice import TheoryError
+from analysis.theory.network import Network
+from analysis.theory.network_outside import Drive, Function, Wall
+from analysis.theory.scenes import STACKING, Setting
+from granular_lmp.runs.record import Record, Scene
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
+COMPONENTS = {"x": 0, "y": 1, "torque": 2, "rotation": 2}
+FREE, WALL, CHAIN = "free", "wall", "chain"
+_DEPTH = re.compile(r"variable +depth +atom round\(\((-?y|abs\(y\))-([-+.\de]+)\)/([-+.\de]+)\)")
+_LOSS = re.compile(r"variable +loss +atom \$\(([-+.\de]+)\*v_step/v_t0/2:%\.17g\)\*\(v_depth/(\d+)\)\^([.\d]+)")
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of a record in units of its deck: D0 or ℓ, t0, k1, and R of the declared sphere; the deck's length in m."""
+
+    length: float
+    time: float
+    stiffness: float
+    radius: float
+    metre: float
+
+
+def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
+    """Return the walls, drives and drag of a run, as `Network` takes them.
+
+    Raises TheoryError for a place that is not in the lattice, and for quiet ends whose drag the deck does not say.
+    """
+    scene = record.scene
+    driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
+    drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
+    absorb = getattr(scene, "absorb", None)
+    drag = _drag(record, network, scales) if absorb and absorb.rows else None
+    return {"walls": tuple(_walls(scene, network)), "drives": drives, "drag": drag}
+
+
+def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
+    """Return the row and the column of each sphere at its place at rest, (N,) each, in the order of their numbers.
+
+    Spheres are numbered row by row. Where some are missing, their places say which: relative to a row that is whole.
+
+    Raises TheoryError where spheres are missing in a lattice of another stacking than `analysis.theory.scenes` knows,
+    or in all of its rows.
+    """
+    packing, count = scene.packing, len(position)
+    columns = int(packing.columns)
+    row, column = np.divmod(np.arange(count), columns)
+    if count == int(packing.rows) * columns:
+        return row, column
+    if packing.lattice not in STACKING:
+        raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {[*STACKING]} only")
+    (height, shift, _), (x, y) = STACKING[packing.lattice], position.T
+    spacing = (y.max() - y.min()) / (int(packing.rows) - 1)
+    row = np.rint((y - y.min()) / spacing).astype(np.intp)
+    whole = np.flatnonzero(np.bincount(row) == columns)
+    if not len(whole):
+        raise TheoryError("vacancies: no row is whole, and the places of spheres cannot be told")
+    first = np.flatnonzero(row == whole[0])[0]
+    along = (x - x[first]) * height / spacing - shift * (row % 2 - whole[0] % 2)
+    return row, np.rint(along).astype(np.intp) % columns
+
+
+def chosen(places: Any, scene: Scene, position: Floats) -> Integers:
+    """Return the indices of the spheres of a striker, source or monitor: its rows, or its single spheres."""
+    row, column = sites(scene, position)
+    if places.rows:
+        return np.flatnonzero((places.rows[0] <= row) & (row <= places.rows[-1]))
+    return np.flatnonzero([each in set(places.spheres) for each in zip(row.tolist(), column.tolist(), strict=True)])
+
+
+def _own_frequency(scene: Scene) -> float:
+    """Return Ω of the wave of a scene, rad/t0."""
+    return float(Setting(scene).mode().frequency * scene.sphere.time_scale)
+
+
+def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
+    """Return the motion of the first row: u = −q of a shear wave, v = p of a longitudinal one, a Gaussian in a beam."""
+    frequency, along, envelope = _own_frequency(scene), scene.wave.mode == "L", scene.envelope
+    rows, columns = sites(scene, network.position)
+    row, share = np.flatnonzero(rows == 0), np.ones(np.count_nonzero(rows == 0))
+    if envelope.width:  # about the column of the centre, whose rows have one parity
+        same = (rows % 2 == scene.shape.centre_row % 2) & (columns == scene.shape.columns // 2)
+        across, period = network.position[row, 0] - network.position[same, 0][0], network.cell[0]
+        across -= period * np.round(across / period) if np.isfinite(period) else 0.0
+        share = np.exp(-0.5 * (across * Setting(scene).unit * scales.metre / envelope.width) ** 2)
+    return Drive(
+        row,
+        1 if along else 0,
+        _scaled(green.tone(frequency, envelope.ramp, scene.wave.phase), scales.length, scales.time),
+        moves=True,
+        longest=scales.time / frequency,
+        size=scales.length,
+        share=share if along else -share,
+    )
+
+
+def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
+    """Yield the drive of each source."""
+    for source in getattr(scene, "source", ()):
+        name = source.motion or source.force
+        component = COMPONENTS[name]
+        unit = scales.length * (1 if source.motion else scales.stiffness)
+        unit *= {"rotation": 1 / scales.radius, "torque": scales.radius}.get(name, 1.0)
+        signal, pace, largest = signal_of(source, scene)
+        yield Drive(
+            chosen(source, scene, network.position),
+            component,  # type: ignore[arg-type]  # one of `COMPONENTS`
+            _scaled(signal, source.amplitude * unit, scales.time),
+            moves=bool(source.motion),
+            longest=pace * scales.time,
+            size=source.amplitude * unit * largest,
+        )
+
+
+def signal_of(source: Any, scene: Scene) -> tuple[Function, float, float]:
+    """Return the signal of a source over τ, the time in which it changes, and its largest value.
+
+    Raises TheoryError for a signal that is not known here.
+    """
+    if not isinstance(source.signal, str):
+        pairs = np.array(source.signal)
+        return green.samples(pairs, source.delay), pairs[1, 0] - pairs[0, 0], float(np.abs(pairs[:, 1]).max())
+    if source.signal == "step":
+        return green.step(source.ramp, source.delay), source.ramp / 4, 1.0
+    if source.hertz is not None:
+        frequency = 2 * np.pi * source.hertz * scene.sphere.time_scale
+    else:
+        frequency = _own_frequency(scene) if source.frequency is None else source.frequency
+    known = {
+        "tone": lambda: (green.tone(frequency, source.ramp, source.phase, source.delay), 1.0),
+        "burst": lambda: (green.burst(frequency, source.cycles, source.phase, source.delay), 1.0),
+        "ricker": lambda: (green.ricker(frequency, source.delay), 1.0),
+        "chirp": lambda: (
+            green.chirp(frequency, source.sweep, source.cycles, source.phase, source.delay),
+            max(1.0, source.sweep),
+        ),
+    }
+    if source.signal not in known:
+        raise TheoryError(f"source.signal = {source.signal!r}: is not known to the network; {', '.join(known)} are")
+    signal, top = known[source.signal]()
+    return signal, 1 / (top * frequency), 1.0
+
+
+def _scaled(signal: Function, size: float, time: float) -> Function:
+    return lambda t: size * signal(np.asarray(t) / time)
+
+
+def face(scene: Scene, name: str) -> str:
+    """Return what a face of the packing is; what is "auto" is that of its shape."""
+    declared = str(getattr(scene.packing, name))
+    return str(getattr(scene.shape, name)) if declared == "auto" else declared
+
+
+def _walls(scene: Scene, network: Network) -> Iterator[Wall]:
+    """Yield the rigid planes that the outermost spheres of a side touch, or are pressed on."""
+    for axis, low, high in ((1, "first", "last"), (0, "sides", "sides")):
+        middle, radius = network.position[:, axis], network.radius
+        for name, side, outermost in ((low, 1, np.argmin(middle - radius)), (high, -1, np.argmax(middle + radius))):
+            if face(scene, name) == WALL:
+                outer = float(middle[outermost] - side * radius[outermost])
+                yield Wall(axis, outer + side * _pressed(scene, network, int(outermost)), side)  # type: ignore[arg-type]
+
+
+def _pressed(scene: Scene, network: Network, sphere: int) -> float:
+    """Return how deep the load of a chain presses a sphere into a wall, (F0/A)^{2/3}; 0 where nothing does."""
+    force = _load(scene, network)
+    return float((force / network.on_walls(np.array([sphere]))[0][0]) ** (2 / 3)) if force else 0.0
+
+
+def _load(scene: Scene, network: Network) -> float:
+    """Return the force that presses a chain together, by the overlap of its first two spheres at rest; 0 if none."""
+    if scene.packing.lattice != CHAIN or not scene.packing.contact_force or scene.wave is not None:
+        return 0.0
+    one, two = np.argsort(network.position[:, 1])[:2]
+    overlap = network.radius[one] + network.radius[two] - (network.position[two, 1] - network.position[one, 1])
+    A, *_ = network.coefficients(np.array([one]), np.array([two]))
+    return float(A[0] * max(overlap, 0.0) ** 1.5)
+
+
+def _loads(scene: Scene, network: Network) -> Iterator[Drive]:
+    """Yield the constant forces on the free ends of a chain that is pressed together."""
+    force, order = _load(scene, network), np.argsort(network.position[:, 1])
+    for name, sphere, push in (("first", order[0], force), ("last", order[-1], -force)):
+        if push and face(scene, name) == FREE:
+            yield Drive(np.array([sphere]), 1, _scaled(np.ones_like, push, 1.0))
+
+
+def _drag(record: Record, network: Network, scales: Scales) -> Floats:
+    """Return the rate at which velocity and spin of each sphere decay in quiet ends, as the deck has it."""
+    folder = Path(record.folder or ".")
+    deck = next(iter(sorted(folder.glob("in.*")) or sorted(folder.glob("*_per_sample/in.*"))), None)
+    text = deck.read_text(encoding="utf-8") if deck else ""
+    depth, loss = _DEPTH.search(text), _LOSS.search(text)
+    if not (depth and loss):
+        raise TheoryError("absorb.rows: the deck of the run does not say the drag of its quiet ends")
+    y = network.position[:, 1]
+    inward = {"y": y, "-y": -y, "abs(y)": np.abs(y)}[depth[1]]
+    rows = np.maximum(np.rint((inward - float(depth[2])) / float(depth[3])), 0.0)
+    strength, most, power = map(float, loss.groups())
+    return np.asarray(strength * (rows / most) ** power / scales.time)
