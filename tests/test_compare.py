@@ -237,12 +237,6 @@ def test_what_differs_names_inclusions_and_disorder() -> None:
     assert found["disorder.density"] == [0.0, 0.1]
 
 
-def test_an_impact_is_refused_in_words_of_its_own(tmp_path: Path) -> None:
-    (tmp_path / "scene.toml").write_text("[[striker]]\nvelocity = 1.0\n")
-    with pytest.raises(SystemExit, match="holds an impact, and theories here are compared with waves only"):
-        compare.main([str(tmp_path)])
-
-
 def test_a_file_in_place_of_a_run_folder_is_called_a_file(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(SystemExit, match="run.json: is a file; give the run folder that holds run.json"):

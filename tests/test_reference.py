@@ -12,7 +12,7 @@ from analysis import compare
 from analysis.measure import reference
 from analysis.measure.reference import Reference
 from analysis.theory import catalogue
-from analysis.theory.choice import TheoryError, wave_of
+from analysis.theory.choice import TheoryError, refuse_less, wave_of
 from granular_lmp import Record, run
 from tests.stand_in import of_first_format
 from tests.test_imperfect_in_lammps import OVERLAP_RATIO, SHEET, SIGNALS, extrapolated
@@ -148,21 +148,14 @@ def test_a_run_to_a_tolerance_meets_it_against_the_network(tmp_path: Path) -> No
     assert all(error is not None and error < 1e-4 for error in result.error.values())
 
 
-REFUSED: list[tuple[dict[str, Any], str]] = [
-    ({"wave.form": "driven", "packing.ends": "fixed", "packing.rows": 9}, "wave.form = 'driven'"),
-]
-
-
-@pytest.mark.parametrize(("changes", "left_out"), REFUSED)
-def test_the_network_refuses_by_name_what_it_leaves_out(changes: dict[str, Any], left_out: str) -> None:
-    scene = SMALL.with_values({"time.allow_echo": True} | changes)
-    on = {"shear": scene.effects.shear is not False, "rotation": scene.effects.rotation == "auto"}
+def test_the_network_refuses_by_name_what_it_leaves_out() -> None:
     tau = np.arange(3.0)
-    record = Record.of_centre(
-        tau, tau, tau, tau, scene, {"effects": {name: {"on": value} for name, value in on.items()}}
-    )
-    with pytest.raises(TheoryError, match=f"theory = 'network' leaves out {left_out};"):
-        Reference.named("network", record, wave_of(record))
+    info = {"effects": {name: {"on": True} for name in ("shear", "rotation", "rolling")}}
+    record = Record.of_centre(tau, tau, tau, tau, SMALL.with_values({"time.allow_echo": True}), info)
+    with pytest.raises(TheoryError, match="no theory here holds effects.rolling"):
+        compare.compare(record, "network")
+    with pytest.raises(TheoryError, match="theory = 'network' leaves out effects.rolling; that hold it: none"):
+        refuse_less("network", frozenset({"effects.rolling", "striker"}))
 
 
 def test_all_that_stands_against_the_network_is_said_at_once() -> None:

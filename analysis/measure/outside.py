@@ -47,8 +47,7 @@ def outside(record: Record, network: Network, scales: Scales) -> dict[str, Any]:
     scene = record.scene
     driven = [] if scene.wave is None or scene.wave.form != "driven" else [_driven_row(scene, network, scales)]
     drives = *driven, *_sources(scene, network, scales), *_loads(scene, network)
-    absorb = getattr(scene, "absorb", None)
-    drag = _drag(record, network, scales) if absorb and absorb.rows else None
+    drag = _drag(record, network, scales) if scene.absorb.rows else None
     return {"walls": tuple(_walls(scene, network)), "drives": drives, "drag": drag}
 
 
@@ -114,8 +113,8 @@ def _driven_row(scene: Scene, network: Network, scales: Scales) -> Drive:
 
 def _sources(scene: Scene, network: Network, scales: Scales) -> Iterator[Drive]:
     """Yield the drive of each source."""
-    for source in getattr(scene, "source", ()):
-        name = source.motion or source.force
+    for source in scene.source:
+        name = str(source.motion or source.force)
         component = COMPONENTS[name]
         unit = scales.length * (1 if source.motion else scales.stiffness)
         unit *= {"rotation": 1 / scales.radius, "torque": scales.radius}.get(name, 1.0)

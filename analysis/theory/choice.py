@@ -22,7 +22,6 @@ leaves out what the scene has.
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,7 @@ from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
 from analysis.theory.resonance import three_mode
 from analysis.theory.wave import Wave
-from granular_lmp.runs.record import Record, Scene
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats, Floats]
@@ -98,7 +97,7 @@ def others_of(record: Record) -> frozenset[str]:
     }
     unknown = {
         key
-        for key, value in _departures(scene).items()
+        for key, value in scene.departures().items()
         if key not in {"name", "inclusion", *catalogue.KEYS} and not (key.startswith("effects.") and value is False)
     }
     differing = {
@@ -114,15 +113,6 @@ def others_of(record: Record) -> frozenset[str]:
         | unknown
         | differing
     )
-
-
-def _departures(scene: Scene) -> dict[str, Any]:
-    """Return the values that are not those of every scene, by dotted key; all values of a scene without a wave."""
-    if scene.wave is not None:
-        return scene.departures()
-    tables = ((name, each) for name, each in scene.to_dict().items() if name != "description")
-    single = ((name, each if isinstance(each, dict) else {"": each}) for name, each in tables)
-    return {f"{name}.{key}".rstrip("."): value for name, each in single for key, value in each.items()}
 
 
 def traits_of(record: Record) -> frozenset[str]:
