@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterable
 from math import isclose
 from pathlib import Path
@@ -12,15 +11,13 @@ import numpy as np
 
 from analysis.measure.signals import recorded
 from analysis.measure.swept import Swept
-from granular_lmp.impact.record import ImpactRecord
 from granular_lmp.runs.record import GranularError, Record, Scene
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:
     """`Record.load` for a script: what is wrong is one line and SystemExit, also a run with next to no record."""
-    reader: Any = ImpactRecord if _is_impact(Path(folder)) else Record
     try:
-        record: Record = reader.load(folder, unfinished=unfinished)
+        record = Record.load(folder, unfinished=unfinished)
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
     if len(record.tau) < 2:
@@ -45,15 +42,6 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     if said.returncode:
         raise ValueError(said.stderr.strip().rpartition("\n")[2])
     return load(run)
-
-
-def _is_impact(folder: Path) -> bool:
-    """Return whether a run folder holds an impact; what cannot be read is left to the reader of the record."""
-    try:
-        tables = tomllib.loads((folder / "scene.toml").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return "wave" not in tables and not tables.keys().isdisjoint(("striker", "start"))
 
 
 def sweep(folder: str) -> list[Record]:
