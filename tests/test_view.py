@@ -16,6 +16,7 @@ from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, movie, view
 from granular_lmp.plot.at_rest import at_rest_figure
+from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.signals import signals_to_draw
 from granular_lmp.runs.record import write_status
 from granular_lmp.runs.snapshots import Snapshots
@@ -324,3 +325,67 @@ def test_a_crystal_at_rest_needs_imperfections_and_a_picture(tmp_path: Path) -> 
         view.view("tr_impurity", tmp_path / "rest.png", at_rest=True, tau=1.0)
     assert main(["view", "tr_impurity", "--at-rest", "-o", str(tmp_path / "rest.png")]) == 0
     assert (tmp_path / "rest.png").is_file()
+
+
+# ---------------------------------------------------------------- monitors
+
+
+@pytest.fixture(scope="module")
+def shaken(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A strip whose row is shaken, with a monitor of each kind and one of many spheres."""
+    names = {"name": "behind", "rows": [12, 12]}, {"name": "near", "rows": [10, 12], "what": "flux"}
+    others = {"name": "touch", "spheres": [[11, 1]], "what": "contacts"}, {"name": "many", "rows": [8, 12]}
+    tables = {
+        "sphere": Scene.load("tr_periodic").to_dict()["sphere"],
+        "packing": {"rows": 21, "columns": 3, "ends": "fixed"},
+        "wave": {"mode": "TR", "wavenumber": 1.475, "amplitude": 0.05, "form": "none"},
+        "time": {"duration": 6.0, "timestep": 0.1, "allow_echo": True},
+        "source": [{"rows": [9, 9], "force": "x", "ramp": 2.0}],
+        "monitor": [*names, *others],
+    }
+    folder = tmp_path_factory.mktemp("monitors") / "run"
+    run(Scene.from_dict(tables), folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "panels", "lines"),
+    [("behind", {"u": "displacement", "v": None, "angle": "rotation"}, 3), ("near", {"flux": "flux"}, 3)],
+)
+def test_lines_are_what_a_monitor_recorded(name: str, panels: dict[str, str | None], lines: int, shaken: Path) -> None:
+    monitor = Record.load(shaken).monitor(name)
+    axes = monitor_figure(monitor).axes
+    assert [len(each.lines) for each in axes] == [lines] * len(panels)
+    for each, attribute in zip(axes, panels.values(), strict=True):
+        if attribute is not None:
+            values = getattr(monitor, attribute)
+            expected = values[..., 0] if values.ndim == 3 else values
+            assert np.array_equal(np.column_stack([line.get_ydata() for line in each.lines]), expected)
+            assert np.array_equal(each.lines[0].get_xdata(), monitor.tau)
+
+
+def test_many_spheres_are_a_mean_between_extremes_and_contacts_are_named(shaken: Path) -> None:
+    record = Record.load(shaken)
+    many = record.monitor("many")
+    axes = monitor_figure(many).axes[0]
+    (line,), (band,) = axes.lines, axes.collections
+    assert np.allclose(line.get_ydata(), many.displacement[..., 0].mean(axis=1))
+    assert band.get_paths()[0].vertices[:, 1].min() == many.displacement[..., 0].min()
+    legend = monitor_figure(record.monitor("touch")).axes[0].get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()][0] == "[10, 1] – [11, 1]"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["-o", "x.gif", "--monitor", "near"], "a monitor is drawn over time, in a picture; not in a movie"),
+        (["-o", "x.png", "--monitor", "nere"], "monitor 'nere': no such monitor; did you mean 'near'?"),
+        (["-o", "x.png", "--monitor", "near", "--tau", "1"], "--tau: is not for a monitor"),
+    ],
+)
+def test_what_a_monitor_cannot_show_is_said(
+    words: list[str], said: str, shaken: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", str(shaken), *words]) == 2
+    assert said in capsys.readouterr().err

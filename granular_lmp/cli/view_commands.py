@@ -29,6 +29,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         action="store_true",
         help="of a scene whose spheres differ: the crystal at rest, with the forces of its contacts",
     )
+    view.add_argument("--monitor", metavar="NAME", help="of a run: what this monitor recorded, over time")
     view.add_argument("--column", help="of a sweep: a column of sweep.csv (default: largest_p, of impacts far_speed)")
 
     export = add(commands, "export", _export, "write a run for other programs: SI units, xarray, OVITO, ASE, HDF5")
@@ -38,7 +39,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
         "--output",
         metavar="FILE",
         required=True,
-        help=".csv: trajectory in SI units, the one format of an impact; .nc: netCDF with units, for xarray; "
+        help=".csv: trajectory in SI units; .nc: netCDF with units, for xarray; "
         ".xyz: extended XYZ of the snapshots; .h5md: the snapshots as HDF5",
     )
     export.add_argument("--monitor", metavar="NAME", help="what this monitor recorded, as .csv in SI units")
@@ -47,7 +48,7 @@ def add_to(commands: "Commands[argparse.ArgumentParser]") -> None:
 def _view(options: Options) -> int:
     from granular_lmp.plot.view import view
 
-    names = ("tau", "colour", "magnify", "rows", "fronts", "column", "at_rest")
+    names = ("tau", "colour", "magnify", "rows", "fronts", "column", "monitor", "at_rest")
     wanted = {name: getattr(options, name) for name in names}
     for note in view(options.folder, options.output, **wanted):
         remark(f"note: {note}")

@@ -9,6 +9,7 @@ from granular_lmp.errors import RunFolderError, ViewError
 from granular_lmp.lammps.outputs import SWEEP
 from granular_lmp.plot.at_rest import at_rest_figure
 from granular_lmp.plot.crystal import run_figure, run_movie
+from granular_lmp.plot.monitors import monitor_figure
 from granular_lmp.plot.motion import motion_figure, motion_movie
 from granular_lmp.plot.movie import MOVIES
 from granular_lmp.plot.signals import Picture, save
@@ -45,6 +46,7 @@ def view(
     rows: int | None = None,
     fronts: bool = False,
     column: str | None = None,
+    monitor: str | None = None,
     at_rest: bool = False,
 ) -> list[str]:
     """Draw a run folder or a sweep folder into a picture, a run folder into a movie, or the crystal of a scene at rest.
@@ -61,6 +63,8 @@ def view(
         Options for a run, as in `run_figure`.
     column : str, optional
         Option for a sweep, as in `sweep_figure`.
+    monitor : str, optional
+        Name of a monitor of a run, whose signals are drawn, as in `monitor_figure`.
     at_rest : bool
         True for the crystal at rest, as in `at_rest_figure`.
 
@@ -79,7 +83,7 @@ def view(
     folder, path = Path(folder), Path(path)
     movie = path.suffix.lower() in MOVIES
     of_a_run: dict[str, Any] = {"tau": tau, "colour": colour, "magnify": magnify, "rows": rows}
-    of_a_run["fronts"] = fronts or None
+    of_a_run |= {"fronts": fronts or None, "monitor": monitor}
     if at_rest:
         _refuse(folder, "a crystal at rest", of_a_run | {"column": column})
         if movie:
@@ -98,6 +102,12 @@ def view(
         raise ViewError(f"{folder}: holds no record yet; there is nothing to draw")
     status, message = record.info.get("status"), record.info.get("message")
     lacks = [f"{folder}: not a finished run (status '{status}': {message})"] * (status != "finished")
+    if monitor is not None:
+        _refuse(folder, "a monitor", of_a_run | {"monitor": None, "column": column})
+        if movie:
+            raise ViewError(f"{path}: a monitor is drawn over time, in a picture; not in a movie")
+        save(monitor_figure(record.monitor(monitor)), path)
+        return lacks
     what = "an impact" if record.scene.wave is None else "a run"
     _refuse(folder, what, {"column": column} | ({"tau": tau} if movie else {}))
     if record.scene.wave is None:

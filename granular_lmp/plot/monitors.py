@@ -1,0 +1,71 @@
+"""Signals of a monitor over time: a panel for each thing that it records, a line for each sphere, contact or row."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from granular_lmp.errors import ViewError
+from granular_lmp.plot.signals import Picture
+from granular_lmp.runs.monitors import MonitorRecord
+
+MOST_LINES = 8  # Of more, their mean is drawn between the least and the largest of them
+# Symbol of each signal, and its unit beside a wave and without one
+_SIGNALS = {
+    "motion": {"u": ("$u$", "D_0", r"\ell"), "v": ("$v$", "D_0", r"\ell"), "phi": (r"$R\theta$", "D_0", r"\ell")},
+    "contacts": {
+        "normal": ("normal force", "k_1 D_0", r"m\ell/t_0^2"),
+        "shear": ("shear force", "k_1 D_0", r"m\ell/t_0^2"),
+        "overlap": ("overlap", r"\Delta_0", r"\ell"),
+    },
+    "flux": {"flux": ("flux along $y$", "k_1 D_0^2/t_0", r"m\ell^2/t_0^3")},
+}
+
+
+def monitor_figure(monitor: MonitorRecord) -> Picture:
+    """Return a figure of what a monitor recorded, without signals that stay zero.
+
+    Raises
+    ------
+    ViewError
+        If the monitor has recorded nothing that is not zero.
+    """
+    columns, times = monitor.columns(), monitor.tau
+    known = _SIGNALS[monitor.monitor.what]
+    found = {name: columns[name].reshape(len(times), -1) for name in known if len(times)}
+    moving = {name: values for name, values in found.items() if np.nan_to_num(values).any()}
+    if not moving:
+        raise ViewError(f"monitor {monitor.monitor.name}: recorded nothing but zeros; there is nothing to draw")
+    figure = Picture(figsize=(7.0, 1.2 + 1.4 * len(moving)), layout="constrained")
+    panels = figure.subplots(len(moving), squeeze=False, sharex=True)[:, 0]
+    labels = _labels(monitor, columns)
+    for panel, (name, values) in zip(panels, moving.items(), strict=True):
+        symbol, *units = known[name]
+        _draw(panel, times, values, labels)
+        panel.set(ylabel=f"{symbol} (${units[monitor.scene.wave is None]}$)")
+        panel.margins(x=0)
+    panels[-1].set(xlabel=r"$\tau$ ($t_0$)")
+    if 1 < len(labels) <= MOST_LINES:
+        panels[0].legend(fontsize="x-small", ncols=2)
+    panels[0].set_title(f"{monitor.scene.name}: monitor {monitor.monitor.name}", fontsize="medium")
+    return figure
+
+
+def _labels(monitor: MonitorRecord, columns: dict[str, NDArray[np.float64]]) -> list[str]:
+    """Return the places of the lines: [row, column] of spheres, of both of a contact, or a row."""
+    count = len(columns["tau"]) // max(len(monitor.tau), 1)
+    row, column = ([name for name in columns if name.startswith(word)] for word in ("row", "column"))
+    if not column:
+        return [f"row {number}" for number in columns["row"][:count]]
+    pairs = zip(row, column, strict=True)
+    ends = [zip(columns[r][:count], columns[c][:count], strict=True) for r, c in pairs]
+    return [" – ".join(f"[{r}, {c}]" for r, c in places) for places in zip(*ends, strict=True)]
+
+
+def _draw(axes: Axes, times: NDArray[np.float64], values: NDArray[np.float64], labels: list[str]) -> None:
+    """Draw a line for each column of values (T, n), or the mean of many and what lies between them."""
+    if len(labels) > MOST_LINES:
+        axes.fill_between(times, np.nanmin(values, axis=1), np.nanmax(values, axis=1), color="0.85", linewidth=0)
+        axes.plot(times, np.nanmean(values, axis=1), color="black", linewidth=0.9)
+        return
+    for each, label in zip(values.T, labels, strict=True):
+        axes.plot(times, each, linewidth=0.9, label=label)
