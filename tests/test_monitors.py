@@ -382,3 +382,62 @@ def test_a_run_whose_monitor_lacks_records_fails(tmp_path: Path) -> None:
         assert lost in deck.input_text
         with pytest.raises(LammpsError, match=r"monitor\.\w+\.\w+ lacks records"):
             run(cut, tmp_path / gone.replace(" ", "_"))
+
+
+# --- scenes without a wave -------------------------------------------------------------------------------------------
+
+NEAR: dict[str, Any] = {"name": "near", "rows": [2, 4], "what": "contacts"}
+EVERYONE: dict[str, Any] = {"name": "everyone", "rows": [0, 7], "what": "contacts"}
+THROUGH: dict[str, Any] = {"name": "through", "rows": [1, 5], "what": "flux"}
+STRUCK = Scene.load("point_impact").with_values(
+    {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 12.0}
+    | {"time.sample": 0.1, "time.timestep": 0.01, "monitor": [LINE, NEAR, THROUGH, EVERYONE]}
+)
+
+
+@pytest.fixture(scope="module")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    return run(STRUCK, tmp_path_factory.mktemp("struck") / "run")
+
+
+def test_a_monitor_of_a_strike_records_what_the_run_does(struck: Record, tmp_path: Path) -> None:
+    line = struck.monitor("line")
+    for name in ("displacement", "velocity", "spin"):
+        assert np.array_equal(getattr(line, name), getattr(struck, name)[:, line.spheres])
+    export(struck, tmp_path / "line.csv", "line")
+    table = np.genfromtxt(tmp_path / "line.csv", delimiter=",", names=True)
+    speed = struck.velocity[:, line.spheres, 1].ravel() * struck.scale.velocity
+    np.testing.assert_allclose(table["v_t_m_s"], speed, rtol=1e-12)
+    # Nothing drives the crystal at one frequency
+    assert set(struck.info["monitors"]["line"]) == {"why"}
+
+
+def test_contacts_of_a_strike_follow_the_law_of_hertz(struck: Record) -> None:
+    contacts = struck.monitor("near").contacts
+    hertz = np.nan_to_num(np.maximum(contacts.overlap, 0.0)) ** 1.5  # in m v/t0, of overlaps in l
+    assert contacts.normal.max() > 0.2
+    np.testing.assert_allclose(contacts.normal, hertz, atol=1e-11)
+    assert not contacts.shear.any()
+
+
+def test_the_energy_beyond_a_row_came_through_it(struck: Record) -> None:
+    through, contacts = struck.monitor("through"), struck.monitor("everyone").contacts
+    row, kinetic = struck.problem.crystal.arrays["row"], struck.kinetic_energy[-1]
+    stored = 0.4 * np.nan_to_num(np.maximum(contacts.overlap[-1], 0.0)) ** 2.5
+    came = np.trapezoid(through.flux, struck.tau, axis=0)
+    for number, each in enumerate(through.rows):
+        low, high = (pick(row[contacts.i], row[contacts.j]) for pick in (np.minimum, np.maximum))
+        # A plane through the row cuts its spheres and the contacts between them in halves
+        share = (low >= each) * np.where(high == each, 0.5, 1.0)
+        beyond = kinetic[row > each].sum() + kinetic[row == each].sum() / 2 + (share * stored).sum()
+        assert came[number] == pytest.approx(beyond, abs=2e-4)  # of the striker's; the step leaves 1e-4
+    assert came[0] > came[-1] > 0.2
+
+
+def test_a_tolerance_of_a_strike_holds_for_monitors(struck: Record, tmp_path: Path) -> None:
+    record = run(STRUCK.with_values({"time.tolerance": 1e-2, "time.sample": 0.5}), tmp_path / "run")
+    said = record.info["errors_of_monitors"]
+    assert {"line.v", "near.normal", "through.flux"} < set(said)
+    assert max(said.values()) <= 1e-2
+    exact = struck.monitor("through").flux[::5]  # of 1e-4: 50 steps in t0
+    assert np.abs(record.monitor("through").flux - exact).max() < 1e-2 * np.abs(exact).max()

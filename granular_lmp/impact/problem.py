@@ -20,7 +20,7 @@ from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import SceneError
 from granular_lmp.impact.lattice import neighbours, touching
 from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.scene.monitors import PlacedMonitor
+from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
 from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.remarks import on_step
 from granular_lmp.scene.sections import Output
@@ -67,7 +67,11 @@ class ImpactProblem:
     mode: ClassVar[None] = None
     loose: ClassVar[bool] = True  # spheres just touch, or are pressed from outside, and part without a pull
     sources: ClassVar[tuple[PlacedSource, ...]] = ()
-    monitors: ClassVar[tuple[PlacedMonitor, ...]] = ()
+
+    @cached_property
+    def monitors(self) -> tuple[PlacedMonitor, ...]:
+        """Monitors in the crystal."""
+        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, self.contacts, self.on)
 
     @property
     def scale(self) -> Scale:
@@ -377,6 +381,7 @@ def prepare(scene: ImpactScene) -> ImpactProblem:
             f"{problem.residual_force:.2g} m v/t0 on a sphere at rest, and at most "
             f"{LARGEST_RESIDUAL * max(1, problem.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
         )
+    check_groups(problem.monitors, len(problem.sources))
     if scene.start.state:
         _check_start(problem)
     if scene.time.tolerance is None:

@@ -39,6 +39,7 @@ DUMP_COLUMNS = (
 )
 _LINES_BEFORE_ATOMS = 9  # header lines of a snapshot in a LAMMPS text dump; _SNAPSHOT is the first
 _SNAPSHOT = b"ITEM: TIMESTEP\n"
+_OF_PAIRS = b"ITEM: NUMBER OF ENTRIES\n"  # of a dump of spheres "ATOMS"
 _LONGEST = 1e12  # s, of a time loop: 30,000 years
 LOOP_SECTIONS = tuple(f"loop.{name}" for name in ("pair", "neigh", "comm", "output", "modify", "other"))
 _EVERY = re.compile(r"^thermo +([1-9]\d{0,17})$", re.MULTILINE)
@@ -214,7 +215,7 @@ class SnapshotPlace:
 
 
 def whole_snapshots(path: str | Path) -> Iterator[SnapshotPlace]:
-    """Yield the places of the complete snapshots of a LAMMPS text dump in the order of the file, without empty ones."""
+    """Yield the places of the complete snapshots of a LAMMPS text dump in the order of the file."""
     begin = end = lines = 0
     head: list[bytes] = []
     last = b""
@@ -248,15 +249,17 @@ def last_step(path: Path) -> int | None:
 
 
 def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
-    numbers = [line.strip() for line in head[1:4:2]]
-    return entries > 0 and all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries and last.endswith(b"\n")
+    """Return whether a snapshot is complete; one of spheres is not empty, while at a time no two may touch."""
+    numbers, fewest = [line.strip() for line in head[1:4:2]], 0 if head[2:3] == [_OF_PAIRS] else 1
+    counted = all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries
+    return entries >= fewest and counted and last.endswith(b"\n")
 
 
 def mend_dump(path: str | Path) -> None:
     """Turn the dump of a stopped run, or of a run and its continuation, into that of one uninterrupted run.
 
-    Incomplete and empty snapshots are removed; of snapshots with the same step the later one, written by the
-    continuation, is kept. The dump of an uninterrupted run is not touched.
+    Incomplete snapshots and empty ones of spheres are removed; of snapshots with the same step the later one, written
+    by the continuation, is kept. The dump of an uninterrupted run is not touched.
     """
     keep_latest(Path(path), whole_snapshots(path))
 

@@ -27,7 +27,6 @@ _OF_WAVE = f"is of the scene of a wave: must be {_LEFT_OUT}"
 # Tables and keys that a scene has beside a wave only, and why
 NEEDS_WAVE: Mapping[str, str] = {
     **dict.fromkeys(("envelope", "absorb", "source"), _OF_WAVE),
-    "monitor": "is of the scene of a wave: [output] says which spheres of an impact are recorded",
     "packing.ends": "must be packing.first and packing.last beside [[striker]] or [start]",
     "time.allow_echo": f"must be {_LEFT_OUT}, where every echo belongs to the answer",
     "effects.adhesion": f"must be {_NO_ADHESION}",

@@ -418,6 +418,7 @@ class Scene(HasCard, Document):
     def __post_init__(self) -> None:
         if self.bare:
             refuse(self)
+            check_monitors(self.monitor, self.packing, self.shape)
             return
         validation.check_adhesion_law(self.material, self.effects, self.inclusion)
         wave, shape = self.wave, self.shape

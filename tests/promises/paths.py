@@ -44,6 +44,7 @@ def kinds() -> dict[str, AnyScene]:
     strip = {"packing.rows": 13, "time.duration": 12.0, "time.allow_echo": True, "wave.amplitude": 0.1}
     spread = {"disorder.radius": 5e-5, "disorder.density": 0.1, "disorder.vacancies": 0.03}
     struck = {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "time.duration": 20.0}
+    watched = {"name": "near", "rows": [2, 2]}, {"name": "through", "rows": [3, 4], "what": "flux"}
     return {
         "running": PAPER.with_values(CELL),
         "standing": PAPER.with_values({**CELL, "wave.form": "standing"}),
@@ -53,7 +54,7 @@ def kinds() -> dict[str, AnyScene]:
         "imperfect": PAPER.with_values({**CELL, "packing.columns": 8, **spread}),
         "JKR": PAPER.with_values({**CELL, "sphere.adhesion_law": "jkr"}),
         "damped": PAPER.with_values({**CELL, "effects.damping": True, "effects.viscosity": 1e-9}),
-        "impact": ImpactScene.load("point_impact").with_values(struck),
+        "impact": ImpactScene.load("point_impact").with_values({**struck, "monitor": list(watched)}),
     }
 
 
