@@ -251,8 +251,9 @@ def last_step(path: Path) -> int | None:
 def _is_whole(head: list[bytes], entries: int, last: bytes) -> bool:
     """Return whether a snapshot is complete; one of spheres is not empty, while at a time no two may touch."""
     numbers, fewest = [line.strip() for line in head[1:4:2]], 0 if head[2:3] == [_OF_PAIRS] else 1
-    counted = all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries
-    return entries >= fewest and counted and last.endswith(b"\n")
+    if entries < fewest or not last.endswith(b"\n"):
+        return False
+    return all(map(bytes.isdigit, numbers)) and int(numbers[1]) == entries
 
 
 def mend_dump(path: str | Path) -> None:
