@@ -386,3 +386,37 @@ def test_what_the_machine_refuses_is_one_line(
 
     monkeypatch.setattr("granular_lmp.doctor.report", report)
     assert cli(capsys, "doctor") == (status, "", f"granular-lmp: {said}\n")
+
+
+# ---------------------------------------------------------------- what a newcomer does wrong, in every kind of scene
+
+
+@pytest.mark.parametrize("name", ["tr_periodic", "solitary_chain", "struck_sheet"])
+def test_a_mistake_is_one_line_with_a_remedy_and_status_2(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "mine.toml"
+    assert cli(capsys, "init", str(file), "--from", name)[0] == 0
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("duration =", "duratoin ="), encoding="utf-8")
+    for command in ("check", "run", "effects", "modes", "build", "sweep", "cost"):
+        more = ["--over", "time.sample=1.0,2.0"] if command == "sweep" else []
+        status, _, err = cli(capsys, command, str(file), *more)
+        assert (status, len(err.splitlines())) == (2, 1)
+        assert err.startswith(f"granular-lmp: error: {file}: time.duratoin: unknown key; did you mean 'duration'?")
+    status, _, err = cli(capsys, "run", str(tmp_path / "mien.toml"))
+    assert (status, err.split("; ")[0]) == (2, f"granular-lmp: error: {tmp_path}/mien.toml: no such scene file")
+    file.write_text(text, encoding="utf-8")
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "thesis.tex").touch()
+    status, _, err = cli(capsys, "run", str(file), "-o", str(tmp_path / "there"))
+    assert (status, [path.name for path in (tmp_path / "there").iterdir()]) == (2, ["thesis.tex"])
+    assert "is there already" in err
+    for command in ("resume", "export", "view"):
+        words = (
+            []
+            if command == "resume"
+            else ["-o", str(tmp_path / "x.csv" if command == "export" else tmp_path / "x.png")]
+        )
+        status, _, err = cli(capsys, command, str(tmp_path / "nowhere"), *words)
+        assert (status, "not a run folder (there is no run.json)" in err) == (2, True)
