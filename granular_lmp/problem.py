@@ -34,7 +34,7 @@ from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
 from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
-from granular_lmp.units import Units, units_for
+from granular_lmp.units import AnyUnits
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,6 @@ class Problem:
     effects: tuple[Chosen, ...]
     planes: ClassVar[Mapping[str, float]] = MappingProxyType({})  # no walls, and no forces on ends
     loads: ClassVar[Mapping[int, float]] = MappingProxyType({})
-    loose: ClassVar[bool] = False  # adhesion or compression holds the spheres together, so that a wave is linear
 
     @cached_property
     def at_rest(self) -> CrystalAtRest:
@@ -87,9 +86,9 @@ class Problem:
         return self.scene.scale
 
     @property
-    def units(self) -> Units:
+    def units(self) -> AnyUnits:
         """Units of the deck."""
-        return units_for(self.scene.sphere.radius)
+        return self.scene.units
 
     @property
     def recorded(self) -> NDArray[np.int64]:

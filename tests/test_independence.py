@@ -84,7 +84,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "card": set(),
     "units": set(),
     "crystal": {"errors"},
-    "scene": {"errors", "card", "crystal"},
+    "scene": {"errors", "card", "units", "crystal"},
     "step_rules": {"errors", "scene"},
     "effects": {"errors", "units", "crystal", "scene", "step_rules"},
     "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules"},

@@ -14,7 +14,6 @@ from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.resolution import farthest_rounding, position_rounding
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU
-from granular_lmp.units import units_for
 
 # Share of the largest signal below which a signal counts as zero; one that vanishes by symmetry is rounding, 1e-9 of it
 _STILL = 1e-7
@@ -155,7 +154,7 @@ def _spacing(scene: Scene) -> float:
     # Noise that arrives at the centre left its row, on average, half-way through the run
     reach = max(FASTEST_ROWS_PER_TAU * scene.time.duration / 2, 1)
     # The spacing jumps by factors of two, so it depends on the units of the deck
-    units = units_for(scene.sphere.radius)
+    units = scene.units
     row = scene.lattice.row_distance(units.number(scene.sphere.lattice_constant, length=1))
     n = np.arange(scene.shape.rows) - scene.shape.centre_row
     square = float(np.mean(np.spacing(np.abs(row * n[np.abs(n) <= reach])) ** 2))

@@ -42,8 +42,6 @@ class Prepared(Protocol):
     @property
     def scale(self) -> Scale: ...
     @property
-    def loose(self) -> bool: ...
-    @property
     def planes(self) -> Mapping[str, float]: ...
 
 
@@ -55,6 +53,8 @@ _LOOK = re.compile(r"look\(([^()]+)\)")
 
 def watches_part(scene: Scene) -> bool:
     """Return whether only some spheres affect the record: with walls or a finite wave, recorded at the centre."""
+    if scene.wave is None:  # the spheres that are recorded are anywhere
+        return False
     return scene.output.particles == 0 and (bool(scene.shape.faces) or scene.envelope.finite)
 
 
@@ -88,7 +88,7 @@ class Guard:
         of them, NAME_at the first time (tau) at which it was above the limit, `NEVER` if it was not.
     lines : callable
         Lines of a deck that compute NAME_looks, of a problem; ``look(QUANTITY)`` stands for the values of a quantity at
-        those looks. Where spheres just meet (`Prepared.loose`) every look is a line of the table, and they compute
+        those looks. Where spheres just meet (`Scene.loose`) every look is a line of the table, and they compute
         NAME itself.
     limit : float
         Value above which the guard triggers.

@@ -54,7 +54,7 @@ def begins_wider(scene: Scene) -> bool:
 
 def begin(problem: Prepared) -> list[str]:
     """Return the block that begins all contacts at rest, empty where LAMMPS does by itself."""
-    if problem.loose or not begins_wider(problem.scene):
+    if problem.scene.loose or not begins_wider(problem.scene):
         return []
     at_rest = crystal_of(problem.scene)
     contacts = at_rest.contacts
@@ -78,7 +78,7 @@ def at_rest_lines(problem: Prepared) -> list[str]:
 
     LAMMPS counts them, so that the number is that of the data file.
     """
-    if problem.loose or _by_pairs(problem.scene):
+    if problem.scene.loose or _by_pairs(problem.scene):
         return []
     sphere, count = problem.scene.sphere, "contact/atom"
     if sphere.pull_off_distance:

@@ -14,13 +14,13 @@ from granular_lmp.scene.schema import AUTO
 
 def variables(problem: Prepared) -> list[str]:
     """Return the variable of the friction; the law of spheres that just meet holds the number."""
-    if problem.loose:
+    if problem.scene.loose:
         return []
     return [f"variable friction index {problem.scene.effects.friction!r}  # Coulomb friction: contacts may slide"]
 
 
 def variables_off(problem: Prepared) -> list[str]:
-    if problem.loose:
+    if problem.scene.loose:
         return []
     case = Case(problem.scene, problem.on)
     amplitude = f"(v_amplitude+{case.struck_amplitude!r})" if problem.scene.struck else "v_amplitude"

@@ -29,7 +29,7 @@ from granular_lmp.scene.start import refuse_motion, state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 from granular_lmp.step_rules import StepRule, refuse_step, rules_of_collisions
-from granular_lmp.units import OwnUnits
+from granular_lmp.units import AnyUnits
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -65,7 +65,6 @@ class ImpactProblem:
     recorded: Integers
     state: Floats
     mode: ClassVar[None] = None
-    loose: ClassVar[bool] = True  # spheres just touch, or are pressed from outside, and part without a pull
     sources: ClassVar[tuple[PlacedSource, ...]] = ()
 
     @cached_property
@@ -79,9 +78,9 @@ class ImpactProblem:
         return self.scene.scale
 
     @property
-    def units(self) -> OwnUnits:
+    def units(self) -> AnyUnits:
         """Units of the deck: R, m and t0."""
-        return OwnUnits(self.scale.mass, self.scene.sphere.radius, self.scale.time)
+        return self.scene.units
 
     @cached_property
     def mass(self) -> Floats:

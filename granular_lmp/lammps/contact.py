@@ -37,7 +37,7 @@ TANGENTIAL_LAWS = (*_MINDLIN, "none")
 
 def contacts(problem: Problem) -> list[str]:
     """Return the block of the contact law of all effects together, between spheres and with walls."""
-    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.loose else "${friction}"}
+    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.scene.loose else "${friction}"}
     for effect in EFFECTS:
         law |= effect.law(problem.scene, problem.on[effect.name])
     materials = problem.materials
@@ -45,7 +45,7 @@ def contacts(problem: Problem) -> list[str]:
         (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
         for m, n in combinations_with_replacement(range(len(materials)), 2)
     }
-    words = "damping and nu" if problem.loose else "damping, nu and half the work of adhesion"
+    words = "damping and nu" if problem.scene.loose else "damping, nu and half the work of adhesion"
     return [
         f"# --- contacts: normal law with E, {words}; tangential law with friction",
         pairs(laws),
@@ -58,18 +58,20 @@ def _walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
     """Return the lines of the rigid walls that spheres of each material touch."""
     if not problem.planes:
         return []
+    to_deck = problem.units.number(problem.scene.material.radius, length=1)
+    planes = {name: place * to_deck for name, place in problem.planes.items()}
     groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
-    planes = [
+    walls = [
         wall(
             model(rigid(each), problem.units, **law),
             f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}",
             name=f"{name}{m}",
             group=f"material{m}",
         )
-        for name, place in problem.planes.items()
+        for name, place in planes.items()
         for m, each in enumerate(problem.materials, 1)
     ]
-    return groups + planes
+    return groups + walls
 
 
 def model(

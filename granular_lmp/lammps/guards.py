@@ -50,6 +50,8 @@ def fastest(scene: Scene) -> float:
     Each higher harmonic is smaller by the amplitude, and the rotational branch, up to Ω_max, holds a part in a thousand
     of the contacts' motion if no wall cuts the wave off (docs/effects.md).
     """
+    if scene.wave is None:
+        return highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) * swiftness(scene)
     usual = mode_of(scene).frequency
     own = [each.top(scene.sphere, usual) for each in scene.source]
     if scene.wave.form != "none" or not any(own):
@@ -64,7 +66,7 @@ def look_interval(problem: Any) -> int:
     Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.
     """
     time = problem.scene.time
-    if problem.loose:
+    if problem.scene.loose:
         most, whole = int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), time.steps_per_sample
     else:
         most, whole = int(_look_time(problem.scene) / time.step + 1e-9), time.steps
@@ -73,7 +75,7 @@ def look_interval(problem: Any) -> int:
 
 def line_interval(problem: Problem) -> int:
     """Return the steps between two lines of the thermo table, a whole number of looks; one where spheres meet."""
-    if problem.loose:
+    if problem.scene.loose:
         return look_interval(problem)
     return look_interval(problem) * _looks_per_line(problem)
 
@@ -136,7 +138,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
 
     The contacts of a guard whose effect is off are judged one by one, also where the scene calls for the effect.
     """
-    if problem.loose:
+    if problem.scene.loose:
         return _of_meetings(problem)
     scene, names, how = problem.scene, problem.guards, Reading.of(problem)
     part, watched = watches_part(scene), [GUARDS[name] for name in names]
@@ -205,7 +207,7 @@ def _extremes(names: list[str]) -> list[str]:
 def columns(problem: Problem) -> list[str]:
     """Return the names of the thermo columns behind the step."""
     names = problem.guards
-    if problem.loose:
+    if problem.scene.loose:
         return ["v_tau", *(GUARDS[name].column for name in names)]
     own = [column for name in names for column in (GUARDS[name].column, f"{GUARDS[name].column}_at")]
     others = ELSEWHERE if watches_part(problem.scene) else ()
@@ -257,7 +259,7 @@ def _written_out(names: list[str], scene: Scene, how: Reading, checkpoint: str) 
 def header(problem: Problem) -> list[str]:
     """Return the comment at the top of a deck: the thermo columns and the limits above which the run is invalid."""
     judged = [GUARDS[name] for name in problem.judged]
-    if problem.loose:
+    if problem.scene.loose:
         top = "# The run is invalid if, in the thermo table,"
         return [top, *(f"#   {each.column}, {each.heading.format(limit=each.limit)}" for each in judged)]
     limits = [

@@ -15,7 +15,7 @@ _EVERY_DIGIT = f"sort id format float %.17g {SPHERE_NAMES}"
 
 def sphere_columns(problem: Problem) -> str:
     """Return the columns of spheres in a dump; ASE keeps v_theta."""
-    mass = " mass" if problem.loose or not problem.scene.perfect else ""
+    mass = " mass" if problem.scene.loose or not problem.scene.perfect else ""
     return f"id type x y z radius{mass} c_u[1] c_u[2] vx vy vz" + _turned(problem)
 
 
@@ -82,7 +82,7 @@ def run(problem: Problem, checkpoint: str = "") -> list[str]:
     are then computed from the same ones in both, and the box is that of the checkpoint.
     """
     upto = " upto" if checkpoint else ""
-    if not problem.loose:
+    if not problem.scene.loose:
         return [f"run ${{steps}}{upto}"]
     comment = ["# --- at a checkpoint the run is set up anew, and its box too, as in a continuation"]
     return [

@@ -31,14 +31,14 @@ def _box(problem: Problem) -> NDArray[np.float64]:
     packing, to_deck = problem.crystal, problem.units.number(problem.scene.sphere.radius, length=1)
     low = packing.get_celldisp().ravel() * to_deck
     high = low + packing.cell.lengths() * to_deck
-    if problem.loose:
+    if problem.scene.loose:
         low[1] = min(low[1], packing.positions[:, 1].min() - 1)
         high[1] = max(high[1], packing.positions[:, 1].max() + 1)
     return np.column_stack([low, high])
 
 
 def _densities(problem: Any) -> NDArray[np.float64]:
-    if problem.loose:
+    if problem.scene.loose:
         return np.asarray(problem.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
     densities = problem.crystal.arrays.get("density", np.full(len(problem.crystal), problem.scene.sphere.density))
     return problem.units.number(densities, mass=1, length=-3)
@@ -58,13 +58,14 @@ def spheres(problem: Problem) -> list[str]:
 
 
 def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
+    flies = "  # m: the box follows spheres that fly away" if problem.scene.loose else ""
     return [
         *_titles(problem, wave_is),
         f"units        {problem.units.style}",
         "dimension    2",
-        f"boundary     {boundary(problem)}{'  # m: the box follows spheres that fly away' if problem.loose else ''}",
+        f"boundary     {boundary(problem)}{flies}",
         f"atom_style   {'hybrid sphere dipole' if problem.on['tracking'] else 'sphere'}",
-        f"atom_modify  map array{'' if problem.loose else ' sort 1 0.0'}",
+        f"atom_modify  map array{'' if problem.scene.loose else ' sort 1 0.0'}",
         "comm_modify  vel yes",
         *lines,
         *selection.lines("spheres", problem),
@@ -75,7 +76,7 @@ def _lattice(problem: Problem, wave_is: str, lines: list[str]) -> list[str]:
 
 def _titles(problem: Problem, wave_is: str) -> list[str]:
     scale, sphere = problem.scale, problem.scene.sphere
-    if not problem.loose:
+    if not problem.scene.loose:
         return [f"# --- lattice at rest; {wave_is} the wave for unit amplitude"]
     return [
         f"# --- units: the radius R = {sphere.radius!r} m, the mass m = {scale.mass!r} kg and t0 = {scale.time!r} s",
@@ -85,20 +86,20 @@ def _titles(problem: Problem, wave_is: str) -> list[str]:
 
 def restarted(problem: Problem, checkpoint: str) -> list[str]:
     """Return the lines that read the spheres of a checkpoint, which holds no ``comm_modify``."""
-    sort = [] if problem.loose else ["atom_modify  sort 1 0.0"]
+    sort = [] if problem.scene.loose else ["atom_modify  sort 1 0.0"]
     return [*sort, "comm_modify  vel yes", f"read_restart {checkpoint}", *_neighbours(problem)]
 
 
 def _neighbours(problem: Problem) -> list[str]:
     """Return the line of the neighbour lists; spheres that fly move faster than those that vibrate."""
-    if problem.loose:
+    if problem.scene.loose:
         return ["neighbor     0.2 bin", start.STEP]
     return [f"neighbor     {problem.units.number(problem.scene.sphere.radius / 10, length=1)!r} bin"]
 
 
 def boundary(problem: Problem) -> str:
     """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
-    if problem.loose:
+    if problem.scene.loose:
         return f"{'p' if problem.crystal.pbc[0] else 'm'} m p"
     shape = problem.scene.shape
     faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})

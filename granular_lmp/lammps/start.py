@@ -113,7 +113,7 @@ def preload(problem: Problem) -> list[str]:
 
 def reference(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
-    if problem.loose:
+    if problem.scene.loose:
         return ["# --- displacements count from the places at rest", _REFERENCE]
     return [_REFERENCE, _PLANE, STEP]
 

@@ -25,8 +25,8 @@ def title(scene: Scene) -> str:
 
 def data_title(problem: Problem) -> str:
     """Return the first line of the data file."""
-    units = "lengths in radii, masses in m" if problem.loose else f"units {problem.units.style}"
-    return f"{title(problem.scene)}; {units}"
+    units = problem.units
+    return f"{title(problem.scene)}; {units.names if problem.scene.loose else f'units {units.style}'}"
 
 
 def heading(problem: Problem) -> list[str]:
@@ -69,7 +69,7 @@ def variables(problem: Problem) -> list[str]:
         f"variable {'marked':{width}} index unmarked  # a group without spheres, by which a checkpoint tells of which "
         "scene it is",
         *([_refusal(), f'print "{_said(problem)}"'] if wave else []),
-        *(clock(problem) if problem.loose else []),
+        *(clock(problem) if problem.scene.loose else []),
     ]
 
 
@@ -131,27 +131,28 @@ def said_variables(log: str) -> dict[str, str] | None:
 def units(problem: Problem) -> list[str]:
     """Return the lengths and times of the scene in the units of the deck, and the clock; [] where they are its own."""
     of, scale = problem.units, problem.scale
-    if problem.loose:
+    if problem.scene.loose:
         return []
+    overlap = "static overlap" if problem.scene.wave else "unit of overlaps and displacements"
     return [
         f"# --- units {of.style}: {of.names}",
-        f"variable Delta0 equal {of.number(scale.length, length=1)!r}  # static overlap",
+        f"variable Delta0 equal {of.number(scale.length, length=1)!r}  # {overlap}",
         f"variable R      equal {of.number(problem.scene.sphere.radius, length=1)!r}  # radius",
         f"variable t0     equal {of.number(scale.time, time=1)!r}  # one tau",
-        *(["variable D0     equal v_amplitude*v_Delta0"] if problem.scene.wave else []),
+        f"variable D0     equal {'v_amplitude*' if problem.scene.wave else ''}v_Delta0",
         *clock(problem),
     ]
 
 
 def clock(problem: Problem) -> list[str]:
     """Return the variables of steps and time; t0 is 1 where the units are those of the scene."""
-    width = 8 if problem.loose else 6
+    width = 8 if problem.scene.loose else 6
     step, tau = ("v_sample/v_every*v_t0", "step*v_step/v_t0")
-    if problem.loose:
+    if problem.scene.loose:
         step, tau = ("v_sample/v_every", "step*v_step")
     return [
         f"variable {'every':{width}} equal ceil(v_sample/v_timestep-1e-9)",
-        f"variable {'step':{width}} equal {step if problem.loose else f'$({step}:%.17g)'}",
+        f"variable {'step':{width}} equal {step if problem.scene.loose else f'$({step}:%.17g)'}",
         f"variable {'steps':{width}} equal v_every*floor(v_duration/v_sample+1e-9)",
         f"variable {'tau':{width}} equal {tau}",
     ]

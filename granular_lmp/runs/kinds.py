@@ -12,7 +12,6 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.problem import Problem
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
-from granular_lmp.units import AnyUnits, OwnUnits, units_for
 
 
 def prepare(scene: Scene) -> Problem:
@@ -25,13 +24,6 @@ def prepare(scene: Scene) -> Problem:
 def in_deck(what: Scene | Deck) -> tuple[Scene, Deck | None]:
     """Return the scene to run, and its deck if there is one."""
     return (what.problem.scene, what) if isinstance(what, Deck) else (what, None)
-
-
-def units_of(scene: Scene) -> AnyUnits:
-    """Return the units of the deck of a scene."""
-    if scene.wave is None:
-        return OwnUnits(scene.scale.mass, scene.sphere.radius, scene.scale.time)
-    return units_for(scene.sphere.radius)
 
 
 def unit_of(scene: Scene) -> float:

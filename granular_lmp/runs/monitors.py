@@ -223,7 +223,7 @@ class MonitorRecord:
 
     def _by_pair(self, time: Integers, table: Floats, unknown: NDArray[np.bool_]) -> ContactForces:
         """Return the contacts of the monitor's spheres from the lines of the dump; nan at times that are unknown."""
-        atoms, units = self.crystal, kinds.units_of(self.scene)
+        atoms, units = self.crystal, self.scene.units
         sphere = self.scene.sphere
         first, second = table[:, :2].astype(int).T - 1
         own = np.isin(first, self.spheres) | np.isin(second, self.spheres)

@@ -180,7 +180,7 @@ class Record(HasCard):
             return cls(tau, signals, scene, info or {}, folder)
         table = read_centre(folder / (dump or DUMP))
         displacement = scene.displacement_amplitude
-        metre = kinds.units_of(scene).number(1.0, length=1)
+        metre = scene.units.number(1.0, length=1)
         untracked = np.full(len(table["step"]), np.nan if "omegaz" in table else 0.0)
         first = table["step"][0] if is_one_column(scene) else 0  # LAMMPS could not set the step back there
         signals = {

@@ -72,7 +72,7 @@ class Simulation:
     def columns(self) -> tuple[str, ...]:
         """Thermo columns of the guards that are looked at between two lines, with which a stopped run is completed."""
         problem = self.deck.problem
-        return () if problem.loose else tuple(columns(problem))
+        return () if problem.scene.loose else tuple(columns(problem))
 
     def files(self) -> dict[str, Iterable[str]]:
         """Return name → text, in pieces, of the files of the run folder; its scene has every "auto" decided."""

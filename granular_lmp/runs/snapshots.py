@@ -60,7 +60,7 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
 
     As in `Spheres`; the columns are in the units of the deck.
     """
-    still, units = np.zeros(columns["id"].shape), kinds.units_of(scene)
+    still, units = np.zeros(columns["id"].shape), scene.units
     displacement = units.number(kinds.unit_of(scene), length=1)
     velocity = displacement / units.number(scene.scale.time, time=1)
     radius = units.number(scene.sphere.radius, length=1)

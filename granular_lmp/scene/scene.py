@@ -53,6 +53,7 @@ from granular_lmp.scene.start import Start
 from granular_lmp.scene.start import located as located_state
 from granular_lmp.scene.strikers import Striker, check_strikes, scale_of, stretch
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
+from granular_lmp.units import AnyUnits, units_of
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
@@ -228,6 +229,17 @@ class Scene(HasCard, Document):
     def scale(self) -> Scale:
         """Units of the scene: m, Δ0 and t0 of the spheres at rest; without a wave those of the impact."""
         return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
+
+    @property
+    def loose(self) -> bool:
+        """True if spheres just touch, or are pressed together from outside, so that they part without a pull."""
+        return self.bare
+
+    @property
+    def units(self) -> AnyUnits:
+        """Units of the deck."""
+        scale = self.scale
+        return units_of(self.material.radius, scale.time, scale.mass, loose=self.loose)
 
     @property
     def displacement_amplitude(self) -> float:

@@ -16,7 +16,6 @@ from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.outputs import DUMP, read_snapshots
 from granular_lmp.runs.record import TRAJECTORY, Record, write_status
 from granular_lmp.runs.seal import files_of
-from granular_lmp.units import units_for
 
 Floats = NDArray[np.float64]
 
@@ -102,7 +101,7 @@ def keep_centre(deck: Deck, record: Record, output: Output) -> Record:
     if len(rows) != len(record.tau):
         raise ValueError(f"{path}: {len(rows)} snapshots instead of {len(record.tau)}")
     scene = deck.scene
-    units, size = units_for(scene.sphere.radius), scene.displacement_amplitude
+    units, size = scene.units, scene.displacement_amplitude
     radius, d0 = (units.number(length, length=1) for length in (scene.sphere.radius, size))
     low, high = deck.data.box[:2].T
     rest = radius * deck.packing.positions[index, :2]
