@@ -1,330 +1,266 @@
-"""Find two waves that resonate: for spheres and a frequency, which pair, directions and compression are phase-matched.
+"""Inverse questions: two waves of given frequencies that resonate, and the numbers of a crystal at which it does best.
 
     granular-analysis design HERTZ [--second HERTZ] [--direction DEG ...] [--opening DEG ...] [spheres]
+    granular-analysis design SCENE --vary KEY LOW HIGH [--vary ...] [--best growth|frequency|gap|passing] [-o FILE]
 
-Two sources shake a crystal at the frequencies f1 and f2, each along a direction of its own. In the crystal's own units
-the frequencies are Ωi = 2π fi t0, and t0 falls as the crystal is compressed,
+Of a frequency, the table has the pairs of waves that are phase-matched, and the compression that each needs
+(`analysis.theory.partners`).
 
-    t0² = m/(3(κ+3) A √Δ0),    A Δ0^{3/2} = F + F0,    F = π w R adhesion,  F0 the compressive force of a contact
+Of a scene, a file or the name of a shipped one, the numbers behind one or more keys are found at which its crystal has
 
-so that F0 brings two waves of given frequencies to where Ω1 ± Ω2 = Ω_j(k1 ± k2). For each pair of branches and
-directions, `design` finds the wave numbers at which Ω2/Ω1 = f2/f1 and the pair is phase-matched, and the F0 that makes
-them waves of these frequencies, in the geometry and under the prestress (η, F0) of such contacts. Pairs that symmetry
-forbids (`analysis.theory.selection`) are left out.
+* growth: the fastest growth of a second harmonic, at its resonance along the direction of the scene;
+* frequency: a resonance for a wave of ``--at`` hertz;
+* gap: the widest gap above the branch ``--branch``, over its middle;
+* passing: the largest share of the wave of the scene that passes its rows of other densities.
 
-Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
-in periods of the first wave, in which two waves of the same amplitude make a third as large
-(`analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts, whose
-second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small enough.
-
-When it breaks: as `analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which spread of
-sphere sizes easily makes.
+Keys are densities of rows (``inclusion.1.density``) and, but for passing, `analysis.theory.scenes.VARIED`. Derivatives
+are exact (`analysis.theory.variation`), and stand beside the result. With ``-o`` the scene is written with these
+numbers, and of the wave numbers that its rows hold the one next to the resonance.
 """
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
-from typing import Literal, NamedTuple
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from contourpy import contour_generator
 from numpy.typing import NDArray
-from scipy.optimize import root
 
-from analysis.plotting import start
-from analysis.theory.bloch import frame, real_modes
-from analysis.theory.contact import Contact
-from analysis.theory.directions import branch_index
-from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
-from analysis.theory.selection import forbidden
-from granular_lmp.crystal.sphere import Sphere
+from analysis.plotting import start, write
+from analysis.theory.objectives import (
+    POINTS,
+    Found,
+    Gap,
+    Growth,
+    Objective,
+    Passing,
+    Tuned,
+    best,
+    candidates,
+    grid,
+)
+from analysis.theory.partners import LARGEST, SILICA, contact_of, design, table
+from analysis.theory.partners import Resonance as Resonance
+from analysis.theory.partners import compressed as compressed
+from analysis.theory.scenes import CRYSTAL_KEYS, MOTION, VARIED, Setting
+from analysis.theory.transfer import Rows, heavy_rows
+from analysis.theory.variation import Resonance as Resonant
+from analysis.theory.variation import Spot, Value
+from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
 
-SILICA = Sphere(
-    radius=5e-7, youngs_modulus=7.3e10, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0
-)  # the paper's
 UNITS = {  # by the number that describes a sphere
     "radius": "m", "youngs_modulus": "Pa", "poisson_ratio": "NU", "work_of_adhesion": "J/m2", "density": "kg/m3"
 }  # fmt: skip
-EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, in 1/lattice constant
-POINTS = 160  # values of each wave number, from Γ to the border of the zone
-LARGEST = 0.099  # overlap ratio: `Contact` knows up to 0.1, and a root is looked for from both sides
-SMALLEST = 1e-12  # overlap ratio of spheres that do not adhere: below, contacts are atoms
-CLOSE = 1e-10  # difference of frequencies at a root; relative, of its unit of time and the one that was asked for
-SAME = 1e-6  # relative, of lengths and forces of one resonance that is found twice
+GOALS = ("growth", "frequency", "gap", "passing")
 
 
-@dataclass(frozen=True)
-class Resonance:
-    """A phase-matched pair in a crystal that is compressed for it.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked of a scene.
 
     Attributes
     ----------
-    pair : the two waves and their contact
-    target : branch that grows at k1 ± k2
-    sphere : the spheres, with the compressive force F0 of a contact in N
-    frequency : f1 in hertz
+    keys, bounds : those that are varied, (P), each between two numbers.
+    goal : one of `GOALS`.
+    at : frequency in hertz that a resonance is to have.
+    branch : below the gap, from 1.
+    points : values of each key on the grid.
     """
 
-    pair: Pair
-    target: int
-    sphere: Sphere
-    frequency: float
+    scene: Scene
+    keys: tuple[str, ...]
+    bounds: tuple[tuple[float, float], ...]
+    goal: str = "growth"
+    at: float = 0.0
+    branch: int = 1
+    points: int = POINTS
+
+    def __post_init__(self) -> None:
+        known = [*VARIED, *(f"inclusion.{n}.density" for n in range(1, len(self.scene.inclusion) + 1))]
+        for key, (low, high) in zip(self.keys, self.bounds, strict=True):
+            if key not in known:
+                raise ValueError(f"--vary {key}: must be one of {', '.join(known)}")
+            if not -np.inf < low < high < np.inf:
+                raise ValueError(f"--vary {key} {low:g} {high:g}: must be two finite numbers, the lower one first")
+            for end in () if key == "wave.direction" else (low, high):
+                self.scene.with_values({key: end})  # the scene knows which numbers are allowed
+        if self.goal == "frequency" and not 0 < self.at < np.inf:
+            raise ValueError(f"--at {self.at:g}: must be the frequency of the wave, above 0 Hz")
+        if self.goal == "gap" and not 0 < self.branch < (count := len(self.place(self._low).crystal.mass) * 3):
+            raise ValueError(f"--branch {self.branch}: must be from 1 to {count - 1}, of those of the crystal")
 
     @property
-    def generated_frequency(self) -> float:
-        """Return |f1 ± f2| in hertz."""
-        (first, _), _ = self.pair.tones
-        return float(abs(self.pair.frequency) / first * self.frequency)
+    def _low(self) -> Floats:
+        return np.array([low for low, _ in self.bounds])
+
+    def place(self, values: NDArray[Any]) -> Spot:
+        """Return the spot of values (P,), which may be complex."""
+        return Setting(self.scene, dict(zip(self.keys, values, strict=True))).spot()
+
+    def answer(self) -> "Answer":
+        """Return the best values.
+
+        Raises ValueError where the goal has no value between the bounds.
+        """
+        if self.goal == "gap":
+            return self._best(Gap(self.place, self.branch - 1))
+        if self.goal == "passing":
+            return self._best(self.passing())
+        found = candidates(self.place, self.bounds, self.points)
+        if self.goal == "growth":
+            chosen = max(found, key=lambda each: each.growth)
+            return self._best(chosen.resonant, [chosen.values], chosen.resonant)
+        wanted = 2 * np.pi * self.at
+        near = min(found, key=lambda each: abs(each.frequency - wanted))
+        return self._best(Tuned(near.resonant, wanted), [near.values], near.resonant)
+
+    def _best(
+        self, objective: Objective, starts: list[Floats] | None = None, resonant: Growth | None = None
+    ) -> "Answer":
+        found = best(objective, self.bounds, starts or grid(self.bounds, self.points))
+        there = None if resonant is None else resonant.at(found.values)
+        return Answer(self, found, objective(found.values), there)
+
+    def passing(self) -> Passing:
+        """Return the share of the scene's wave that passes its rows of other densities.
+
+        Raises ValueError for a key that is no density of rows, and a wave or crystal that `transfer` leaves out.
+        """
+        scene, setting = self.scene, Setting(self.scene)
+        setting.refuse(CRYSTAL_KEYS - MOTION)
+        if scene.packing.lattice != "hexagonal" or scene.direction != 90 or not scene.inclusion:
+            raise ValueError("passing is of a wave along y at [[inclusion]] of rows in a hexagonal crystal")
+        if other := [key for key in self.keys if not key.startswith("inclusion.")]:
+            raise ValueError(f"passing knows no derivative by {', '.join(other)}; vary inclusion.N.density")
+        owners = np.zeros(scene.shape.rows, dtype=int)
+        for number, each in enumerate(scene.inclusion, 1):
+            first, last = each.rows
+            owners[first : last + 1 : each.every] = number
+        owners = np.trim_zeros(owners)
+        host, contact = scene.sphere.density, contact_of(scene.sphere)
+
+        def rows(values: Floats) -> tuple[Rows, Floats]:
+            varied = dict(zip(self.keys, values, strict=True))
+            densities = [
+                varied.get(f"inclusion.{n}.density", each.density) for n, each in enumerate(scene.inclusion, 1)
+            ]
+            masses = np.array([host, *densities])[owners] / host
+            own = [owners == int(key.split(".")[1]) for key in self.keys]
+            changes = [np.pad(mine / value, 2) for mine, value in zip(own, values, strict=True)]
+            return heavy_rows(contact, masses.tolist()), np.array(changes)
+
+        return Passing(rows, float(setting.mode().frequency) * scene.sphere.time_scale, scene.wave.mode)
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The best values of a question, the goal there with its derivatives, and the resonance if it is of one."""
+
+    question: Question
+    found: Found
+    goal: Value
+    resonance: Resonant | None
 
     @property
-    def rate(self) -> float:
-        """Return the rate of growth per τ and a of `mixing.growth_rates`, half of it where the two waves are one."""
-        (one, branch), (other, another), _ = self._three
-        single = self.pair.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
-        return float(growth_rates(self.pair)[self.target]) * (0.5 if single else 1.0)
+    def scene(self) -> Scene:
+        """Return the scene with the best values, and the wave number next to the resonance that its rows hold."""
+        values = dict(zip(self.question.keys, map(float, self.found.values), strict=True))
+        tuned = {"wave.wavenumber": self.resonance.wavenumber.value} if self.resonance else {}
+        return self.question.scene.with_values(values | tuned)
 
-    def periods(self, amplitude: float) -> float:
-        """Return the periods of the first wave after which a third would be as large as two, or one, of a = D0/Δ0."""
-        return self.frequency * self.sphere.time_scale / (self.rate * amplitude)
-
-    def mirrors(self, other: "Resonance") -> bool:
-        """Return whether another resonance is this one, mirrored, turned, or with its two waves exchanged."""
-        if self.pair.sign != other.pair.sign:
-            return False
-        mine, others = self._waves, other._waves
-        return any(np.allclose(mine, order, rtol=SAME, atol=0) for order in (others, others[[1, 0, 2]]))
-
-    @property
-    def _waves(self) -> Floats:
-        """Branch (from 1), length of the wave vector and force on a contact of the three waves, (3, 3)."""
-        return np.array([(1 + int(branch), np.linalg.norm(k), self.sphere.holding_force) for k, branch in self._three])
-
-    @property
-    def _three(self) -> list[tuple[Floats, int]]:
-        """Wave vector and branch of the first, the second and the wave that grows."""
-        waves = [(np.asarray(each.wavevector), int(each.branch)) for each in (self.pair.first, self.pair.second)]  # type: ignore[arg-type]
-        return [*waves, (self.pair.wavevector, self.target)]
-
-    @property
-    def names(self) -> str:
-        """Return the names of the three waves, as "TR + TR -> L"; away from mirrors they label quasi-modes."""
-        contact = self.pair.contact
-        one, other, third = (
-            next(name for name in ("L", "TR", "RT") if branch_index(name, k, contact) == branch)
-            for k, branch in self._three
-        )
-        return f"{one} {'+' if self.pair.sign == 1 else '-'} {other} -> {third}"
-
-
-def contact_of(sphere: Sphere) -> Contact:
-    """Return the contact of spheres under their compressive force, in LAMMPS's geometry."""
-    return Contact(
-        sphere.poisson_ratio,
-        overlap_ratio=sphere.overlap_ratio,
-        prestress=sphere.contact_force / sphere.holding_force,
-    )
-
-
-def compressed(sphere: Sphere, time_scale: float) -> Sphere:
-    """Return the spheres under the F0 that gives them the unit of time t0, in s; a negative one is a pull."""
-    root_of_overlap = sphere.mass / (3 * (sphere.stiffness_ratio + 3) * sphere.normal_coefficient * time_scale**2)
-    return replace(sphere, contact_force=sphere.normal_coefficient * root_of_overlap**3 - sphere.pull_off_force)
-
-
-def design(
-    sphere: Sphere,
-    frequency: float,
-    second: float | None = None,
-    directions: Sequence[float] = (90.0, 0.0),
-    openings: Sequence[float] = (0.0, 60.0, 90.0, 120.0, 180.0),
-) -> list[Resonance]:
-    """Return the phase-matched pairs of two frequencies, those first that grow in the fewest periods.
-
-    Parameters
-    ----------
-    sphere : in SI units; its contact_force is not used
-    frequency, second : f1 and f2 in hertz; f2 = f1 unless given
-    directions : of the first wave, degrees from a close-packed row (90: the paper's y)
-    openings : from the first wave to the second, degrees
-
-    Raises
-    ------
-    ValueError
-        For a value out of range, by name, and for a frequency so low that all pairs need a pull on the contacts.
-    """
-    second = frequency if second is None else second
-    _check(sphere, frequency, second, [*directions, *openings])
-    resting, ratio = replace(sphere, contact_force=0.0), second / frequency
-    longest, shortest = (
-        replace(resting, contact_force=resting.normal_coefficient * overlap**1.5 - resting.pull_off_force).time_scale
-        for overlap in (max(resting.static_overlap, SMALLEST * 2 * resting.radius), LARGEST * 2 * resting.radius)
-    )
-
-    def under_pressure(omega: float) -> Sphere:
-        """Return the spheres in which the first wave has its frequency, among those that push and are springs."""
-        asked = compressed(resting, float(np.clip(abs(omega) / (2 * np.pi * frequency), shortest, longest)))
-        return replace(asked, contact_force=max(asked.contact_force, 0.0))
-
-    guesses = [
-        guess
-        for direction, opening in product(directions, openings)
-        for guess in _guesses(Contact(sphere.poisson_ratio), ratio, (direction, direction + opening))
-    ]
-    found: list[Resonance] = []
-    for guess in guesses:
-        pair = _root(guess, ratio, lambda omega: contact_of(under_pressure(omega)))
-        if pair is None or forbidden(pair)[guess.target]:
-            continue
-        omega = float(pair.tones[0][0])
-        each = Resonance(pair, guess.target, under_pressure(omega), frequency)
-        agrees = abs(omega / (2 * np.pi * frequency) - each.sphere.time_scale) < CLOSE * each.sphere.time_scale
-        if agrees and not any(each.mirrors(other) for other in found):
-            found.append(each)
-    if not found and sphere.work_of_adhesion:
-        held = contact_of(resting)
-        pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
-        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair)[guess.target]]
-        lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
-        if frequency < lowest:
-            raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")
-    return sorted(found, key=lambda each: each.periods(1.0))
-
-
-def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[float]) -> None:
-    """Raise ValueError, with name, value and what is allowed, for input of `design` that is none."""
-    positive = {"frequency": frequency, "second": second} | {
-        name: getattr(sphere, name) for name in ("radius", "youngs_modulus", "density")
-    }
-    for name, value in positive.items():
-        if not 1e-15 <= value <= 1e15:  # whose powers are numbers
-            raise ValueError(f"{name} is {value}; allowed: from 1e-15 to 1e15")
-    if not np.isfinite(angles).all():
-        raise ValueError(f"directions and openings are {list(angles)}; allowed: degrees, finite")
-    if sphere.adhesion_law != "dmt":
-        raise ValueError(f"adhesion_law is {sphere.adhesion_law!r}; allowed: 'dmt'")
-    if not -1 < sphere.poisson_ratio <= 0.5:
-        raise ValueError(f"poisson_ratio is {sphere.poisson_ratio}; allowed: above -1, up to 0.5")
-    adhesion = replace(sphere, contact_force=0.0)
-    if not (sphere.work_of_adhesion >= 0 and adhesion.overlap_ratio < LARGEST):
-        raise ValueError(
-            f"work_of_adhesion is {sphere.work_of_adhesion}; allowed: 0 or above, with an overlap of the spheres at "
-            f"rest below {LARGEST:g} of a diameter"
-        )
-
-
-class _Guess(NamedTuple):
-    """Two waves near phase-matching: unit vectors along them, lengths and Ω1, branches, sign, the branch they make."""
-
-    along: tuple[Floats, Floats]
-    start: Floats
-    branches: tuple[int, int]
-    sign: Literal[1, -1]
-    target: int
-
-    def pair(self, lengths: Floats, contact: Contact) -> Pair:
-        """Return the two waves with wave vectors of other lengths, (2,) or (2, N)."""
-        first, second = (
-            Tone(length[..., None] * direction, branch)
-            for length, direction, branch in zip(lengths, self.along, self.branches, strict=True)
-        )
-        return Pair(first, second, self.sign, contact)
-
-
-def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Iterator[_Guess]:
-    """Yield where on a grid of wave numbers Ω2 = ratio·Ω1 and the waves along two directions resonate with a branch."""
-    along = (frame(angles[0])[0], frame(angles[1])[0])
-    lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
-    first, second = (
-        real_modes(length[:, None] * direction, contact)[0] for length, direction in zip(lengths, along, strict=True)
-    )
-    # Equal frequencies make a difference that is static, and no wave
-    signs: tuple[Literal[1, -1], ...] = (1, -1) if ratio != 1.0 else (1,)
-    for one, other in product(range(3), repeat=2):
-        gap = second[:, None, other] - ratio * first[:, one]
-        for line in contour_generator(lengths[0], lengths[1], gap).lines(0.0):
-            for sign in signs:
-                guess = _Guess(along, np.empty(3), (one, other), sign, 0)
-                pair = guess.pair(np.asarray(line).T, contact)
-                for step, target in np.argwhere(np.diff(np.signbit(detunings(pair)), axis=0)):
-                    start_at = np.array([*line[step], pair.tones[0][0][step]])
-                    yield guess._replace(start=start_at, target=int(target))
-
-
-def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -> Pair | None:
-    """Return the phase-matched pair near a guess, None if there is none in the zone.
-
-    contact_at gives the contact of the crystal in which the first wave has a frequency Ω1.
-    """
-
-    def residual(unknown: Floats) -> list[float]:
-        pair = guess.pair(unknown[:2], contact_at(float(unknown[2])))
-        (first, _), (second, _) = pair.tones
-        gap = detunings(pair)[guess.target]
-        return [float(first - unknown[2]), float(abs(second) - ratio * first), float(gap)]
-
-    found = root(residual, guess.start, tol=1e-13).x
-    borders = np.array([_border(direction) for direction in guess.along])
-    inside = np.all((found[:2] > 0) & (found[:2] <= borders * (1 + CLOSE)))
-    matched = inside and np.max(np.abs(residual(found))) < CLOSE
-    return guess.pair(found[:2], contact_at(float(found[2]))) if matched else None
-
-
-def _border(direction: Floats) -> float:
-    """Return the length of a wave vector along a unit vector on the border of the first zone."""
-    normals = np.radians(30.0 + 60.0 * np.arange(6))
-    return float(EDGE / np.max(np.cos(normals) * direction[0] + np.sin(normals) * direction[1]))
-
-
-def table(found: Sequence[Resonance], amplitude: float) -> str:
-    """Return the resonances, one a line: waves, directions, wave numbers, frequencies, force, and periods of growth."""
-    lines = [
-        f"{'waves':15}{'deg 1':>7}{'deg 2':>7}{'deg 3':>7}{'xi 1':>9}{'xi 2':>9}{'xi 3':>9}"
-        f"{'f3, Hz':>11}{'F0, N':>11}{'eta':>9}{'periods':>9}"
-    ]
-    for each in found:
-        waves = [np.asarray(k, dtype=float) for k in (each.pair.first.wavevector, each.pair.second.wavevector)]
-        waves.append(each.pair.wavevector * np.sign(each.pair.frequency))
-        angles = "".join(f"{np.degrees(np.arctan2(k[1], k[0])) % 360:7.1f}" for k in waves)
-        numbers = "".join(f"{np.linalg.norm(k) * np.sqrt(0.75):9.5f}" for k in waves)
-        lines.append(
-            f"{each.names:15}{angles}{numbers}{each.generated_frequency:11.4g}{each.sphere.contact_force:11.4g}"
-            f"{each.sphere.overlap_ratio:9.2g}{each.periods(amplitude):9.1f}"
-        )
-    return "\n".join(lines)
+    def text(self) -> str:
+        """Return the answer, a line for each key and one for the goal."""
+        asked = self.question
+        lines = [f"{'key':26}{'best':>12}{'from':>12}{'to':>12}  d {asked.goal} / d ln"]
+        for key, value, (low, high), slope in zip(
+            asked.keys, self.found.values, asked.bounds, self.goal.gradient, strict=True
+        ):
+            lines.append(f"{key:26}{value:12.6g}{low:12.6g}{high:12.6g}  {slope * value:.2g}")
+        last = f"{asked.goal} is {self.goal.value:.6g}; {self.found.of_grid:.6g} at the best point of the grid"
+        if self.resonance is not None:
+            at = self.resonance
+            x, omega, growth = at.wavenumber.value, at.frequency.value, at.growth.value
+            last = (
+                f"resonance at xi = {x:.6f}, {omega / 2 / np.pi:.6g} Hz: the second harmonic gains {growth:.5g} D0 a "
+                "period per a"
+            )
+        return "\n".join([*lines, last])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the resonances of two frequencies; returns the exit status, 1 if there is none."""
+    """Command line; returns the exit status, 1 if nothing resonates."""
     command = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    command.add_argument("frequency", type=float, metavar="HERTZ", help="of the first wave")
-    command.add_argument("--second", type=float, metavar="HERTZ", help="of the second wave (default: the first's)")
-    command.add_argument(
+    command.add_argument("what", metavar="HERTZ_OR_SCENE", help="of the first wave; or a file or shipped scene")
+    pairs = command.add_argument_group("two waves")
+    pairs.add_argument("--second", type=float, metavar="HERTZ", help="of the second wave (default: the first's)")
+    pairs.add_argument(
         "--direction", type=float, nargs="+", default=[90.0, 0.0], metavar="DEG",
         help="of the first wave, from a close-packed row (default: 90 0)",
     )  # fmt: skip
-    command.add_argument(
+    pairs.add_argument(
         "--opening", type=float, nargs="+", default=[0.0, 60.0, 90.0, 120.0, 180.0], metavar="DEG",
         help="from the first wave to the second (default: 0 60 90 120 180)",
     )  # fmt: skip
-    command.add_argument("--amplitude", type=float, default=0.1, metavar="A", help="of both, D0/Delta0 (default: 0.1)")
+    pairs.add_argument("--amplitude", type=float, default=0.1, metavar="A", help="of both, D0/Delta0 (default: 0.1)")
     for name, unit_of in UNITS.items():
         default = getattr(SILICA, name)
-        command.add_argument(
+        pairs.add_argument(
             f"--{name.replace('_', '-')}", type=float, default=default, metavar=unit_of, help=f"default: {default:g}"
         )
+    scene = command.add_argument_group("a scene")
+    scene.add_argument(
+        "--vary", nargs=3, action="append", metavar=("KEY", "LOW", "HIGH"), help="a number of the scene, and its bounds"
+    )
+    scene.add_argument("--best", choices=GOALS, default="growth", help="what is to be largest (default: growth)")
+    scene.add_argument("--at", type=float, default=0.0, metavar="HERTZ", help="frequency of the wave that resonates")
+    scene.add_argument("--branch", type=int, default=1, metavar="N", help="below the gap, 1 is the lowest (default: 1)")
+    scene.add_argument("--points", type=int, default=POINTS, metavar="N", help=f"of each key (default: {POINTS})")
+    scene.add_argument("-o", "--output", metavar="FILE", help="write the scene with the best numbers")
     chosen = command.parse_args(arguments)
+    try:
+        frequency = float(chosen.what)
+    except ValueError:
+        return _of_scene(command, chosen)
+    return _of_frequency(command, chosen, frequency)
+
+
+def _of_frequency(command: argparse.ArgumentParser, chosen: argparse.Namespace, frequency: float) -> int:
+    """Print the resonances of two frequencies."""
     if not 0 < chosen.amplitude < 1:
         command.error(f"amplitude is {chosen.amplitude}; allowed: above 0, below 1, where contacts open")
+    if chosen.vary:
+        command.error("--vary is for a scene, not for a frequency")
     try:
         sphere = replace(SILICA, **{name: getattr(chosen, name) for name in UNITS})
-        found = design(sphere, chosen.frequency, chosen.second, chosen.direction, chosen.opening)
+        found = design(sphere, frequency, chosen.second, chosen.direction, chosen.opening)
     except ValueError as error:
         command.error(str(error))
     print(table(found, chosen.amplitude) if found else f"no pair is phase-matched with eta below {LARGEST:g}")
     return 0 if found else 1
+
+
+def _of_scene(command: argparse.ArgumentParser, chosen: argparse.Namespace) -> int:
+    """Print the best numbers of a scene, and write it with them."""
+    if not chosen.vary:
+        command.error(f"{chosen.what}: a scene needs --vary KEY LOW HIGH; a frequency is a number")
+    if not 2 <= chosen.points <= 50:
+        command.error(f"--points {chosen.points}: must be from 2 to 50")
+    try:
+        bounds = tuple((float(low), float(high)) for _, low, high in chosen.vary)
+        keys = tuple(key for key, *_ in chosen.vary)
+        question = Question(Scene.load(chosen.what), keys, bounds, chosen.best, chosen.at, chosen.branch, chosen.points)
+        answer = question.answer()
+        print(answer.text())
+        if chosen.output:
+            write(Path(chosen.output), answer.scene.to_toml())
+    except GranularError as error:
+        raise SystemExit(error.in_options()) from error
+    except ValueError as error:
+        raise SystemExit(f"{chosen.what}: {error}") from error
+    return 0
 
 
 if __name__ == "__main__":

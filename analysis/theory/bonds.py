@@ -33,7 +33,7 @@ Source: the laws of the paper (springN, springS) and of LAMMPS's pair style gran
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,7 +67,7 @@ class Law(NamedTuple):
 
 def dmt(overlap: ArrayLike, hertz: ArrayLike, mindlin: ArrayLike, pull: ArrayLike = 0.0) -> Law:
     """Return f = A δ^{3/2} − F and k = B δ^{1/2} at overlaps δ > 0: Hertz's law, with the pull F of adhesion."""
-    delta, A, B, F = (np.asarray(each, dtype=float) for each in np.broadcast_arrays(overlap, hertz, mindlin, pull))
+    delta, A, B, F = np.broadcast_arrays(overlap, hertz, mindlin, pull)
     root = np.sqrt(delta)
     cubed = root**3
     push = A * cubed - F
@@ -169,9 +169,10 @@ class Bonds:
         half = self._half(wavevector)
         here = field[..., self.first, :] * half.conj()
         there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]
-        return self._strain((there - here)[..., :3], (there + here)[..., 3:])
+        return self.deformed((there - here)[..., :3], (there + here)[..., 3:])
 
-    def _strain(self, w: Complexes, turned: Complexes) -> Strain:
+    def deformed(self, w: NDArray[Any], turned: NDArray[Any]) -> Strain:
+        """Return the deformation of contacts by u_j − u_i and φ_i + φ_j, (..., C, 3) each."""
         stretch = np.sum(self.normal * w, axis=-1)
         sideways = w - stretch[..., None] * self.normal
         return Strain(
@@ -187,7 +188,7 @@ class Bonds:
             np.stack([first, second])
             for first, second in ((-units[..., :3], there[..., :3]), (units[..., 3:], there[..., 3:]))
         )
-        return np.moveaxis(self.linear(self._strain(w, turned)), (0, 1), (3, 4)).real
+        return np.asarray(np.moveaxis(self.linear(self.deformed(w, turned)), (0, 1), (3, 4)))
 
     def gather(self, ends: Complexes, wavevector: ArrayLike, spheres: int) -> Complexes:
         """Return the forces (..., B, 6) on spheres of those at both ends (..., C, 2, 6) of the contacts."""

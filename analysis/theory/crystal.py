@@ -85,7 +85,7 @@ class Crystal:
     @property
     def reciprocal(self) -> Floats:
         """Return the reciprocal lattice (d, 3), 2π included."""
-        return np.asarray(2 * np.pi * np.linalg.pinv(self.vectors).T, dtype=float)
+        return np.asarray(2 * np.pi * np.linalg.solve(self.vectors @ self.vectors.T, self.vectors))
 
     @cached_property
     def even(self) -> bool:
@@ -211,10 +211,11 @@ class Crystal:
         place, cell = padded(position), padded(vectors)
         if len(place) == 0 or place.shape[1:] != (3,):
             raise ValueError(f"position must be of shape (B, 2) or (B, 3), not {np.shape(position)}")
-        R, rho = (np.broadcast_to(np.asarray(each, dtype=float), len(place)).copy() for each in (radius, density))
+        R, rho = (np.broadcast_to(np.asarray(each) + 0.0, len(place)) for each in (radius, density))
         kinds = np.broadcast_to(np.asarray(kind, dtype=np.intp), len(place))
-        first, second, apart = find_contacts(cell, place, R)
-        length = np.linalg.norm(apart, axis=1)
+        first, second, steps = find_contacts(cell.real, place.real, R.real)
+        apart = place[second] + steps @ cell - place[first]
+        length = np.sqrt(np.sum(apart**2, axis=1))
         overlap = R[first] + R[second] - length
         coefficients = mixed(materials, (kinds[first], kinds[second]), (R[first], R[second]), shear_mixing)
         parts: list[tuple[NDArray[Any], ...]] = [
@@ -233,7 +234,7 @@ class Crystal:
         plane = np.shape(position)[1] == 2
         moves = (PLANE if plane else SPACE) if shear and rotation else (PLANE if plane else SPACE)[: 2 if plane else 3]
         both = np.stack([R[first], R[second]], axis=1)
-        bends = (curving > 0)[:, None] & true_geometry
+        bends = (curving.real > 0)[:, None] & true_geometry
         bonds = Bonds(
             *(first, second, apart, normal, curving * true_geometry),
             arms=np.where(bends, 1 - overlap[:, None] / (2 * both), 1.0),
@@ -249,7 +250,7 @@ class Crystal:
     def _with_mean_arms(self) -> Self:
         """Return the crystal with the mean arm of each sphere, weighted by k, in its moment of inertia."""
         bonds, shear = self.bonds, self.bonds.law.shear
-        weight, total = np.zeros((2, len(self)))
+        weight, total = np.zeros((2, len(self)), dtype=self.mass.dtype)
         pairs = bonds.second >= 0
         for spheres, arms, k in (
             (bonds.first, bonds.arms[:, 0], shear),
@@ -268,7 +269,7 @@ class Crystal:
         push = (self.bonds.law.push[:, None] * self.bonds.normal)[:, None] * np.array([[-1.0], [1.0]])
         ends = np.concatenate([push, np.zeros_like(push)], axis=-1)
         left = np.abs(self.bonds.gather(ends, np.zeros(3), len(self))[:, list(self.freedoms)]).max()
-        allowed = _AT_REST * float(np.max(self.bonds.law.stiffness * np.abs(overlap)))
+        allowed = _AT_REST * float(np.max(np.abs(self.bonds.law.stiffness * overlap)))
         if left > allowed:
             raise ValueError(
                 f"the crystal is not at rest: a force of {left:.3g} is left on a sphere, allowed {allowed:.3g}"
@@ -278,11 +279,12 @@ class Crystal:
 def find_contacts(
     vectors: Floats, position: Floats, radius: Floats
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """Return first and second sphere (C,) and the way between them (C, 3) of all that touch, each contact once."""
+    """Return first and second sphere (C,) of all that touch, each contact once, and by how many vectors the second is
+    moved (C, d)."""
     reach = 2 * float(radius.max()) + float(np.ptp(position, axis=0).max()) * np.sqrt(3)
     # Planes of the lattice are 1/|b| apart, b the reciprocal vector without 2π
     most = np.floor(reach * np.linalg.norm(np.linalg.pinv(vectors), axis=0) + _TOUCHES_TWICE).astype(int)
-    found: list[tuple[int, int, Floats]] = []
+    found: list[tuple[int, int, tuple[int, ...]]] = []
     for steps in product(*(range(-each, each + 1) for each in most)):
         shift = np.array(steps, dtype=float) @ vectors
         apart = position[None] + shift - position[:, None]
@@ -290,17 +292,16 @@ def find_contacts(
         onward = next((step > 0 for step in steps if step), None)
         upper = np.triu(touch, 1)
         own = np.diag(np.diag(touch)) if onward else np.zeros_like(touch)
-        for i, j in zip(*np.nonzero(upper | own), strict=True):
-            found.append((int(i), int(j), apart[i, j]))
+        found += [(int(i), int(j), steps) for i, j in zip(*np.nonzero(upper | own), strict=True)]
     if not found:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 3))
-    first, second, ways = zip(*found, strict=True)
-    return np.array(first, dtype=np.intp), np.array(second, dtype=np.intp), np.array(ways)
+        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, len(vectors)))
+    first, second, counts = zip(*found, strict=True)
+    return np.array(first, dtype=np.intp), np.array(second, dtype=np.intp), np.array(counts, dtype=float)
 
 
 def padded(vector: ArrayLike) -> Floats:
     """Return vectors (..., 3) of (..., 2) or (..., 3)."""
-    result = np.asarray(vector, dtype=float)
+    result = np.asarray(vector) + 0.0
     return np.concatenate([result, np.zeros((*result.shape[:-1], 3 - result.shape[-1]))], axis=-1)
 
 
@@ -310,7 +311,7 @@ def _touching(
     """Return the contacts of a wall, in the order of `Crystal.of`."""
     normal = np.asarray(wall.normal, dtype=float) / np.linalg.norm(wall.normal)
     overlap = radius - (np.asarray(wall.point, dtype=float) - place) @ normal
-    first = np.flatnonzero(overlap > 0)
+    first = np.flatnonzero(overlap.real > 0)
     size, other = radius[first], np.full(len(first), len(materials))
     plane = np.full(len(first), np.inf)
     coefficients = mixed([*materials, wall.material], (kinds[first], other), (size, plane))

@@ -14,6 +14,7 @@ axis, whose polarisation is arbitrary; a pair of crossings between two points of
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,12 +57,17 @@ class Match:
 
 def zone_edge(crystal: Crystal, direction: ArrayLike) -> float:
     """Return the largest |k| along a direction that is in the first Brillouin zone."""
-    along = _unit(direction)
+    return float(last_number(crystal, _unit(direction)))
+
+
+def last_number(crystal: Crystal, unit: NDArray[Any]) -> Any:
+    """Return the largest x of wave vectors x·unit in the first Brillouin zone; numbers may have a complex step."""
     counts = product(range(-_REACH, _REACH + 1), repeat=len(crystal.vectors))
     vectors = np.array([count for count in counts if any(count)]) @ crystal.reciprocal
-    towards = vectors @ along
-    facing = towards > _SYMMETRIC * np.linalg.norm(vectors, axis=1)
-    return float(np.min(np.sum(vectors[facing] ** 2, axis=1) / (2 * towards[facing])))
+    towards, squares = vectors @ unit, np.sum(vectors**2, axis=1)
+    facing = towards.real > _SYMMETRIC * np.sqrt(squares.real) * np.linalg.norm(unit)
+    numbers = squares[facing] / (2 * towards[facing])
+    return numbers[np.argmin(numbers.real)]
 
 
 def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, count: int = COUNT) -> list[Match]:

@@ -6,19 +6,20 @@ pattern that repeats; then the wave, a mode of the lattice without the layers, s
 The start may run or stand. Whatever else a scene declares is refused by its key.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import PLANE, Crystal
-from analysis.theory.network import Material
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
 from analysis.theory.third_order import frequency_shift
+from analysis.theory.variation import Spot
 from granular_lmp.runs.record import Scene
 
 Floats = NDArray[np.float64]
@@ -49,6 +50,21 @@ FORMS = ("running", "standing")
 LONGEST = 6  # rows of a pattern: its modes meet in pairs, 10 s of processor time for six
 
 
+# Keys of the overlap at rest, in the order of its formula, and those beside "inclusion.N.density" that may be varied
+CONTACT = {f"sphere.{name}": None for name in ("radius", "youngs_modulus", "poisson_ratio", "work_of_adhesion")} | {
+    "packing.contact_force": None
+}
+VARIED = (*CONTACT, "sphere.density", "wave.direction")
+
+
+class Elastic(NamedTuple):
+    """Constants of spheres as `analysis.theory.network.Material`, which may be complex."""
+
+    youngs_modulus: Any
+    poisson_ratio: Any
+    work_of_adhesion: Any
+
+
 @dataclass(frozen=True, eq=False)
 class Setting:
     """A scene, by its physics: what the theory of a crystal takes of it, in SI units.
@@ -56,9 +72,12 @@ class Setting:
     Attributes
     ----------
     scene : with "auto" decided or not: an effect that is "auto" is on if it is one of every crystal's.
+    numbers : values in place of those of some keys, `VARIED` and "inclusion.N.density" with N from 1; they may be
+        complex, for `analysis.theory.variation`.
     """
 
     scene: Scene
+    numbers: Mapping[str, Any] = field(default_factory=dict)
 
     def refuse(self, allowed: frozenset[str]) -> None:
         """Raise ValueError for a scene that declares something else, by its keys; what is switched off is nothing."""
@@ -67,33 +86,63 @@ class Setting:
             values = ", ".join(f"{key} = {self.scene.departures()[key]!r}" for key in other)
             raise ValueError(f"the theory of a crystal leaves out {values}")
 
+    def number(self, key: str) -> Any:
+        """Return the value of a key that is a number, as varied or as the scene has it."""
+        section, _, name = key.partition(".")
+        return self.numbers[key] if key in self.numbers else getattr(getattr(self.scene, section), name)
+
     @cached_property
-    def densities(self) -> Floats:
+    def densities(self) -> NDArray[Any]:
         """Return the density of each row of the pattern that repeats, (P,), the centre row first.
+
+        Rows of a density that is varied are those of another kind, also where they have the density of the others.
 
         Raises ValueError for what is not a pattern of rows of other densities.
         """
         scene, shape = self.scene, self.scene.shape
-        rows = np.full(shape.rows, scene.sphere.density)
-        for number, each in enumerate(scene.inclusion):
+        rows = np.full(shape.rows, self.number("sphere.density"))
+        kinds = np.full(shape.rows, scene.sphere.density)
+        for number, each in enumerate(scene.inclusion, 1):
             differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
             if other := sorted(differs - {"rows", "every", "density"}):
-                raise ValueError(f"inclusion {number + 1} has {', '.join(other)}; allowed: rows, every, density")
+                raise ValueError(f"inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
+            varied = self.numbers.get(f"inclusion.{number}.density")
             first, last = each.rows
-            rows[first : last + 1 : each.every] = each.density
+            chosen = slice(first, last + 1, each.every)
+            rows = rows.astype(np.result_type(rows, 0.0 if varied is None else varied))
+            rows[chosen] = each.density if varied is None else varied
+            kinds[chosen] = each.density if varied is None else -number
         shift = 2 if STACKING[scene.packing.lattice][1] else 1  # rows after which the lattice itself repeats
         if shape.ends == "periodic":
             fits = (
-                n for n in range(shift, LONGEST + 1, shift) if len(rows) % n == 0 and np.all(rows == np.roll(rows, n))
+                n
+                for n in range(shift, LONGEST + 1, shift)
+                if len(kinds) % n == 0 and np.all(kinds == np.roll(kinds, n))
             )
         else:
-            fits = (n for n in range(shift, LONGEST + 1, shift) if np.all(rows[n:] == rows[:-n]))
+            fits = (n for n in range(shift, LONGEST + 1, shift) if np.all(kinds[n:] == kinds[:-n]))
         length = next(fits, 0)
         if not length:
             raise ValueError(f"the densities of {len(rows)} rows do not repeat after {LONGEST} rows or fewer")
-        if np.ptp(rows) == 0:
+        if np.ptp(kinds) == 0:
             length = 1
         return np.roll(rows, -shape.centre_row)[:length]
+
+    @cached_property
+    def overlap(self) -> Any:
+        """Return the overlap at rest of two spheres, m.
+
+        Raises ValueError where it is varied under the JKR law, which has no closed form.
+        """
+        sphere = self.scene.sphere
+        if not self.numbers.keys() & CONTACT:
+            return sphere.static_overlap
+        if sphere.adhesion_law != "dmt":
+            varied = ", ".join(sorted(self.numbers.keys() & CONTACT))
+            raise ValueError(f"sphere.adhesion_law = {sphere.adhesion_law!r} allows to vary no {varied}; 'dmt' does")
+        radius, modulus, ratio, adhesion, pressed = (self.number(key) for key in CONTACT)
+        pull = np.pi * adhesion * radius  # 2πw Rc, Rc = R/2
+        return ((pull + pressed) / (2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2))) ** (2 / 3)
 
     def crystal(self, *, layers: bool = True) -> Crystal:
         """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode.
@@ -103,26 +152,39 @@ class Setting:
         """
         if layers:
             self.refuse(CRYSTAL_KEYS)
-        scene = self.scene
-        sphere, effects = scene.sphere, scene.effects
+        sphere, effects = self.scene.sphere, self.scene.effects
         density = self.densities if layers else np.array([sphere.density])
-        height, shift, endless = STACKING[scene.packing.lattice]
+        height, shift, endless = STACKING[self.scene.packing.lattice]
         rows = np.arange(len(density))
-        a = sphere.lattice_constant
-        place = a * np.stack([shift * (rows % 2), height * rows], axis=1)
-        vectors = a * np.array([[1.0, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
-        material = Material(sphere.youngs_modulus, sphere.poisson_ratio, sphere.work_of_adhesion)
+        place = self.spacing * np.stack([shift * (rows % 2), height * rows], axis=1)
+        vectors = self.spacing * np.array([[1.0, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
+        material = Elastic(
+            *(self.number(f"sphere.{name}") for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion"))
+        )
         return Crystal.of(
             vectors if endless else vectors[1:],
             place,
-            sphere.radius,
+            self.number("sphere.radius"),
             density,
-            [material],
+            [material],  # type: ignore[list-item]  # the same three numbers
             adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
             shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
             shear=effects.shear is not False,
             rotation=effects.rotation is not False,
         )
+
+    @property
+    def spacing(self) -> Any:
+        """Return the lattice constant, m."""
+        if not self.numbers.keys() & CONTACT:
+            return self.scene.sphere.lattice_constant
+        return 2 * self.number("sphere.radius") - self.overlap
+
+    def spot(self) -> Spot:
+        """Return the crystal with the wave vectors along the direction of the scene, whose numbers are rad per row."""
+        turn = self.numbers.get("wave.direction", self.scene.direction) * np.pi / 180
+        height = STACKING[self.scene.packing.lattice][0] * self.spacing
+        return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
     def unit(self) -> float:

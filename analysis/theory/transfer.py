@@ -110,6 +110,51 @@ def scattering(rows: Rows, frequency: float, name: str) -> Scattering:
         For an unknown name, a frequency that is not positive, one at which no such wave runs in front or two do, and
         one at the edge of a band.
     """
+    still, front, behind, incident = _incoming(rows, frequency, name)
+    steps = []  # X_{n+1} = T_n X_n, from the last row backward
+    for number in range(len(rows.ahead) - 1, -1, -1):
+        steps.append(-np.linalg.solve(still[number + 1], rows.ahead[number].T))
+        still[number] = still[number] + rows.ahead[number] @ steps[-1]
+    first = np.linalg.solve(still[0], front.pull @ incident.here - incident.push)
+    last = first
+    for step in reversed(steps):
+        last = step @ last
+    return Scattering(
+        incident.wavenumber,
+        behind.shares(last, incident.flux),
+        front.shares(first - incident.here, incident.flux),
+    )
+
+
+def changes_by_mass(rows: Rows, frequency: float, name: str) -> Floats:
+    """Return the derivatives (N,) of the share that passes by the logarithm of the mass of each row.
+
+    Arguments and errors are those of `scattering`. The lattices in front and behind stay what they are, so that the
+    first and the last row, which are theirs too, count as rows of their own.
+    """
+    still, front, behind, incident = _incoming(rows, frequency, name)
+    ends = np.cumsum([0, *map(len, rows.mass)])
+    whole = np.zeros((ends[-1], ends[-1]), dtype=complex)
+    for n, block in enumerate(still):
+        whole[ends[n] : ends[n + 1], ends[n] : ends[n + 1]] = block
+    for n, onward in enumerate(rows.ahead):
+        whole[ends[n] : ends[n + 1], ends[n + 1] : ends[n + 2]] = onward
+        whole[ends[n + 1] : ends[n + 2], ends[n] : ends[n + 1]] = onward.T
+    source = np.zeros(ends[-1], dtype=complex)
+    source[: ends[1]] = front.pull @ incident.here - incident.push
+    motion = np.linalg.solve(whole, source)
+    result = np.zeros(len(rows.mass))
+    for _, flux, amplitude in behind.leaving:
+        heard = np.zeros(ends[-1], dtype=complex)
+        heard[ends[-2] :] = amplitude
+        pushed = np.linalg.solve(whole.T, heard) * frequency**2 * np.concatenate(rows.mass) * motion
+        here = (amplitude @ motion[ends[-2] :]).conj()
+        result += 2 * flux / incident.flux * np.real(here * np.add.reduceat(pushed, ends[:-1]))
+    return result
+
+
+def _incoming(rows: Rows, frequency: float, name: str) -> tuple[list[Complexes], "_Side", "_Side", "Running"]:
+    """Return the diagonal blocks of the rows, the lattices in front and behind, and the wave that comes."""
     if name not in NAMES:
         raise ValueError(f"name = {name!r}: must be one of {', '.join(NAMES)}")
     if not 0 < frequency < np.inf:
@@ -124,20 +169,7 @@ def scattering(rows: Rows, frequency: float, name: str) -> Scattering:
     ]
     still[0] = still[0] + front.pull
     still[-1] = still[-1] + behind.pull
-    steps = []  # X_{n+1} = T_n X_n, from the last row backward
-    for number in range(len(rows.ahead) - 1, -1, -1):
-        steps.append(-np.linalg.solve(still[number + 1], rows.ahead[number].T))
-        still[number] = still[number] + rows.ahead[number] @ steps[-1]
-    (incident,) = named
-    first = np.linalg.solve(still[0], front.pull @ incident.here - incident.push)
-    last = first
-    for step in reversed(steps):
-        last = step @ last
-    return Scattering(
-        incident.wavenumber,
-        behind.shares(last, incident.flux),
-        front.shares(first - incident.here, incident.flux),
-    )
+    return still, front, behind, named[0]
 
 
 def running(rows: Rows, frequency: float) -> dict[str, "Running"]:

@@ -1,0 +1,289 @@
+"""Two waves of given frequencies that resonate: which pair, directions and compression are phase-matched.
+
+Two sources shake a crystal at the frequencies f1 and f2, each along a direction of its own. In the crystal's own units
+the frequencies are Ωi = 2π fi t0, and t0 falls as the crystal is compressed,
+
+    t0² = m/(3(κ+3) A √Δ0),    A Δ0^{3/2} = F + F0,    F = π w R adhesion,  F0 the compressive force of a contact
+
+so that F0 brings two waves of given frequencies to where Ω1 ± Ω2 = Ω_j(k1 ± k2). For each pair of branches and
+directions, `design` finds the wave numbers at which Ω2/Ω1 = f2/f1 and the pair is phase-matched, and the F0 that makes
+them waves of these frequencies, in the geometry and under the prestress (η, F0) of such contacts. Pairs that symmetry
+forbids (`analysis.theory.selection`) are left out.
+
+Good values: a compression with η = Δ0/2R below 0.01, where spheres still are springs. The list is ordered by the time,
+in periods of the first wave, in which two waves of the same amplitude make a third as large
+(`analysis.theory.mixing.growth_rates`): fewer are better. Where the two waves are one, a single one counts, whose
+second harmonic resonates. An adhesive crystal holds itself together, so below some frequency no force is small enough.
+
+When it breaks: as `analysis.theory.mixing`; a detuning of 1/(100 periods) is a part in a thousand of Ω, which spread of
+sphere sizes easily makes.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal, NamedTuple
+
+import numpy as np
+from contourpy import contour_generator
+from numpy.typing import NDArray
+from scipy.optimize import root
+
+from analysis.theory.bloch import frame, real_modes
+from analysis.theory.contact import Contact
+from analysis.theory.directions import branch_index
+from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
+from analysis.theory.selection import forbidden
+from granular_lmp.crystal.sphere import Sphere
+
+Floats = NDArray[np.float64]
+
+SILICA = Sphere(
+    radius=5e-7, youngs_modulus=7.3e10, poisson_ratio=0.17, work_of_adhesion=0.063, density=2200.0
+)  # the paper's
+EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, in 1/lattice constant
+POINTS = 160  # values of each wave number, from Γ to the border of the zone
+LARGEST = 0.099  # overlap ratio: `Contact` knows up to 0.1, and a root is looked for from both sides
+SMALLEST = 1e-12  # overlap ratio of spheres that do not adhere: below, contacts are atoms
+CLOSE = 1e-10  # difference of frequencies at a root; relative, of its unit of time and the one that was asked for
+SAME = 1e-6  # relative, of lengths and forces of one resonance that is found twice
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A phase-matched pair in a crystal that is compressed for it.
+
+    Attributes
+    ----------
+    pair : the two waves and their contact
+    target : branch that grows at k1 ± k2
+    sphere : the spheres, with the compressive force F0 of a contact in N
+    frequency : f1 in hertz
+    """
+
+    pair: Pair
+    target: int
+    sphere: Sphere
+    frequency: float
+
+    @property
+    def generated_frequency(self) -> float:
+        """Return |f1 ± f2| in hertz."""
+        (first, _), _ = self.pair.tones
+        return float(abs(self.pair.frequency) / first * self.frequency)
+
+    @property
+    def rate(self) -> float:
+        """Return the rate of growth per τ and a of `mixing.growth_rates`, half of it where the two waves are one."""
+        (one, branch), (other, another), _ = self._three
+        single = self.pair.sign == 1 and branch == another and np.allclose(one, other, rtol=SAME, atol=0)
+        return float(growth_rates(self.pair)[self.target]) * (0.5 if single else 1.0)
+
+    def periods(self, amplitude: float) -> float:
+        """Return the periods of the first wave after which a third would be as large as two, or one, of a = D0/Δ0."""
+        return self.frequency * self.sphere.time_scale / (self.rate * amplitude)
+
+    def mirrors(self, other: "Resonance") -> bool:
+        """Return whether another resonance is this one, mirrored, turned, or with its two waves exchanged."""
+        if self.pair.sign != other.pair.sign:
+            return False
+        mine, others = self._waves, other._waves
+        return any(np.allclose(mine, order, rtol=SAME, atol=0) for order in (others, others[[1, 0, 2]]))
+
+    @property
+    def _waves(self) -> Floats:
+        """Branch (from 1), length of the wave vector and force on a contact of the three waves, (3, 3)."""
+        return np.array([(1 + int(branch), np.linalg.norm(k), self.sphere.holding_force) for k, branch in self._three])
+
+    @property
+    def _three(self) -> list[tuple[Floats, int]]:
+        """Wave vector and branch of the first, the second and the wave that grows."""
+        waves = [(np.asarray(each.wavevector), int(each.branch)) for each in (self.pair.first, self.pair.second)]  # type: ignore[arg-type]
+        return [*waves, (self.pair.wavevector, self.target)]
+
+    @property
+    def names(self) -> str:
+        """Return the names of the three waves, as "TR + TR -> L"; away from mirrors they label quasi-modes."""
+        contact = self.pair.contact
+        one, other, third = (
+            next(name for name in ("L", "TR", "RT") if branch_index(name, k, contact) == branch)
+            for k, branch in self._three
+        )
+        return f"{one} {'+' if self.pair.sign == 1 else '-'} {other} -> {third}"
+
+
+def contact_of(sphere: Sphere) -> Contact:
+    """Return the contact of spheres under their compressive force, in LAMMPS's geometry."""
+    return Contact(
+        sphere.poisson_ratio,
+        overlap_ratio=sphere.overlap_ratio,
+        prestress=sphere.contact_force / sphere.holding_force,
+    )
+
+
+def compressed(sphere: Sphere, time_scale: float) -> Sphere:
+    """Return the spheres under the F0 that gives them the unit of time t0, in s; a negative one is a pull."""
+    root_of_overlap = sphere.mass / (3 * (sphere.stiffness_ratio + 3) * sphere.normal_coefficient * time_scale**2)
+    return replace(sphere, contact_force=sphere.normal_coefficient * root_of_overlap**3 - sphere.pull_off_force)
+
+
+def design(
+    sphere: Sphere,
+    frequency: float,
+    second: float | None = None,
+    directions: Sequence[float] = (90.0, 0.0),
+    openings: Sequence[float] = (0.0, 60.0, 90.0, 120.0, 180.0),
+) -> list[Resonance]:
+    """Return the phase-matched pairs of two frequencies, those first that grow in the fewest periods.
+
+    Parameters
+    ----------
+    sphere : in SI units; its contact_force is not used
+    frequency, second : f1 and f2 in hertz; f2 = f1 unless given
+    directions : of the first wave, degrees from a close-packed row (90: the paper's y)
+    openings : from the first wave to the second, degrees
+
+    Raises
+    ------
+    ValueError
+        For a value out of range, by name, and for a frequency so low that all pairs need a pull on the contacts.
+    """
+    second = frequency if second is None else second
+    _check(sphere, frequency, second, [*directions, *openings])
+    resting, ratio = replace(sphere, contact_force=0.0), second / frequency
+    longest, shortest = (
+        replace(resting, contact_force=resting.normal_coefficient * overlap**1.5 - resting.pull_off_force).time_scale
+        for overlap in (max(resting.static_overlap, SMALLEST * 2 * resting.radius), LARGEST * 2 * resting.radius)
+    )
+
+    def under_pressure(omega: float) -> Sphere:
+        """Return the spheres in which the first wave has its frequency, among those that push and are springs."""
+        asked = compressed(resting, float(np.clip(abs(omega) / (2 * np.pi * frequency), shortest, longest)))
+        return replace(asked, contact_force=max(asked.contact_force, 0.0))
+
+    guesses = [
+        guess
+        for direction, opening in product(directions, openings)
+        for guess in _guesses(Contact(sphere.poisson_ratio), ratio, (direction, direction + opening))
+    ]
+    found: list[Resonance] = []
+    for guess in guesses:
+        pair = _root(guess, ratio, lambda omega: contact_of(under_pressure(omega)))
+        if pair is None or forbidden(pair)[guess.target]:
+            continue
+        omega = float(pair.tones[0][0])
+        each = Resonance(pair, guess.target, under_pressure(omega), frequency)
+        agrees = abs(omega / (2 * np.pi * frequency) - each.sphere.time_scale) < CLOSE * each.sphere.time_scale
+        if agrees and not any(each.mirrors(other) for other in found):
+            found.append(each)
+    if not found and sphere.work_of_adhesion:
+        held = contact_of(resting)
+        pairs = [(guess, _root(guess, ratio, lambda _: held)) for guess in guesses]
+        omegas = [float(pair.tones[0][0]) for guess, pair in pairs if pair and not forbidden(pair)[guess.target]]
+        lowest = min(omegas, default=0.0) / (2 * np.pi * resting.time_scale)
+        if frequency < lowest:
+            raise ValueError(f"frequency is {frequency:g}; allowed: {lowest:.4g} Hz and above, without a pull")
+    return sorted(found, key=lambda each: each.periods(1.0))
+
+
+def _check(sphere: Sphere, frequency: float, second: float, angles: Sequence[float]) -> None:
+    """Raise ValueError, with name, value and what is allowed, for input of `design` that is none."""
+    positive = {"frequency": frequency, "second": second} | {
+        name: getattr(sphere, name) for name in ("radius", "youngs_modulus", "density")
+    }
+    for name, value in positive.items():
+        if not 1e-15 <= value <= 1e15:  # whose powers are numbers
+            raise ValueError(f"{name} is {value}; allowed: from 1e-15 to 1e15")
+    if not np.isfinite(angles).all():
+        raise ValueError(f"directions and openings are {list(angles)}; allowed: degrees, finite")
+    if sphere.adhesion_law != "dmt":
+        raise ValueError(f"adhesion_law is {sphere.adhesion_law!r}; allowed: 'dmt'")
+    if not -1 < sphere.poisson_ratio <= 0.5:
+        raise ValueError(f"poisson_ratio is {sphere.poisson_ratio}; allowed: above -1, up to 0.5")
+    adhesion = replace(sphere, contact_force=0.0)
+    if not (sphere.work_of_adhesion >= 0 and adhesion.overlap_ratio < LARGEST):
+        raise ValueError(
+            f"work_of_adhesion is {sphere.work_of_adhesion}; allowed: 0 or above, with an overlap of the spheres at "
+            f"rest below {LARGEST:g} of a diameter"
+        )
+
+
+class _Guess(NamedTuple):
+    """Two waves near phase-matching: unit vectors along them, lengths and Ω1, branches, sign, the branch they make."""
+
+    along: tuple[Floats, Floats]
+    start: Floats
+    branches: tuple[int, int]
+    sign: Literal[1, -1]
+    target: int
+
+    def pair(self, lengths: Floats, contact: Contact) -> Pair:
+        """Return the two waves with wave vectors of other lengths, (2,) or (2, N)."""
+        first, second = (
+            Tone(length[..., None] * direction, branch)
+            for length, direction, branch in zip(lengths, self.along, self.branches, strict=True)
+        )
+        return Pair(first, second, self.sign, contact)
+
+
+def _guesses(contact: Contact, ratio: float, angles: tuple[float, float]) -> Iterator[_Guess]:
+    """Yield where on a grid of wave numbers Ω2 = ratio·Ω1 and the waves along two directions resonate with a branch."""
+    along = (frame(angles[0])[0], frame(angles[1])[0])
+    lengths = [np.linspace(0.02, 1.0, POINTS) * _border(direction) for direction in along]
+    first, second = (
+        real_modes(length[:, None] * direction, contact)[0] for length, direction in zip(lengths, along, strict=True)
+    )
+    # Equal frequencies make a difference that is static, and no wave
+    signs: tuple[Literal[1, -1], ...] = (1, -1) if ratio != 1.0 else (1,)
+    for one, other in product(range(3), repeat=2):
+        gap = second[:, None, other] - ratio * first[:, one]
+        for line in contour_generator(lengths[0], lengths[1], gap).lines(0.0):
+            for sign in signs:
+                guess = _Guess(along, np.empty(3), (one, other), sign, 0)
+                pair = guess.pair(np.asarray(line).T, contact)
+                for step, target in np.argwhere(np.diff(np.signbit(detunings(pair)), axis=0)):
+                    start_at = np.array([*line[step], pair.tones[0][0][step]])
+                    yield guess._replace(start=start_at, target=int(target))
+
+
+def _root(guess: _Guess, ratio: float, contact_at: Callable[[float], Contact]) -> Pair | None:
+    """Return the phase-matched pair near a guess, None if there is none in the zone.
+
+    contact_at gives the contact of the crystal in which the first wave has a frequency Ω1.
+    """
+
+    def residual(unknown: Floats) -> list[float]:
+        pair = guess.pair(unknown[:2], contact_at(float(unknown[2])))
+        (first, _), (second, _) = pair.tones
+        gap = detunings(pair)[guess.target]
+        return [float(first - unknown[2]), float(abs(second) - ratio * first), float(gap)]
+
+    found = root(residual, guess.start, tol=1e-13).x
+    borders = np.array([_border(direction) for direction in guess.along])
+    inside = np.all((found[:2] > 0) & (found[:2] <= borders * (1 + CLOSE)))
+    matched = inside and np.max(np.abs(residual(found))) < CLOSE
+    return guess.pair(found[:2], contact_at(float(found[2]))) if matched else None
+
+
+def _border(direction: Floats) -> float:
+    """Return the length of a wave vector along a unit vector on the border of the first zone."""
+    normals = np.radians(30.0 + 60.0 * np.arange(6))
+    return float(EDGE / np.max(np.cos(normals) * direction[0] + np.sin(normals) * direction[1]))
+
+
+def table(found: Sequence[Resonance], amplitude: float) -> str:
+    """Return the resonances, one a line: waves, directions, wave numbers, frequencies, force, and periods of growth."""
+    lines = [
+        f"{'waves':15}{'deg 1':>7}{'deg 2':>7}{'deg 3':>7}{'xi 1':>9}{'xi 2':>9}{'xi 3':>9}"
+        f"{'f3, Hz':>11}{'F0, N':>11}{'eta':>9}{'periods':>9}"
+    ]
+    for each in found:
+        waves = [np.asarray(k, dtype=float) for k in (each.pair.first.wavevector, each.pair.second.wavevector)]
+        waves.append(each.pair.wavevector * np.sign(each.pair.frequency))
+        angles = "".join(f"{np.degrees(np.arctan2(k[1], k[0])) % 360:7.1f}" for k in waves)
+        numbers = "".join(f"{np.linalg.norm(k) * np.sqrt(0.75):9.5f}" for k in waves)
+        lines.append(
+            f"{each.names:15}{angles}{numbers}{each.generated_frequency:11.4g}{each.sphere.contact_force:11.4g}"
+            f"{each.sphere.overlap_ratio:9.2g}{each.periods(amplitude):9.1f}"
+        )
+    return "\n".join(lines)
