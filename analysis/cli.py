@@ -17,7 +17,7 @@ from analysis.cases.declared import Case, names
 DOORS = {
     "case": "run cases: what a figure needs, runs, script and expected numbers",
     "compare": "runs beside theory: errors of p, q, φ, and the amplitude of the second harmonic",
-    "design": "two waves of given frequencies that resonate: which pair, directions and compression",
+    "design": "which two waves resonate and how compressed; at which numbers of a scene second order does best",
     "harmonic": "the coherent second harmonic of any scene or run, perfect or not, with its error",
     "resonances": "all resonances and antiresonances of second order of a scene's crystal",
 }

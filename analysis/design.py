@@ -184,8 +184,8 @@ class Answer:
             at = self.resonance
             x, omega, growth = at.wavenumber.value, at.frequency.value, at.growth.value
             last = (
-                f"resonance at xi = {x:.6f}, {omega / 2 / np.pi:.6g} Hz: the second harmonic gains {growth:.5g} D0 a "
-                "period per a"
+                f"the second harmonic gains {growth:.5g} D0 a period per a, at the resonance xi = {x:.6f}, "
+                f"{omega / 2 / np.pi:.6g} Hz"
             )
         return "\n".join([*lines, last])
 

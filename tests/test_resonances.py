@@ -9,6 +9,7 @@ import pytest
 
 from analysis import resonances as script
 from analysis import second_harmonic as sh
+from analysis.cases.growth import case as growth
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal
@@ -115,6 +116,27 @@ def test_lammps_has_the_resonances_of_a_layered_crystal(
     assert np.abs(theory[0][-40:]).max() > 3 * np.abs(theory[0][:40]).max()  # it grows
     # Of the step's error, which the square of τ multiplies, the fourth order is left
     assert np.linalg.norm(even - theory) < 3e-3 * np.linalg.norm(theory)
+
+
+def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(tmp_path: Path) -> None:
+    short = {"wave.mode": "L", "packing.columns": 3, "time.duration": 60.0, "time.sample": 1.0, "output.particles": 1.0}
+    layers = {"packing.rows": 130, "wave.wavenumber": 1.111643, "wave.amplitude": 0.0025}
+    layers |= {"inclusion": [LAYERS | {"rows": [0, 129], "density": 5293.4}]}
+    row = {"wave.mode": "TR", "packing.rows": 4, "packing.columns": 53, "wave.direction": "x"}
+    row |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
+    for name, values in (("layers", layers), ("row", row)):
+        scene = Scene.load("tr_periodic").with_values(short | values)
+        folders = [tmp_path / name / f"{phase:.0f}" for phase in (pi, 0)]
+        for phase, folder in zip((pi, 0.0), folders, strict=True):
+            run(scene.with_values({"wave.phase": phase}), folder)
+        (records,) = growth.pairs(list(map(str, folders)))
+        each = growth.Growing.of(scene)
+        found = growth.measured(each, records)
+        assert found == pytest.approx(each.theory, rel=1e-2)
+        assert found != pytest.approx(1.03 * each.theory, rel=1e-2)
+        assert found > 5 * growth.UNIFORM
+        with pytest.raises(ValueError, match="needs one partner whose wave.phase is larger by pi"):
+            growth.pairs([str(folders[0])])
 
 
 def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -184,7 +184,7 @@ def test_the_command_finds_the_density_and_writes_the_scene(tmp_path: Path, caps
     (tmp_path / "layers.toml").write_text(LAYERED.to_toml())
     asked = ["design", str(tmp_path / "layers.toml"), "--vary", "inclusion.1.density", "4000", "7000", "--points", "2"]
     assert cli.main([*asked, "-o", str(tmp_path / "best.toml")]) == 0
-    assert "resonance at xi = 1.11" in capsys.readouterr().out
+    assert "at the resonance xi = 1.1112" in capsys.readouterr().out
     scene = Scene.load(tmp_path / "best.toml")
     assert scene.inclusion[0].density == pytest.approx(5293.4, abs=1.0)
     assert scene.wavenumber == pytest.approx(2 * np.pi * 4 / 24)  # next to 1.1113

@@ -34,9 +34,8 @@ def begun(scene: Scene, folder: str | Path) -> Record:
     """
     sample = scene.time.sample
     short = {"time.duration": sample, "output.particles": sample, "output.checkpoint": "auto"}
-    declared = Path(folder, "scene.toml")
+    declared, run = Path(folder, "scene.toml"), Path(folder, "run")
     declared.write_text(scene.with_values(short | {"packing.rows": scene.shape.rows}).to_toml(), encoding="utf-8")
-    run = Path(folder, "run")
     command = [sys.executable, "-m", "granular_lmp", "run", str(declared), "-o", str(run)]
     said = subprocess.run(command, capture_output=True, text=True)
     if said.returncode:

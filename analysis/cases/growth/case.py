@@ -1,0 +1,209 @@
+"""Second harmonics that grow on a resonance, in LAMMPS beside the theory: layers, and waves along a row of contacts.
+
+    granular-analysis case growth
+    granular-analysis growth RUN... [-o FILE]
+
+Each run has a partner of the opposite phase, and snapshots. Half the sum of the two is of second order. Its part at 2k
+is projected on the branch that resonates there, B(τ), and fitted by what theory says that it holds: a part that grows
+as the detuning δ lets it, ∫₀^τ e^{iδs} ds, and waves of constant amplitude, at each sum of the frequencies of the waves
+that start and at that of the branch. So the growth in a period is a number that LAMMPS gives, from its own amplitude of
+the wave. The table has it beside that of the theory, in the amplitude D0 of the wave per a = D0/Δ0.
+
+The figure has the layers, rows of two densities in turn: the growth over the density, whose largest value is that of
+``granular-analysis design``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis.measure.runs import all_but, load
+from analysis.plotting import parser, save, start
+from analysis.theory.crystal import PLANE, Crystal
+from analysis.theory.phase_matching import matches
+from analysis.theory.scenes import Setting
+from analysis.theory.second_order import Wave
+from analysis.theory.variation import Spot, Varied, resonance
+from granular_lmp.runs.record import GranularError, Record, Scene
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+UNIFORM = 0.0316  # growth of the second harmonic at the resonance of the uniform crystal along y
+
+
+@dataclass(frozen=True, eq=False)
+class Growing:
+    """A resonance of a scene's crystal next to its wave.
+
+    Attributes
+    ----------
+    setting : the crystal and the wave.
+    branch, target : that resonate.
+    near : wave number of the resonance.
+    """
+
+    setting: Setting
+    branch: int
+    target: int
+    near: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Growing":
+        """Return the resonance that grows, next to the wave number of a scene; ValueError if there is none."""
+        setting = Setting(scene)
+        unit = np.linalg.norm(setting.spot().unit)
+        found = [each for each in matches(setting.crystal(), setting.spot().unit) if each.rate > 0]
+        if not found:
+            raise ValueError(f"{scene.name}: no second harmonic grows in this direction")
+        next_to = min(found, key=lambda each: abs(each.wavenumber / unit - scene.wavenumber))
+        return cls(setting, next_to.branch, next_to.target, float(next_to.wavenumber / unit))
+
+    @property
+    def theory(self) -> float:
+        """Return the growth in a period per a, at the wave number of the scene."""
+        at = Varied(lambda _: self.setting.spot(), np.zeros(0), self.setting.scene.wavenumber)
+        return at.growth(self.branch, self.target).value
+
+    def over(self, densities: Floats) -> Floats:
+        """Return the growth on the resonance with other densities of the first inclusion, in steps from its own."""
+        scene = self.setting.scene
+
+        def place(values: NDArray[Any]) -> Spot:
+            return Setting(scene, {"inclusion.1.density": values[0]}).spot()
+
+        own = float(scene.inclusion[0].density or scene.sphere.density)
+        order = np.argsort(np.abs(densities - own))
+        growths, known = np.empty(len(densities)), {own: self.near}
+        for number in order:
+            density = float(densities[number])
+            near = known[min(known, key=lambda each: abs(each - density))]
+            found = resonance(place, [density], self.branch, self.target, near)
+            growths[number], known[density] = found.growth.value, found.wavenumber.value
+        return growths
+
+
+def measured(growing: Growing, records: Sequence[Record]) -> float:
+    """Return the growth in a period per a that two runs have, whose phases are π apart."""
+    setting = growing.setting
+    scene, (crystal, waves) = setting.scene, setting.start()
+    k = np.append(setting.wavevector(), 0.0)
+    here, there = crystal.modes(k), crystal.modes(2 * k)
+    tau, unit = records[0].snapshots().tau, scene.sphere.time_scale
+    one, other = (field(record) for record in records)
+    rest = records[0].snapshots().rest * scene.sphere.radius
+    rest = rest - rest[scene.shape.centre_row * scene.shape.columns]
+    wave = bloch(crystal, rest, (one - other) / 2, k) @ moving(here.duals[growing.branch])
+    answer = bloch(crystal, rest, (one + other) / 2, 2 * k) @ moving(there.duals[growing.target])
+    frequency, natural = here.frequencies[growing.branch] * unit, there.frequencies[growing.target] * unit
+    amplitude = abs(fitted(tau, wave, [frequency, -frequency])[0])
+    rate = abs(fitted(tau, answer, sums(waves, unit, frequency, natural), natural - 2 * frequency, natural)[-1])
+    return float(rate * 2 * np.pi / frequency / amplitude**2 / scene.wave.amplitude)
+
+
+def field(record: Record) -> Floats:
+    """Return u_x, u_y and Rθ of all spheres (T, N, 3), in D0."""
+    moved, turned = record.snapshots().stacks("displacement", "rotation")
+    return np.concatenate([moved, turned[..., None]], axis=-1)
+
+
+def moving(dual: Complexes) -> Complexes:
+    """Return the components in the plane (3B,) of the dual of a mode."""
+    return dual[:, list(PLANE)].ravel()
+
+
+def bloch(crystal: Crystal, rest: Floats, motion: Floats, k: Floats) -> Complexes:
+    """Return X (T, 3B) of the part Re[X e^{ik·r}] of the motion of each sphere of a cell.
+
+    rest : (N, 2) places from a sphere that is the first of its cell
+    """
+    apart = rest[:, None] - crystal.position[None, :, :2]
+    cells = apart @ np.linalg.pinv(crystal.vectors[:, :2])
+    kinds = np.argmin(np.linalg.norm(cells - np.round(cells), axis=-1), axis=1)
+    turned = motion * np.exp(-1j * rest @ k[:2])[:, None]
+    return np.concatenate([2 * turned[:, kinds == each].mean(axis=1) for each in range(len(crystal))], axis=-1)
+
+
+def sums(waves: Sequence[Wave], unit: float, frequency: float, natural: float) -> list[float]:
+    """Return the frequencies of waves of constant amplitude at 2k: sums of those that start, and of the branch."""
+    pairs = combinations_with_replacement([float(each.frequency) * unit for each in waves], 2)
+    others = [one + other for one, other in pairs if abs(one + other - 2 * frequency) > 1e-6]
+    return [*others, natural, -natural]
+
+
+def fitted(
+    tau: Floats, values: Complexes, constant: Sequence[float], detuning: float = 0.0, natural: float | None = None
+) -> Complexes:
+    """Return the amplitudes of waves e^{−iωτ}, and behind them of one that grows: e^{−iωτ} ∫₀^τ e^{iδs} ds."""
+    basis = [np.exp(-1j * rate * tau) for rate in constant]
+    if natural is not None:
+        turned = np.exp(0.5j * detuning * tau) * np.sinc(detuning * tau / (2 * np.pi))
+        basis.append(tau * turned * np.exp(-1j * natural * tau))
+    return np.asarray(np.linalg.lstsq(np.stack(basis, axis=1), values)[0])
+
+
+def pairs(folders: Sequence[str]) -> list[tuple[Record, Record]]:
+    """Return the runs of opposite phases, that with the smaller one first; ValueError for a run without a partner."""
+    alike: dict[str, list[Record]] = {}
+    for record in map(load, folders):
+        alike.setdefault(repr(all_but(record, "wave.phase", "name")), []).append(record)
+    found = []
+    for records in alike.values():
+        one, *others = sorted(records, key=lambda each: each.scene.wave.phase)
+        if len(others) != 1 or abs(others[0].scene.wave.phase - one.scene.wave.phase - np.pi) > 1e-9:
+            raise ValueError(f"{one.folder}: needs one partner whose wave.phase is larger by pi")
+        found.append((one, others[0]))
+    return found
+
+
+def table(found: Sequence[tuple[Growing, float]]) -> str:
+    """Return the growth of each resonance, by the theory and by LAMMPS."""
+    lines = [f"{'density':>8}{'degrees':>8} {'branches':10}{'resonance':>11}{'run at':>11}{'theory':>9}{'LAMMPS':>9}"]
+    for each, growth in found:
+        scene = each.setting.scene
+        density = scene.inclusion[0].density if scene.inclusion else scene.sphere.density
+        lines.append(
+            f"{density:8.1f}{scene.direction:8.1f} {f'{each.branch + 1} -> {each.target + 1}':10}{each.near:11.5f}"
+            f"{scene.wavenumber:11.5f}{each.theory:9.4f}{growth:9.4f}{growth / each.theory:9.4f}"
+        )
+    return "\n".join([f"{lines[0]}{'ratio':>9}", *lines[1:]])
+
+
+def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
+    """Return the figure of the layers: growth over density, by the theory and by LAMMPS."""
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.subplots()
+    layers = [(each, growth) for each, growth in found if each.setting.scene.inclusion]
+    if layers:
+        own = np.array([each.setting.scene.inclusion[0].density for each, _ in layers])
+        densities = np.linspace(0.9 * own.min(), 1.04 * own.max(), 25)
+        axes.plot(densities, layers[0][0].over(densities), color="black")
+        axes.plot(own, [growth for _, growth in layers], "o", color="tab:orange")
+    axes.axhline(UNIFORM, color="0.6", linestyle="--")
+    axes.set_ylim(0, 0.4)
+    axes.set_xlabel("density of every second row (kg/m³)")
+    axes.set_ylabel("growth a period ($D_0$ per $a$)")
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table, and draw the figure."""
+    options = parser(__doc__, "growth.png", runs="of opposite phases, with snapshots").parse_args(arguments)
+    try:
+        found = []
+        for one, other in pairs(options.runs):
+            growing = Growing.of(one.scene)
+            found.append((growing, measured(growing, (one, other))))
+        print(table(found))
+        save(draw(found), options.output)
+    except (GranularError, ValueError) as error:
+        raise SystemExit(str(error)) from error
+
+
+if __name__ == "__main__":
+    start(main)
