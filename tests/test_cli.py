@@ -14,7 +14,6 @@ import pytest
 from granular_lmp import Record, Scene, run
 from granular_lmp.cli import main
 from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.errors import LammpsMissingError
 from granular_lmp.plot.signals import dispersion_figure
 from granular_lmp.scene.json_schema import json_schema
 from granular_lmp.scene.shipped import SHIPPED
@@ -187,32 +186,6 @@ def test_schema_prints_the_schema_of_the_library(capsys: pytest.CaptureFixture[s
         found = json.loads(out)
         assert (status, found.pop("$schema"), found.pop("title")) == (0, whole["$schema"], whole["title"])
         assert found == whole[part]
-
-
-def test_check_says_what_a_run_then_is(small_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = sorted(tmp_path.iterdir())
-    status, out, _ = cli(capsys, "check", str(small_toml), "--json")
-    assert status == 0
-    assert sorted(tmp_path.iterdir()) == before
-    said = json.loads(out)
-    record = run(Scene.load(small_toml), tmp_path / "run")
-    assert (said["spheres"], said["steps"], said["records"]) == (24, 40, len(record.tau))
-    assert said["steps"] == record.info["steps"]
-    assert said["effects"] == {name: effect["on"] for name, effect in record.info["effects"].items()}
-    assert set(said["guards"]) == set(record.info["guards"])
-    assert said["warnings"] == record.info["remarks"]
-    assert said["seconds"] > 0
-    assert "a short run of this scene just now" in said["basis"]
-
-
-def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    def missing(scene: Scene) -> None:
-        raise LammpsMissingError("LAMMPS cannot be loaded")
-
-    monkeypatch.setattr("granular_lmp.studies.forecast.speed", missing)
-    status, out, _ = cli(capsys, "check", "tr_periodic")
-    assert status == 0
-    assert "time      unknown: LAMMPS cannot be loaded" in out
 
 
 def test_effects_and_modes_in_json_say_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,13 +1,14 @@
-"""`granular-lmp check` of an impact: its size is that of the run, its seconds and bytes are made as they are said."""
+"""`granular-lmp check`: the size it says is that of the run, its seconds and bytes are made as they are said."""
 
 import json
 import subprocess
 import sys
+from math import pi
 from pathlib import Path
 
 import pytest
 
-from granular_lmp import ImpactScene, run_impact
+from granular_lmp import ImpactScene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsMissingError
 from granular_lmp.impact.problem import prepare
@@ -16,6 +17,7 @@ from granular_lmp.scene.scene import Scene
 from granular_lmp.studies import forecast
 from granular_lmp.studies.forecast import forecast as forecast_of
 
+WAVE = Scene.load("tr_periodic").with_values({"packing.rows": 8, "wave.wavenumber": pi / 4, "time.duration": 2.0})
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 5.0})
 SHEET = ImpactScene.load("point_impact")
 LARGE = {"packing.rows": 150, "packing.columns": 150}
@@ -42,15 +44,16 @@ def tried(monkeypatch: pytest.MonkeyPatch) -> list[Scene]:
     return scenes
 
 
-@pytest.mark.parametrize("tolerance", [None, 1e-2])
+@pytest.mark.parametrize(("scene", "tolerance"), [(WAVE, None), (CHAIN, None), (CHAIN, 1e-2)])
 def test_check_says_what_a_run_then_is(
-    tolerance: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, tolerance: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    scene = CHAIN.with_values({"time.tolerance": tolerance} if tolerance else {})
+    scene = scene.with_values({"time.tolerance": tolerance} if tolerance else {})
     (tmp_path / "mine.toml").write_text(scene.to_toml())
     assert main(["check", str(tmp_path / "mine.toml"), "--json"]) == 0
-    said, record = json.loads(capsys.readouterr().out), run_impact(scene, tmp_path / "run")
-    assert (said["spheres"], said["records"]) == (10, len(record.tau))
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+    said, record = json.loads(capsys.readouterr().out), run(scene, tmp_path / "run")
+    assert (said["spheres"], said["records"]) == (scene.shape.spheres, len(record.tau))
     # A ladder that ends after two of the three runs that are planned has 1 + 2 of their 1 + 2 + 4 steps
     assert said["steps"] in (
         {record.info["steps"] * 7 // 3, record.info["steps"]} if tolerance else {record.info["steps"]}
@@ -58,6 +61,11 @@ def test_check_says_what_a_run_then_is(
     assert said["runs"] == (3 if tolerance else 1)
     assert said["seconds"] > 0
     assert said["basis"].startswith("a short run of this scene just now, ")
+    if not tolerance:
+        on = {name for name, effect in record.info["effects"].items() if effect["on"]}
+        assert {name for name, there in said["effects"].items() if there} == on
+        assert set(said["guards"]) == set(record.info["guards"])
+        assert said["warnings"] == record.info.get("remarks", said["warnings"])
 
 
 @pytest.mark.parametrize("changes", [{}, {"time.tolerance": 1e-3}, {"disorder.vacancies": 0.3}])
@@ -77,12 +85,15 @@ def test_check_says_time_and_memory(tried: list[Scene], capsys: pytest.CaptureFi
     assert "restart   a checkpoint about every 0.5 minutes" in said
 
 
-def test_check_says_why_it_knows_no_time(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("name", ["tr_periodic", "solitary_chain"])
+def test_check_says_why_it_knows_no_time(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def missing(scene: Scene) -> None:
         raise LammpsMissingError("LAMMPS cannot be loaded")
 
     monkeypatch.setattr(forecast, "speed", missing)
-    assert main(["check", "solitary_chain"]) == 0
+    assert main(["check", name]) == 0
     assert "time      unknown: LAMMPS cannot be loaded" in capsys.readouterr().out
 
 
