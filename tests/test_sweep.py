@@ -123,32 +123,51 @@ def test_the_name_of_a_run_is_made_of_all_that_the_scene_says_but_its_name(small
 # ---------------------------------------------------------------- runs
 
 
-def test_a_run_of_a_sweep_is_the_run_of_its_scene(small: Scene, tmp_path: Path) -> None:
-    done = sweep(small, {"wave.amplitude": [0.1, 0.2], "wave.mode": ["TR", "L"]}, tmp_path / "sweep")
-    points = [(row["wave.amplitude"], row["wave.mode"]) for row in done.rows]
-    assert points == [(0.1, "TR"), (0.1, "L"), (0.2, "TR"), (0.2, "L")]  # the last key runs fastest
-    alone = run(small.with_values({"wave.amplitude": 0.2, "wave.mode": "L"}), tmp_path / "alone")
-    name = done.rows[3]["run"]
-    assert name == f"runs/{scene_hash(alone.scene)}"
-    dumps = {(folder / "dump.centre").read_bytes() for folder in (tmp_path / "alone", tmp_path / "sweep" / name)}
-    assert len(dumps) == 1
-    assert done.record(done.rows[3]).scene == alone.scene
-    assert done.rows[3]["largest_p"] == np.abs(alone.p).max()
-    assert done.rows[3]["frequency"] == alone.info["frequency"]
-    assert (done.rows[3]["steps"], done.rows[3]["particles"], done.rows[3]["guards"]) == (40, 24, "")
+STRUCK = Scene.load("solitary_chain").with_values({"packing.rows": 8, "time.duration": 8.0, "time.sample": 0.25})
 
 
-def test_the_folder_and_its_table_say_what_was_returned(small: Scene, tmp_path: Path) -> None:
-    done = sweep(small, {"wave.amplitude": np.array([0.1, 0.2])}, tmp_path / "sweep")
+@pytest.fixture(params=["wave", "strike"])
+def swept(request: pytest.FixtureRequest, small: Scene, tmp_path: Path) -> tuple[Scene, str, Sweep]:
+    """A scene of each kind, the key that is swept over, and its sweep over two values of it and of the sample."""
+    scene, key = {"wave": (small, "wave.amplitude"), "strike": (STRUCK, "striker.1.velocity")}[request.param]
+    over = {key: np.array([0.1, 0.2]), "time.sample": [scene.time.sample, 2 * scene.time.sample]}
+    return scene, key, sweep(scene, over, tmp_path / "sweep")
+
+
+def test_a_run_of_a_sweep_is_the_run_of_its_scene(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
+    scene, key, done = swept
+    one, two = scene.time.sample, 2 * scene.time.sample
+    points = [(row[key], row["time.sample"]) for row in done.rows]
+    assert points == [(0.1, one), (0.1, two), (0.2, one), (0.2, two)]  # the last key runs fastest
+    alone = run(scene.with_values({key: 0.2, "time.sample": two}), tmp_path / "alone")
+    row = done.rows[3]
+    assert row["run"] == f"runs/{scene_hash(alone.scene)}"
+    for dump in (tmp_path / "alone").glob("dump.*"):
+        assert dump.read_bytes() == (tmp_path / "sweep" / row["run"] / dump.name).read_bytes()
+    assert done.record(row).scene == alone.scene
+    assert (row["status"], row["guards"]) == ("finished", "")
+    assert (row["steps"], row["particles"]) == (alone.info["steps"], alone.info["particles"])
+    if scene.wave is None:
+        assert (row["t0_s"], row["velocity_m_s"]) == (alone.scale.time, 0.2)
+    else:
+        assert row["largest_p"] == np.abs(alone.p).max()
+        assert row["frequency"] == alone.info["frequency"]
+
+
+def test_the_folder_and_its_table_say_what_was_returned(swept: tuple[Scene, str, Sweep], tmp_path: Path) -> None:
+    scene, key, done = swept
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {"sweep.json", "sweep.csv", "runs"}
     again = Sweep.load(tmp_path / "sweep")
     assert again == done
     with (tmp_path / "sweep" / "sweep.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
-    assert list(table[0]) == ["wave.amplitude", *columns_of(small)]
-    assert [float(line["largest_q"]) for line in table] == list(done.column("largest_q"))
+    assert list(table[0]) == [*done.over, *columns_of(scene)]
+    for name in done.main_columns:
+        numbers = [float(line[name]) if line[name] else None for line in table]
+        assert numbers == [row[name] for row in done.rows]
     asked = json.loads((tmp_path / "sweep" / "sweep.json").read_text())
-    assert asked == {"over": {"wave.amplitude": [0.1, 0.2]}, "scene": small.given()}
+    over = {key: [0.1, 0.2], "time.sample": [scene.time.sample, 2 * scene.time.sample]}
+    assert asked == {"over": over, "scene": json.loads(json.dumps(scene.given()))}
 
 
 def test_a_sweep_is_shown_in_one_short_line(small: Scene, tmp_path: Path) -> None:
@@ -535,6 +554,15 @@ def test_exchanged_run_folders_are_refused_by_name_and_left_alone(small: Scene, 
         assert any(f"{place}: " in str(caught.value) for place in places)
     assert [(place / "dump.centre").read_bytes() for place in places] == before
     assert (tmp_path / "sweep" / "sweep.csv").read_bytes() == table
+
+
+def test_run_folders_of_strikes_that_are_exchanged_are_refused(tmp_path: Path) -> None:
+    done = sweep(STRUCK, {"striker.1.velocity": [1.0, 2.0]}, tmp_path / "sweep")
+    first, second = (tmp_path / "sweep" / row["run"] for row in done.rows)
+    first.rename(tmp_path / "aside")
+    second.rename(first)
+    with pytest.raises(RunFolderError, match="holds the run of another scene .a chain of 8 spheres"):
+        Sweep.load(tmp_path / "sweep")
 
 
 def test_a_run_folder_exchanged_after_the_table_was_read_is_refused(small: Scene, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
-"""Sweeps of impacts: each run is that of its scene, and the table says what arrived, when, and what energy is kept."""
+"""Sweeps of scenes without a wave: the table says what arrived at the far sphere, when, and what energy is kept."""
 
-import csv
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +13,9 @@ from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
 from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import sweep_figure, view
 from granular_lmp.runs.options import Options
-from granular_lmp.studies.executors import Workers
 from granular_lmp.studies.far_sphere import arrival, far_sphere, read_outs
 from granular_lmp.studies.sweep import Sweep, sweep
-from granular_lmp.studies.sweep_points import points, scene_hash
-from granular_lmp.studies.sweep_rows import columns_of
+from granular_lmp.studies.sweep_points import points
 
 CHAIN = ImpactScene.load("solitary_chain").with_values(
     {"packing.rows": 12, "packing.last": "free", "time.duration": 24.0, "time.sample": 0.25}
@@ -34,26 +30,6 @@ SPEEDS = {"striker.1.velocity": [0.1, 1.0, 10.0]}
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Sweep:
     """A chain struck at three speeds."""
     return sweep(CHAIN, SPEEDS, tmp_path_factory.mktemp("sweep") / "speeds")
-
-
-def test_a_run_of_a_sweep_is_the_run_of_its_impact(swept: Sweep, tmp_path: Path) -> None:
-    alone = run_impact(CHAIN.with_values({"striker.1.velocity": 10.0}), tmp_path / "alone")
-    row = swept.rows[2]
-    assert row["run"] == f"runs/{scene_hash(alone.scene)}"
-    dumps = {(folder / "dump.particles").read_bytes() for folder in (tmp_path / "alone", swept.folder / row["run"])}
-    assert len(dumps) == 1
-    assert swept.record(row).scene == alone.scene
-    assert (row["status"], row["t0_s"], row["velocity_m_s"]) == ("finished", alone.scale.time, 10.0)
-
-
-def test_the_folder_and_its_table_say_what_was_returned(swept: Sweep) -> None:
-    assert Sweep.load(swept.folder) == swept
-    with (swept.folder / "sweep.csv").open(newline="") as stream:
-        table = list(csv.DictReader(stream))
-    assert list(table[0]) == ["striker.1.velocity", *columns_of(CHAIN)]
-    assert [float(line["far_tau"]) for line in table] == list(swept.column("far_tau"))
-    asked = json.loads((swept.folder / "sweep.json").read_text())
-    assert asked == {"over": SPEEDS, "scene": json.loads(json.dumps(CHAIN.given()))}
 
 
 def test_one_motion_at_any_velocity_has_one_line(swept: Sweep) -> None:
@@ -198,21 +174,6 @@ def test_a_run_that_was_cut_off_is_continued_to_the_same_bytes(tmp_path: Path, f
 def _interrupt(step: int, steps: int) -> None:
     if steps / 3 < step < steps:
         raise KeyboardInterrupt
-
-
-def test_workers_give_the_same_table(swept: Sweep, tmp_path: Path) -> None:
-    with Workers(1) as executor:
-        done = sweep(CHAIN, SPEEDS, tmp_path / "sweep", executor=executor)
-    assert [row | {"seconds": None} for row in done.rows] == [row | {"seconds": None} for row in swept.rows]
-
-
-def test_a_run_folder_of_another_impact_is_refused(tmp_path: Path) -> None:
-    done = sweep(CHAIN, {"striker.1.velocity": [1.0, 2.0]}, tmp_path / "sweep")
-    first, second = (tmp_path / "sweep" / row["run"] for row in done.rows)
-    first.rename(tmp_path / "aside")
-    second.rename(first)
-    with pytest.raises(RunFolderError, match="holds the run of another scene .a chain of 12 spheres"):
-        Sweep.load(tmp_path / "sweep")
 
 
 def test_the_command_sweeps_and_view_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
