@@ -217,3 +217,35 @@ def test_a_wrong_record_is_not_adopted_as_another(left: Left, small: Scene, tmp_
     with pytest.raises(RunFolderError, match="begins with p, q"):
         adopt(left(), tmp_path / "adopted", scene=other)
     np.testing.assert_equal((tmp_path / "adopted").exists(), False)
+
+
+# --- scenes without a wave ---
+
+STRUCK = Scene.load("solitary_chain").with_values({"packing.rows": 10, "time.duration": 6.0})
+
+
+@pytest.fixture(scope="module")
+def struck(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What plain lmp leaves of the deck of a strike."""
+    folder = tmp_path_factory.mktemp("plain") / "deck"
+    build(STRUCK).write(folder)
+    subprocess.run([*lmp_command(1), "-in", "in.solitary_chain"], cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+def test_a_strike_is_adopted_to_the_record_of_its_run(struck: Path, tmp_path: Path) -> None:
+    record = adopt(struck, tmp_path / "run", changes={"time.duration": 6.0})
+    whole = run(STRUCK, tmp_path / "whole")
+    for name, values in whole.signals.items():
+        np.testing.assert_allclose(record.signals[name], values, atol=1e-12)
+    assert record.info["status"] == "finished"
+    assert Record.load(tmp_path / "run").info["guards"] == whole.info["guards"]
+
+
+def test_a_strike_of_another_scene_is_not_adopted(struck: Path, tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="does not say its variables, .*time.duration = 6.0"):
+        adopt(struck, tmp_path / "run")
+    with pytest.raises(RunFolderError, match=r"sphere \[0, 0\] begins with \[0.0, 0.92\d+\] of the unit of velocity"):
+        adopt(struck, tmp_path / "run", changes={"striker.1.velocity": 1.1})
+    with pytest.raises(LammpsError, match="13 records instead of 11"):
+        adopt(struck, tmp_path / "run", changes={"time.duration": 5.0})

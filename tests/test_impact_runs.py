@@ -109,7 +109,7 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
     ("words", "said"),
     [
         (["resume", "<chain>"], "there is nothing to resume"),
-        (["adopt", "<chain>"], "is an impact, which adopt, kick, scatter"),
+        (["adopt", "<chain>"], "does not say its variables, as decks of waves do; give what differs"),
         (["export", "<chain>", "-o", "x.txt"], "x.txt: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5"),
         (
             ["export", "<chain>", "-o", "x.csv", "--monitor", "line"],

@@ -21,11 +21,12 @@ from granular_lmp.errors import RunFolderError, SceneError, one_line
 from granular_lmp.lammps.deck import Deck, deck_of, written_text
 from granular_lmp.lammps.guard_results import first_decks
 from granular_lmp.lammps.monitors import monitor_files
-from granular_lmp.lammps.outputs import CONTACTS, DUMP, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
+from granular_lmp.lammps.outputs import CONTACTS, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.lammps.variables import said_variables
-from granular_lmp.problem import Problem, prepare
+from granular_lmp.problem import Problem
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
+from granular_lmp.runs.kinds import prepare
 from granular_lmp.runs.loop import execute
 from granular_lmp.runs.manifest import description, wall_seconds
 from granular_lmp.runs.phases import collected
@@ -33,7 +34,7 @@ from granular_lmp.runs.record import Record
 from granular_lmp.runs.routes import Job
 from granular_lmp.runs.simulation import Simulation, mend
 from granular_lmp.scene.initial_fields import initial_fields
-from granular_lmp.scene.refusals import require_wave
+from granular_lmp.scene.places import place_of
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import shown
 
@@ -64,7 +65,7 @@ def adopt(
     Parameters
     ----------
     source : path
-        Holds ``log.lammps``, the dump of the centre sphere, and ``in.NAME``.
+        Holds ``log.lammps``, ``in.NAME``, and the dump of the centre sphere, or of the spheres that the scene records.
     folder : path, optional
         The run folder; ``runs/NAME`` when not given.
     scene : Scene, optional
@@ -78,9 +79,9 @@ def adopt(
     ------
     RunFolderError
         When a file is missing, the log does not say the variables and `changes` does not either, or the record does
-        not begin as the wave of the scene does.
+        not begin as the scene does.
     SceneError
-        For a scene that cannot be, has no wave, or has a tolerance.
+        For a scene that cannot be, or has a tolerance.
     LammpsError
         For a record or a log that is not complete.
     EffectError
@@ -88,20 +89,23 @@ def adopt(
     """
     source = absolute(source)
     declared = scene or _scene(source)
-    require_wave(declared)
     place = absolute(folder or f"runs/{declared.name}")
     log = _text(source / LOG)
     said = said_variables(log)
     if said is None and not changes:
+        wave, time = declared.wave, declared.time
+        one = f"time.duration = {time.duration!r}" if wave is None else f"wave.amplitude = {wave.amplitude!r}"
         raise RunFolderError(
-            f"{source / LOG}: does not say its variables, as decks of this version do; give what differs from the "
-            f"scene by changes={{KEY: VALUE}}, or one value as it is, wave.amplitude = {declared.wave.amplitude!r}"
+            f"{source / LOG}: does not say its variables, as decks of waves do; give what differs from the scene by "
+            f"changes={{KEY: VALUE}}, or one value as it is, {one}"
         )
     if declared.time.tolerance is not None:
         raise SceneError(f"time.tolerance = {declared.time.tolerance!r}: a deck has one time step; give time.timestep")
     values = said or {}
     problem = prepare(declared.with_values({**_overrides(declared, values), **(changes or {})}))
-    dump = source / values.get("dump", DUMP)
+    deck = _deck(source, declared, problem)
+    simulation = Simulation(deck)
+    dump = source / values.get("dump", simulation.dump)
     if dump.parent != source:
         raise RunFolderError(f"{source / LOG}: says dump = {shown(values['dump'])}: must be a file of the same folder")
     if not dump.is_file():
@@ -110,23 +114,21 @@ def adopt(
         if not (source / name).is_file():
             raise RunFolderError(f"{source / name}: missing; the scene has the monitor that it is of")
     _refuse_other_beginning(source, dump.name, problem)
-    deck = _deck(source, declared, problem)
     info = description(deck.problem, deck.edits(), "lmp", _ranks(log)) | {
         "adopted": {"from": str(source), "variables": values}
     }
     found = read_log(source / LOG)
     info["wall_seconds"] = wall_seconds({}, found.sections)  # all of the time that is known
-    if first_decks(found.table):
+    if "looks" in info and first_decks(found.table):
         info["looks"]["every_tau"] = found.every * deck.scene.time.step
     with locked(place, make=True, force=force) as lock:
         clear(place)
-        write_files(place, {**deck.files(), SCENE: [deck.scene.to_toml()]})
+        write_files(place, simulation.files())
 
         def copy(job: Job) -> None:
             with writable(place):
-                shutil.copyfile(dump, place / DUMP)
                 shutil.copyfile(source / LOG, place / LOG)
-                others = {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts"}
+                others = {SNAPSHOTS: SNAPSHOTS, CONTACTS: f"{dump.name}.contacts", simulation.dump: dump.name}
                 for name, there in (others | {name: name for name in monitor_files(problem.scene)}).items():
                     if (source / there).is_file():
                         shutil.copyfile(source / there, place / name)
@@ -134,7 +136,7 @@ def adopt(
 
         with collected() as seconds:
             job = Job(place, deck.input_name, LOG, lock, lambda step: None)
-            return execute(Simulation(deck), job, copy, info, seconds)
+            return execute(simulation, job, copy, info, seconds)
 
 
 def _scene(source: Path) -> Scene:
@@ -182,11 +184,16 @@ def _same(value: float, other: float) -> bool:
 
 
 def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
-    """Raise RunFolderError unless the centre sphere begins where the wave of the scene puts it, or at rest."""
-    scene = problem.scene
-    record = Record.from_dump(source, scene, dump)
+    """Raise RunFolderError unless the recorded spheres begin as the scene has them."""
+    record = Record.from_dump(source, problem.scene, dump)
     if not len(record.tau) or record.tau[0] != 0:
         raise RunFolderError(f"{source / dump}: does not begin at tau = 0")
+    (_of_strikes if problem.scene.wave is None else _of_wave)(record, source / dump, problem)
+
+
+def _of_wave(record: Record, dump: Path, problem: Problem) -> None:
+    """Raise RunFolderError unless the centre sphere begins where the wave puts it, or at rest."""
+    scene = problem.scene
     expected = np.zeros(2)
     if scene.wave.form != "driven":
         crystal = problem.crystal
@@ -197,8 +204,26 @@ def _refuse_other_beginning(source: Path, dump: str, problem: Problem) -> None:
     rounding = 8 * np.finfo(float).eps * scene.sphere.radius / unit  # that of a position next to the origin, in D0
     if np.abs(found - expected).max() > _PLACED + rounding:
         raise RunFolderError(
-            f"{source / dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
+            f"{dump}: begins with p, q = {found[0]:.6g}, {found[1]:.6g} D0, but the wave of the scene with "
             f"{expected[0]:.6g}, {expected[1]:.6g}; give what differs from the scene, for instance wave.amplitude"
+        )
+
+
+def _of_strikes(record: Record, dump: Path, problem: Problem) -> None:
+    """Raise RunFolderError unless the recorded spheres begin with the velocities of strikers and state."""
+    if record.velocity.shape[1] != len(problem.recorded):
+        raise RunFolderError(f"{dump}: holds {record.velocity.shape[1]} spheres, and the scene records other ones")
+    velocity = problem.state[:, 2:4].copy()
+    for striker, spheres in zip(problem.scene.striker, problem.strikers, strict=True):
+        velocity[spheres] = striker.components
+    expected = velocity[problem.recorded] / problem.scale.velocity
+    off = np.abs(record.velocity[0] - expected).max(axis=1)
+    if off.max() > _PLACED:
+        worst = int(off.argmax())
+        raise RunFolderError(
+            f"{dump}: sphere {place_of(problem.crystal, int(problem.recorded[worst]))} begins with "
+            f"{record.velocity[0, worst].round(6).tolist()} of the unit of velocity, but that of the scene with "
+            f"{expected[worst].round(6).tolist()}; give what differs from the scene, for instance striker.1.velocity"
         )
 
 
