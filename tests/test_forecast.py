@@ -128,3 +128,15 @@ def test_the_memory_is_that_of_a_run(tried: list[Scene], tmp_path: Path) -> None
     said = forecast_of(prepare(scene)).memory
     assert 0.5 * said < peak < 2 * said
     assert not peak < 2 * forecast_of(prepare(scene.with_values({"output.rows": [0, 0]}))).memory
+
+
+def test_check_says_the_defaults_that_depend_on_a_wave(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "solitary_chain", "--set", "packing.first=wall"]) == 0
+    (line,) = (each for each in capsys.readouterr().out.splitlines() if each.startswith("default "))
+    assert 'effects.shear_law = "incremental", effects.friction = 0.0: as there is no [wave]' in line
+    assert "packing.first" not in line  # it is given
+    found = {}
+    for name in ("tr_periodic", "solitary_chain"):
+        assert main(["check", name, "--json"]) == 0
+        found[name] = json.loads(capsys.readouterr().out)["defaults"]["effects.shear_law"]
+    assert found == {"tr_periodic": "secant", "solitary_chain": "incremental"}

@@ -1,6 +1,7 @@
 """Commands about a scene, before it is run: init, list, schema, check, build, effects, modes."""
 
 import argparse
+import json
 from collections.abc import Callable, Iterator
 from math import pi
 from typing import TYPE_CHECKING
@@ -126,6 +127,7 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
         | {"recorded": len(problem.recorded)}
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
         | ({"at_rest": problem.at_rest, "steps_per_collision": _collision(problem)} if problem.mode is None else {})
+        | {"defaults": _defaults(problem.declared)}
         | {"effects": problem.on, "guards": problem.guards, "warnings": problem.warnings()}
         | {"sources": _sources(problem)}
         | {"monitors": [{"name": each.monitor.name, "records": each.words} for each in problem.monitors]}
@@ -157,12 +159,29 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
     yield "duration", f"{scene.time.duration * scale.time:.4g} s"
     if problem.mode is None:
         yield "step", f"{_collision(problem):.3g} to the shortest collision"
+    if scene.bare and (taken := _defaults(problem.declared)):
+        said = ", ".join(f"{key} = {json.dumps(value)}" for key, value in taken.items())
+        yield "default", f"{said}: as there is no [wave]"
     yield "effects", ", ".join(name for name, on in problem.on.items() if on) or "none"
     yield "guards", ", ".join(problem.guards) or "none"
     for each in problem.sources:
         yield "source", f"{each.words}, as much time as {each.cost} spheres"
     for watched in problem.monitors:
         yield "monitor", f"{watched.monitor.name}: {watched.words}, {watched.bytes * found.records / 1e6:.2g} MB"
+
+
+def _defaults(scene: "Scene") -> dict[str, object]:
+    """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
+    from granular_lmp.scene.schema import declared_keys
+
+    found: dict[str, object] = {}
+    for table, kind in scene.sections.items():
+        others = {each.name: each.default for each in declared_keys(kind, scene.rules.get(table), bare=not scene.bare)}
+        for each in scene.keys_of(table):
+            key = f"{table}.{each.name}"
+            if each.default != others.get(each.name, each.default) and scene.value(key) == each.default:
+                found[key] = each.default
+    return found
 
 
 def _of_rest(problem: "ImpactProblem") -> "Iterator[tuple[str, str]]":
