@@ -71,6 +71,33 @@ def test_analysis_imports_record_and_sphere_at_most(path):
     assert not forbidden_in_analysis(path.read_text())
 
 
+PREPARED = ("problem", "rest", "energies", "energy", "kinetic_energy")  # of a record: what the package makes of a scene
+
+
+def asked_of_records(source: str) -> set[str]:
+    """Return the attributes named like a record's own physics that a source asks of anything named like a record."""
+    return {
+        node.attr
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Attribute)
+        and node.attr in PREPARED
+        and isinstance(node.value, ast.Name | ast.Attribute)
+        and (node.value.id if isinstance(node.value, ast.Name) else node.value.attr).endswith("record")
+    } | {
+        node.attr for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and node.attr == "problem"
+    }
+
+
+@pytest.mark.parametrize("path", sources("analysis"), ids=lambda path: path.name)
+def test_analysis_asks_a_record_for_nothing_that_the_package_computes(path: Path) -> None:
+    assert not asked_of_records(path.read_text())
+
+
+def test_what_is_asked_of_a_record_is_seen() -> None:
+    assert asked_of_records("def f(run):\n    return run.problem.mass, record.rest") == {"problem", "rest"}
+    assert not asked_of_records("scene.rest, record.displacement, self.record.velocity")
+
+
 def test_package_never_imports_analysis():
     assert not [path.name for path in sources("granular_lmp") if "analysis" in roots(path.read_text())]
 

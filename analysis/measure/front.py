@@ -12,7 +12,7 @@ from analysis.measure.norms import slope
 
 Floats = NDArray[np.float64]
 SILENCE = 1e-5  # share of the striker's speed: a crest below it is rounding, or the foot of the front
-SAME_LINE = 1e-6  # distance across a direction, that a sphere on it has by rounding
+SAME_LINE = 1e-6  # diameters: a sphere is on a line, or at a distance, up to this; rounding is far below
 
 
 class Front(NamedTuple):
@@ -23,8 +23,8 @@ class Front(NamedTuple):
     height: Floats
 
     def between(self, least: float, most: float) -> "Front":
-        """Return the front between two distances."""
-        inside = (least <= self.distance) & (self.distance <= most)
+        """Return the front beyond a distance and up to another, to rounding."""
+        inside = (self.distance > least + SAME_LINE) & (self.distance <= most + SAME_LINE)
         return Front(self.distance[inside], self.time[inside], self.height[inside])
 
     @property

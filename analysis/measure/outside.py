@@ -73,7 +73,8 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
     if not len(whole):
         raise TheoryError("vacancies: no row is whole, and the places of spheres cannot be told")
     first = np.flatnonzero(row == whole[0])[0]
-    along = (x - x[first]) * height / spacing - shift * (row % 2 - whole[0] % 2)
+    parity = (row - scene.shape.centre_row) % 2  # every other row is shifted against that of the centre
+    along = (x - x[first]) * height / spacing - shift * (parity - parity[first])
     return row, np.rint(along).astype(np.intp) % columns
 
 

@@ -17,14 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.outside import Scales, outside
+from analysis.measure.strikes import scale_of_strike
 from analysis.second_harmonic import ALONG_Y
 from analysis.theory.bloch import frame
 from analysis.theory.choice import switched
-from analysis.theory.network import Law, Material, Network, mixed
+from analysis.theory.network import Law, Material, Network
 from analysis.theory.network_laws import Adhesion
 from analysis.theory.network_motion import Trajectory
 from analysis.theory.network_state import State, start
-from granular_lmp.runs.record import Record, Scene
+from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 
@@ -135,24 +136,6 @@ def units_of(record: Record, path: Path) -> tuple[tuple[float, float, float], Sc
     kilogram, metre, second = units
     stiffness = 0.0 if strike else sphere.normal_stiffness / (kilogram / second**2)
     return units, Scales(length / metre, time / second, stiffness, sphere.radius / metre, metre)
-
-
-def scale_of_strike(scene: Scene) -> tuple[float, float]:
-    """Return ℓ (m) and t0 = ℓ/v (s) of a scene without a wave.
-
-        ℓ = (m v²/A)^{2/5},   v the largest velocity at the start, of a surface Rω of a sphere that turns;
-        v = √(A/m) ℓ^{5/4},   ℓ the largest displacement, where all spheres are let go from rest
-
-    with A of two of the declared spheres.
-    """
-    sphere, state = scene.sphere, np.reshape([each[2:] for each in scene.start.state], (-1, 5))
-    material = Material(sphere.youngs_modulus, sphere.poisson_ratio)
-    A, *_ = mixed([material], (np.zeros(1, int), np.zeros(1, int)), (np.full(1, sphere.radius),) * 2)
-    mass = 4 / 3 * np.pi * sphere.radius**3 * sphere.density
-    struck = [each.velocity for each in scene.striker]
-    fastest = max([*struck, *np.hypot(*state[:, 2:4].T), *abs(sphere.radius * state[:, 4])], default=0.0)
-    length = float((mass * fastest**2 / A[0]) ** 0.4) if fastest else float(np.hypot(*state[:, :2].T).max())
-    return length, length / float(fastest or np.sqrt(A[0] / mass) * length**1.25)
 
 
 def _snapshots(record: Record) -> Path:

@@ -1,8 +1,21 @@
-"""Impacts that a measurement holds: strikers on equal spheres that just touch, and what it says that it holds too."""
+"""Strikes on spheres that just touch: what a measurement holds of them, their places, masses and units by the scene.
 
-from typing import Any
+Nothing here asks the package for a mass, a stiffness or an overlap: a scene declares the spheres, and the rest follows
+from the formulas here.
+"""
 
-from granular_lmp.runs.record import Record
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.theory.network import Material, mixed
+from analysis.theory.scenes import STACKING
+from granular_lmp.runs.record import Record, Scene
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.intp]
 
 
 def require(record: Record, *held: str) -> None:
@@ -27,3 +40,91 @@ def require(record: Record, *held: str) -> None:
     for name, given in there.items():
         if given and name not in held:
             raise ValueError(f"{scene.name}: {name}: must be left out; what is measured or set beside it lacks it")
+
+
+@dataclass(frozen=True, eq=False)
+class Sites:
+    """Places of a lattice whose spheres just touch, in radii; row 0 is at y = 0.
+
+    Attributes
+    ----------
+    row, column : (N,) of all places, row by row.
+    place : (N, 2).
+    """
+
+    row: Integers
+    column: Integers
+    place: Floats
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Return all places of a scene's lattice.
+
+        Raises ValueError for a lattice of unknown stacking, and for one with vacancies.
+        """
+        packing = scene.packing
+        if packing.lattice not in STACKING:
+            raise ValueError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(STACKING)}")
+        if scene.disorder.vacancies or any(each.vacancy for each in scene.inclusion):
+            raise ValueError(f"{scene.name}: must be without vacancies, which shift the numbers of its spheres")
+        height, shift, _ = STACKING[packing.lattice]
+        row, column = np.divmod(np.arange(int(packing.rows) * int(packing.columns)), int(packing.columns))
+        aside = shift * ((row - scene.shape.centre_row) % 2)  # every other row is shifted against that of the centre
+        return cls(row, column, 2.0 * np.column_stack([column + aside, height * row]))
+
+    def chosen(self, places: Any) -> Integers:
+        """Return the indices of the spheres of a striker or an output: of its rows, and its single spheres."""
+        first, last = (*places.rows, -1, -1)[:2] if places.rows else (0, -1)
+        single = {tuple(each) for each in places.spheres}
+        sites = zip(self.row.tolist(), self.column.tolist(), strict=True)
+        return np.flatnonzero([first <= row <= last or (row, column) in single for row, column in sites])
+
+    def recorded(self, scene: Scene) -> Integers:
+        """Return the indices of the recorded spheres: all, if the scene names none."""
+        named = scene.output.rows or scene.output.spheres
+        return self.chosen(scene.output) if named else np.arange(len(self.row))
+
+
+def densities(scene: Scene) -> Floats:
+    """Return the density of each row of a lattice whose rows differ in it alone, (N,).
+
+    Raises ValueError for inclusions with anything else but rows and a density, and for disorder.
+    """
+    found = np.full(int(scene.packing.rows), scene.sphere.density)
+    if scene.disorder.radius or scene.disorder.density:
+        raise ValueError(f"{scene.name}: must be without disorder")
+    for number, each in enumerate(scene.inclusion, 1):
+        differs = {name for name, value in vars(each).items() if value != getattr(type(each)(), name)}
+        if other := sorted(differs - {"rows", "every", "density"}):
+            raise ValueError(f"{scene.name}: inclusion {number} has {', '.join(other)}; allowed: rows, every, density")
+        found[each.rows[0] : each.rows[-1] + 1 : each.every] = each.density
+    return found
+
+
+def rest_overlap(scene: Scene) -> float:
+    """Return (F0/A)^{2/3} of two of the declared spheres that are pressed together, in ℓ."""
+    length, _ = scale_of_strike(scene)
+    return float((scene.packing.contact_force / hertz(scene)) ** (2 / 3) / length)
+
+
+def hertz(scene: Scene) -> float:
+    """Return A, N/m^{3/2}, of two of the declared spheres."""
+    sphere, one = scene.sphere, np.zeros(1, dtype=np.intp)
+    material = Material(sphere.youngs_modulus, sphere.poisson_ratio)
+    return float(mixed([material], (one, one), (np.full(1, sphere.radius),) * 2)[0][0])
+
+
+def scale_of_strike(scene: Scene) -> tuple[float, float]:
+    """Return ℓ (m) and t0 = ℓ/v (s) of a scene without a wave.
+
+        ℓ = (m v²/A)^{2/5},   v the largest velocity at the start, of a surface Rω of a sphere that turns;
+        v = √(A/m) ℓ^{5/4},   ℓ the largest displacement, where all spheres are let go from rest
+
+    with A of two of the declared spheres.
+    """
+    sphere, state = scene.sphere, np.reshape([each[2:] for each in scene.start.state], (-1, 5))
+    A, mass = hertz(scene), 4 / 3 * np.pi * sphere.radius**3 * sphere.density
+    struck = [each.velocity for each in scene.striker]
+    fastest = max([*struck, *np.hypot(*state[:, 2:4].T), *abs(sphere.radius * state[:, 4])], default=0.0)
+    length = float((mass * fastest**2 / A) ** 0.4) if fastest else float(np.hypot(*state[:, :2].T).max())
+    return length, length / float(fastest or np.sqrt(A / mass) * length**1.25)

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.measure.strikes import require
+from analysis.measure.strikes import Sites, densities, require
 from analysis.plotting import letter, parser, show, start
 from analysis.theory.dimer import (
     CELLS,
@@ -47,20 +47,23 @@ def measured(record: Record) -> tuple[float, float, float]:
     Raises ValueError if the chain is not of heavy and light spheres in turn, a heavy one first, which strikes alone, or
     the record lacks spheres or is too coarse.
     """
-    name, problem = record.scene.name, record.problem
-    mass, stiffness = problem.mass, problem.coefficients
+    scene, sites = record.scene, Sites.of(record.scene)
+    name, struck = scene.name, [sites.chosen(each).tolist() for each in scene.striker]
+    wanted = f"{name}: must be a chain of heavy and light spheres in turn that its first, heavy one strikes"
+    try:
+        mass = densities(scene) / scene.sphere.density
+    except ValueError as error:
+        raise ValueError(f"{wanted}; {error}") from error
     ratio = float(mass[1] / mass[0])
     in_turn = np.allclose(mass, np.where(np.arange(len(mass)) % 2, ratio, 1.0), rtol=1e-12)
-    if not in_turn or ratio > 1 or np.ptp(stiffness) > 1e-12 or [each.tolist() for each in problem.strikers] != [[0]]:
-        raise ValueError(
-            f"{name}: must be a chain of heavy and light spheres in turn that its first, heavy one strikes"
-        )
+    if not in_turn or ratio > 1 or struck != [[0]]:
+        raise ValueError(wanted)
     require(record, "inclusion")
     spacing = float(record.tau[1] - record.tau[0])
     if spacing > STEP * (1 + 1e-9):
         raise ValueError(f"{name}: time.sample = {spacing:g}: must be at most {STEP}")
     velocity = np.full((len(record.tau), len(mass)), np.nan)
-    velocity[:, problem.recorded] = record.velocity[..., 1]
+    velocity[:, sites.recorded(scene)] = record.velocity[..., 1]
     watched = slice(2 * CELLS[0], 2 * (CELLS[1] + 3) + 1)
     if np.isnan(velocity[:, watched]).any():
         raise ValueError(f"{name}: output.rows: must hold the rows {watched.start} to {watched.stop - 1}")

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.measure.front import Front, front
-from analysis.measure.strikes import require
+from analysis.measure.strikes import Sites, require
 from analysis.plotting import letter, parser, show, start
 from granular_lmp.runs.record import Record
 
@@ -33,11 +33,12 @@ def fronts(record: Record) -> dict[int, Front]:
     Raises ValueError if not one sphere strikes, or a direction has fewer than `FEWEST` recorded spheres to be fitted.
     """
     require(record, "effects.friction", "effects.restitution", "disorder", "inclusion")
-    strikers = np.concatenate(record.problem.strikers)
+    sites, scene = Sites.of(record.scene), record.scene
+    strikers = np.concatenate([sites.chosen(each) for each in scene.striker])
     if len(strikers) != 1:
         raise ValueError(f"{record.scene.name}: {len(strikers)} spheres strike; must be one")
-    centres = record.problem.crystal.positions[:, :2]
-    places = (record.rest - centres[strikers[0]]) / 2
+    centres = sites.place
+    places = (centres[sites.recorded(scene)] - centres[strikers[0]]) / 2
     room = np.abs(np.array([centres[:, 0].min(), centres[:, 0].max()]) - centres[strikers[0], 0]).min() / 2
     found = {}
     for degrees in DIRECTIONS:

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.measure.refraction import FrontsAtInterface, fronts_at_interface
-from analysis.measure.strikes import require
+from analysis.measure.strikes import Sites, require
 from analysis.plotting import letter, parser, show, start
 from analysis.theory import scattering
 from analysis.theory.refraction import angle, quasi_particle
@@ -31,16 +31,16 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
     Raises ValueError if the scene is not a sheet whose first row strikes and whose one inclusion is a half-plane of
     another density, or too few spheres are recorded there.
     """
-    scene, problem = record.scene, record.problem
+    scene, sites = record.scene, Sites.of(record.scene)
     beyond = scene.inclusion[0] if len(scene.inclusion) == 1 else None
-    struck = [each.tolist() for each in problem.strikers]
+    struck = [sites.chosen(each).tolist() for each in scene.striker]
     if (
         scene.packing.lattice != "hexagonal"
         or beyond is None
         or not beyond.half_plane
         or beyond.density is None
         or beyond.of_material
-        or struck != [np.flatnonzero(problem.crystal.arrays["row"] == 0).tolist()]
+        or struck != [np.flatnonzero(sites.row == 0).tolist()]
     ):
         raise ValueError(
             f"{scene.name}: must be a hexagonal sheet that its first row strikes, with one inclusion of another "
@@ -48,13 +48,13 @@ def measured(record: Record) -> tuple[float, FrontsAtInterface]:
         )
     require(record, "inclusion")
     row, column, incidence = beyond.half_plane
-    arrays, places = problem.crystal.arrays, problem.crystal.positions[:, :2]
-    corner = places[(arrays["row"] == row) & (arrays["column"] == column)][0]
+    places, seen = sites.place, sites.recorded(scene)
+    corner = places[(sites.row == row) & (sites.column == column)][0]
     # The line in the middle of the sheet, where no wave from its ends has come
     across = places[:, 0].mean() - corner[0]
     middle = corner + across * np.array([1.0, np.tan(np.radians(incidence))])
     mass = beyond.density / scene.sphere.density
-    fronts = fronts_at_interface(record.tau, record.velocity, record.rest / 2, middle / 2, incidence, heavier=mass > 1)
+    fronts = fronts_at_interface(record.tau, record.velocity, places[seen] / 2, middle / 2, incidence, heavier=mass > 1)
     return mass, fronts
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.measure.strikes import require
+from analysis.measure.strikes import Sites, require, rest_overlap
 from analysis.plotting import letter, parser, save, start
 from analysis.theory.chain_motion import peak
 from analysis.theory.scattering import impurity
@@ -52,14 +52,14 @@ def front(record: Record) -> Front:
     Raises ValueError if nothing presses the chain together, its spheres differ, or others than two pairs of neighbours
     are recorded.
     """
-    problem, scene = record.problem, record.scene
-    rows = problem.crystal.arrays["row"][problem.recorded]
+    scene = record.scene
+    rows = Sites.of(scene).recorded(scene)
     if not scene.packing.contact_force or scene.inclusion or scene.disorder.radius or scene.disorder.density:
         raise ValueError(f"{scene.name}: must be a chain of equal spheres with packing.contact_force above 0")
     require(record, "packing.contact_force")
     if len(rows) != 4 or rows[1] - rows[0] != 1 or rows[3] - rows[2] != 1:
         raise ValueError(f"{scene.name}: rows {rows.tolist()} are recorded: must be two neighbours, and two others")
-    rest, u = float(problem.rest_overlap[0]), record.displacement[..., 1]
+    rest, u = rest_overlap(scene), record.displacement[..., 1]
     (one, begin), (other, end) = (peak(record.tau, u[:, at] - u[:, at + 1]) for at in (0, 2))
     return Front(one / rest, other / rest, (rows[2] - rows[0]) / (end - begin) / sound(1.0, 1.0, rest))
 

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.measure.front import Front, front
-from analysis.measure.strikes import require
+from analysis.measure.strikes import Sites, require
 from analysis.plotting import letter, parser, show, start
 from granular_lmp.runs.record import Record
 
@@ -50,10 +50,11 @@ def fronts(record: Record, degrees: int, farthest: float) -> list[Front]:
 
     Raises ValueError if the front has not come as far.
     """
-    striker = record.problem.crystal.positions[record.problem.strikers[0][0], :2]
+    sites = Sites.of(record.scene)
+    places = sites.place[sites.recorded(record.scene)] - sites.place[sites.chosen(record.scene.striker[0])[0]]
     found = []
     for each in DIRECTIONS[degrees]:
-        part = front(record.tau, record.velocity, (record.rest - striker) / 2, each).between(NEAREST, farthest)
+        part = front(record.tau, record.velocity, places / 2, each).between(NEAREST, farthest)
         if not len(part.distance) or part.distance[-1] < farthest - 2 * TOLERANCE:
             raise ValueError(
                 f"the front has not come {farthest:g} diameters far at {degrees} degrees: take a longer run"
@@ -78,7 +79,7 @@ def measured(records: Iterable[Record], farthest: float | None = None) -> list[S
         first = first or tables
         if tables != first:
             raise ValueError(f"{scene.name}: differs from the first run in more than its disorder")
-        if scene.packing.lattice != "hexagonal" or [len(each) for each in record.problem.strikers] != [1]:
+        if scene.packing.lattice != "hexagonal" or [len(Sites.of(scene).chosen(each)) for each in scene.striker] != [1]:
             raise ValueError(f"{scene.name}: must be a hexagonal sheet that one sphere strikes")
         if scene.disorder.density or scene.disorder.vacancies:
             raise ValueError(f"{scene.name}: must be without disorder.density and disorder.vacancies")
