@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
+    from granular_lmp.problem import prepare as prepare
     from granular_lmp.runs.export import export as export
-    from granular_lmp.runs.kinds import prepare as prepare
     from granular_lmp.runs.record import Record as Record
     from granular_lmp.runs.record import load as load
     from granular_lmp.scene.scene import Scene as Scene
@@ -53,7 +53,7 @@ _HOMES = {
     "export": "runs.export",
     "Record": "runs.record",
     "html": "plot.notebook",
-    "prepare": "runs.kinds",
+    "prepare": "problem",
     "run_impact": "accuracy.tolerance",
 }
 _ALIASES = {"ImpactRecord": "Record"}  # names of release 0.1

@@ -3,17 +3,16 @@
 `prepare` does this once. The deck, the guards, the choice of a time step and the run take the resulting `Problem`.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, nextafter
-from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
+from granular_lmp.collisions import Collisions
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import centre
 from granular_lmp.crystal.modes import Mode, Physics, highest_frequency
@@ -21,17 +20,16 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.stability import frequency_bound
 from granular_lmp.effects.effect import Case, Chosen
-from granular_lmp.effects.selection import remarks, select, warnings
+from granular_lmp.effects.selection import EFFECTS, remarks, select, warnings
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.absorption import quiet_end_of, remarks_on_ends
 from granular_lmp.scene.at_rest import CrystalAtRest, contacts_of, crystal_of, echo_at, swiftness
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
-from granular_lmp.scene.places import place_of
-from granular_lmp.scene.refusals import require_wave
+from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
-from granular_lmp.scene.start import state_in
+from granular_lmp.scene.start import refuse_motion, state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
 from granular_lmp.units import AnyUnits
@@ -47,23 +45,19 @@ class Problem:
         Scene as declared.
     scene : Scene
         Scene with every "auto" decided.
-    mode : Mode
-        Bloch mode of the wave in the lattice with these effects.
     effects : tuple of Chosen
         Each effect, on or off, with the reason.
+    at_rest : CrystalAtRest
+        Spheres at rest, their materials and contacts.
+    mode : Mode
+        Bloch mode of the wave in the lattice with these effects; None without a wave.
     """
 
     declared: Scene
     scene: Scene
-    mode: Mode
     effects: tuple[Chosen, ...]
-    planes: ClassVar[Mapping[str, float]] = MappingProxyType({})  # no walls, and no forces on ends
-    loads: ClassVar[Mapping[int, float]] = MappingProxyType({})
-
-    @cached_property
-    def at_rest(self) -> CrystalAtRest:
-        """Spheres at rest, their materials and contacts."""
-        return crystal_of(self.scene)
+    at_rest: CrystalAtRest
+    mode: Mode = None  # type: ignore[assignment]  # as `Scene.wave`: what needs it asks for the wave first
 
     @property
     def crystal(self) -> ase.Atoms:
@@ -90,10 +84,33 @@ class Problem:
         """Units of the deck."""
         return self.scene.units
 
-    @property
+    @cached_property
     def recorded(self) -> NDArray[np.int64]:
-        """Index of the centre sphere, the one that is always recorded, (1,)."""
-        return np.array([centre(self.crystal)])
+        """Indices of the spheres that are always recorded: the centre one, and without a wave those of ``[output]``."""
+        output = self.scene.output
+        if self.mode is not None:
+            return np.array([centre(self.crystal)])
+        if output.everyone:
+            return np.arange(len(self.crystal))
+        try:
+            return spheres_at(output.rows, output.spheres, self.crystal, "recorded sphere")
+        except SceneError as error:
+            raise SceneError(f"output: {error}") from error
+
+    @cached_property
+    def collisions(self) -> Collisions:
+        """What follows in the units of an impact."""
+        return Collisions(self.scene, self.crystal, self.materials, self.contacts, self.strikers, self.state)
+
+    @property
+    def planes(self) -> dict[str, float]:
+        """Rigid walls, "ylo" → place, radii; none beside a wave."""
+        return self.collisions.planes if self.scene.loose else {}
+
+    @property
+    def loads(self) -> dict[int, float]:
+        """Constant forces along y on free ends, m v/t0, by sphere; none beside a wave."""
+        return self.collisions.loads if self.scene.loose else {}
 
     @property
     def physics(self) -> Physics:
@@ -119,13 +136,13 @@ class Problem:
     @cached_property
     def monitors(self) -> tuple[PlacedMonitor, ...]:
         """Monitors in the crystal."""
-        contacts = None if self.scene.perfect else self.at_rest.contacts
+        contacts = None if self.scene.perfect and not self.scene.loose else self.contacts
         return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, contacts, self.on)
 
     @property
     def on(self) -> dict[str, bool]:
-        """True or false for each effect by name."""
-        return {effect.name: effect.on for effect in self.effects}
+        """True or false for each effect by name; false for those that are none of such scenes."""
+        return dict.fromkeys((each.name for each in EFFECTS), False) | {each.name: each.on for each in self.effects}
 
     @property
     def guards(self) -> list[str]:
@@ -145,7 +162,7 @@ class Problem:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        return step_rules(self.scene)
+        return self.collisions.step_rules if self.scene.loose else step_rules(self.scene)
 
     @property
     def largest_step(self) -> float:
@@ -154,6 +171,8 @@ class Problem:
 
     def warnings(self) -> list[str]:
         """Return a sentence for each change that made the scene fit, effect forced off, and echo at a monitor."""
+        if self.mode is None:
+            return self.declared.remarks()
         of_scene = [*self.declared.remarks(), *self.at_rest.remarks(), *remarks_on_ends(self.scene)]
         return [*of_scene, *remarks(self.declared), *warnings(self.effects), *self._echoes()]
 
@@ -182,8 +201,22 @@ def prepare(scene: Scene) -> Problem:
         the crystal (`granular_lmp.scene.sources`, `granular_lmp.scene.monitors`), or the time step is beyond the
         stability limit of velocity Verlet.
     """
-    require_wave(scene)
-    chosen = select(scene)
+    chosen = tuple(select(scene))
+    problem = Problem(scene, scene, chosen, crystal_of(scene)) if scene.bare else _with_wave(scene, chosen)
+    _check_strikes(problem)
+    check_groups(problem.monitors, len(problem.sources))
+    if problem.mode is None:
+        _ = problem.recorded
+        problem.collisions.refuse()
+        _refuse_sheared(problem)
+    else:
+        _refuse_echo(problem)
+    refuse_step(scene.time, problem.step_rules)
+    return problem
+
+
+def _with_wave(scene: Scene, chosen: tuple[Chosen, ...]) -> Problem:
+    """Return the problem of a scene with a wave, its every "auto" decided."""
     shape = scene.shape
     values: dict[str, Any] = {f"packing.{key}": getattr(shape, key) for key in ("rows", "columns", "ends")}
     if scene.wave.frequency is not None:
@@ -192,18 +225,27 @@ def prepare(scene: Scene) -> Problem:
     if quiet := quiet_end_of(scene):
         values["absorb.rows"] = quiet.rows
     resolved = scene.with_values(values)
-    problem = Problem(scene, resolved, mode_of(resolved), tuple(chosen))
-    _check_strikes(problem)
-    check_groups(problem.monitors, len(problem.sources))
-    echo = resolved.echo_time / swiftness(resolved)
-    if scene.time.duration > echo and not scene.time.allow_echo:
+    return Problem(scene, resolved, chosen, crystal_of(resolved), mode_of(resolved))
+
+
+def _refuse_echo(problem: Problem) -> None:
+    """Raise a SceneError if the echo of the faces may reach the centre, unless the scene allows it."""
+    scene, declared = problem.scene, problem.declared
+    echo = scene.echo_time / swiftness(scene)
+    if declared.time.duration > echo and not declared.time.allow_echo:
         raise SceneError(
-            f"time.duration = {scene.time.duration!r}: contacts as stiff and spheres as light as in this crystal may "
-            f"bring the echo of the {shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or set "
-            "time.allow_echo = true"
+            f"time.duration = {declared.time.duration!r}: contacts as stiff and spheres as light as in this crystal "
+            f"may bring the echo of the {scene.shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or "
+            "set time.allow_echo = true"
         )
-    refuse_step(scene.time, problem.step_rules)
-    return problem
+
+
+def _refuse_sheared(problem: Problem) -> None:
+    """Raise a SceneError if a state displaces spheres whose contacts rub."""
+    everyone = np.ones(len(problem.crystal), dtype=bool)
+    if problem.on["shear"]:
+        why = "whose contacts rub: a state lacks their shear at rest"
+        refuse_motion(problem.state, [0, 1], problem.crystal, everyone, why)
 
 
 def _check_strikes(problem: Problem) -> None:

@@ -10,8 +10,8 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, html, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
-from granular_lmp.impact.problem import prepare
 from granular_lmp.plot.view import sweep_figure, view
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import Options
 from granular_lmp.studies.far_sphere import arrival, far_sphere, read_outs
 from granular_lmp.studies.sweep import Sweep, sweep
@@ -209,8 +209,8 @@ def test_energies_are_over_all_that_is_given(tmp_path: Path) -> None:
     scene = ImpactScene.from_dict(CHAIN.to_dict() | {"start": {"state": state}})
     whole = run_impact(scene, tmp_path / "whole")
     # 1 m/s and 0.9 m/s of two equal spheres
-    assert whole.problem.given_energy == pytest.approx((1 + 0.81) / 2, rel=1e-12)
-    assert whole.kinetic_energy[0].sum() == pytest.approx(whole.problem.given_energy, rel=1e-12)
+    assert whole.problem.collisions.given_energy == pytest.approx((1 + 0.81) / 2, rel=1e-12)
+    assert whole.kinetic_energy[0].sum() == pytest.approx(whole.problem.collisions.given_energy, rel=1e-12)
     part = run_impact(scene.with_values({"output.rows": [0, 11], "packing.last": "wall"}), tmp_path / "part")
     few = run_impact(scene.with_values({"output.rows": [8, 11], "packing.last": "wall"}), tmp_path / "few")
     share = part.kinetic_energy[-1, 8:].sum() / 0.905
@@ -222,7 +222,7 @@ def test_the_energy_of_a_state_counts_its_spins() -> None:
     rough = SHEET.with_values({"effects.friction": 0.2})
     spin = 2.0 / rough.sphere.radius
     scene = ImpactScene.from_dict(rough.to_dict() | {"start": {"state": [[3, 3, 0, 0, 0, 1.0, spin]]}})
-    given = prepare(scene).given_energy * scene.scale.velocity**2  # in m (m/s)²
+    given = prepare(scene).collisions.given_energy * scene.scale.velocity**2  # in m (m/s)²
     assert given == pytest.approx((1 + 1 + 0.4 * 4) / 2, rel=1e-12)  # the striker at 1 m/s, and I = 0.4 m R²
 
 

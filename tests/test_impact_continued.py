@@ -9,11 +9,11 @@ import pytest
 from granular_lmp import ImpactRecord, ImpactScene, resume, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
-from granular_lmp.impact.problem import prepare
 from granular_lmp.lammps.checkpoints import checkpoint_steps
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.guards import look_interval
 from granular_lmp.lammps.outputs import CHECKPOINTS
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 

@@ -16,10 +16,10 @@ import granular_lmp
 from granular_lmp import ImpactRecord, ImpactScene, Record, Scene, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, LaunchError, RunFolderError, RunInterrupted
-from granular_lmp.impact.problem import prepare
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import RunLog, read_log
 from granular_lmp.plot.view import view
+from granular_lmp.problem import prepare
 from granular_lmp.runs import loop
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status

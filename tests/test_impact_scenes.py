@@ -13,12 +13,12 @@ from granular_lmp.crystal.disorder import Disorder, Inclusion
 from granular_lmp.crystal.lattices import CHAIN, HEXAGONAL, LATTICES, SQUARE
 from granular_lmp.crystal.scale import DEEPEST, Scale, collision_time
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.touching import grain, neighbours, touching
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.lattice import grain, neighbours, touching
-from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import SHIPPED_IMPACTS, is_impact
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.guards import look_interval
+from granular_lmp.problem import prepare
 
 STEEL = Sphere(radius=5e-3, youngs_modulus=200e9, poisson_ratio=0.3, work_of_adhesion=0.0, density=7800.0)
 NAMES = sorted(path.parent.name for path in SHIPPED_IMPACTS.glob("*/scene.toml"))
@@ -250,7 +250,7 @@ def test_guards_look_often_enough() -> None:
     problem = prepare(CHAIN_SCENE)
     steps = look_interval(problem)
     assert CHAIN_SCENE.time.steps_per_sample % steps == 0
-    assert steps * CHAIN_SCENE.time.step <= problem.shortest_collision / 20
+    assert steps * CHAIN_SCENE.time.step <= problem.collisions.shortest_collision / 20
 
 
 def test_a_square_sheet_has_its_wall_at_the_edge_of_the_spheres() -> None:

@@ -12,9 +12,9 @@ import granular_lmp
 from granular_lmp import ImpactRecord, ImpactScene, Scene, run, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.problem import prepare
 from granular_lmp.impact.scene import is_impact
 from granular_lmp.lammps.deck import deck_of
+from granular_lmp.problem import prepare
 from granular_lmp.scene.schema import declared_keys
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import leads

@@ -21,7 +21,7 @@ from granular_lmp.accuracy.ladder import RUNGS, plan, planned
 from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.cli import main
 from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
-from granular_lmp.impact.problem import prepare
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep

@@ -114,14 +114,15 @@ MAY_IMPORT: dict[str, set[str]] = {
     "scene": {"errors", "card", "units", "crystal"},
     "step_rules": {"errors", "scene"},
     "effects": {"errors", "units", "crystal", "scene", "step_rules"},
-    "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules"},
+    "collisions": {"errors", "crystal", "scene", "step_rules"},
+    "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules", "collisions"},
     "lammps": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
     "impact": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
     "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "impact"},
     "accuracy": {"errors", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
     "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs", "impact"}
     | {"accuracy"},
-    "plot": {"errors", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
+    "plot": {"errors", "problem", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)

@@ -13,7 +13,7 @@ from analysis.cases.solitary import case as solitary
 from analysis.cases.unequal import case as unequal
 from analysis.measure.strikes import require
 from granular_lmp import ImpactRecord, ImpactScene
-from granular_lmp.impact.problem import prepare
+from granular_lmp.problem import prepare
 
 STATE = [[3, 0, 0.0, 0.0, 0.0, 0.5, 0.0]]
 CASES: list[tuple[Callable[..., Any], str, dict[str, Any], str]] = [

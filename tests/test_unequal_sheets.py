@@ -12,13 +12,13 @@ from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import start
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.problem import ImpactProblem, prepare
+from granular_lmp.problem import Problem, prepare
 
 SHEET = ImpactScene.load("point_impact")
 SMALL = SHEET.with_values({"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]]})
 
 
-def gaps(problem: ImpactProblem) -> np.ndarray:
+def gaps(problem: Problem) -> np.ndarray:
     """Gaps of the neighbours, radii."""
     return (problem.contacts.length - problem.contacts.radii) / problem.scene.sphere.radius
 

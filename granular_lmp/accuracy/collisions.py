@@ -35,7 +35,7 @@ def first_step(problem: Any) -> float:
     time = problem.scene.time
     assert time.tolerance is not None
     steps = max(_FEWEST, _STEPS_AT[0] * (_STEPS_AT[1] / time.tolerance) ** (1 / _POWER))
-    longest = min(problem.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
+    longest = min(problem.collisions.shortest_collision / steps, *(rule.first for rule in problem.step_rules))
     return time.sample / max(1, ceil(time.sample / longest))
 
 

@@ -19,8 +19,7 @@ from granular_lmp.accuracy.halving import Plan
 from granular_lmp.crystal.modes import bloch_mode
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
-from granular_lmp.problem import Problem, step_rules
-from granular_lmp.runs.kinds import prepare
+from granular_lmp.problem import Problem, prepare, step_rules
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
 

@@ -24,13 +24,13 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.deck import Deck
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import SWEEP, writable
-from granular_lmp.problem import Problem
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import launch
 from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.kinds import in_deck, prepare
+from granular_lmp.runs.kinds import in_deck
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.readouts import readouts_of

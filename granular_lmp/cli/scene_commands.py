@@ -20,7 +20,6 @@ from granular_lmp.cli.output import say, say_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from granular_lmp.impact.problem import ImpactProblem
     from granular_lmp.problem import Problem
     from granular_lmp.scene.scene import Scene
     from granular_lmp.studies.forecast import Forecast
@@ -126,7 +125,11 @@ def _as_json(problem: "Problem", found: "Forecast") -> dict[str, object]:
         | asdict(found)
         | {"recorded": len(problem.recorded)}
         | {"t0_s": scale.time, "length_m": scale.length, "velocity_m_s": scale.velocity}
-        | ({"at_rest": problem.at_rest, "steps_per_collision": _collision(problem)} if problem.mode is None else {})
+        | (
+            {"at_rest": problem.collisions.at_rest, "steps_per_collision": _collision(problem)}
+            if problem.mode is None
+            else {}
+        )
         | {"defaults": _defaults(problem.declared)}
         | {"effects": problem.on, "guards": problem.guards, "warnings": problem.warnings()}
         | {"sources": _sources(problem)}
@@ -184,17 +187,17 @@ def _defaults(scene: "Scene") -> dict[str, object]:
     return found
 
 
-def _of_rest(problem: "ImpactProblem") -> "Iterator[tuple[str, str]]":
+def _of_rest(problem: "Problem") -> "Iterator[tuple[str, str]]":
     """Yield the lines of a chain that is pressed together."""
-    if rest := problem.at_rest:
+    if rest := problem.collisions.at_rest:
         force, residual = rest["contact_force_over_impact"], rest["residual_force_over_impact"]
         yield "at rest", f"{force:.3g} of the force of the impact, m v/t0; rounding leaves {residual:.1g} of it"
         yield "sound", f"{rest['sound_m_s']:.4g} m/s"
 
 
-def _collision(problem: "ImpactProblem") -> float:
+def _collision(problem: "Problem") -> float:
     """Return the steps in the shortest collision."""
-    return problem.shortest_collision / problem.scene.time.step
+    return problem.collisions.shortest_collision / problem.scene.time.step
 
 
 def _sources(problem: "Problem") -> list[dict[str, object]]:
@@ -219,7 +222,7 @@ def _build(options: Options) -> int:
 
 def _effects(options: Options) -> int:
     from granular_lmp.accuracy.ladder import planned_steps
-    from granular_lmp.runs.kinds import prepare
+    from granular_lmp.problem import prepare
     from granular_lmp.runs.manifest import effects_of
 
     problem = prepare(scene_of(options))
@@ -264,17 +267,17 @@ def _modes(options: Options) -> int:
 def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say in which bands of frequencies waves run along a chain that is pressed together, and where none does."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.runs.kinds import prepare
+    from granular_lmp.problem import prepare
 
     problem = prepare(scene)
     assert problem.mode is None
     t0 = problem.scale.time
-    found, count = ranges(problem.cell), len(problem.cell[0])
+    found, count = ranges(problem.collisions.cell), len(problem.collisions.cell[0])
     if options.json:
-        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.sound} | as_json(found, t0))
+        say_json({"cell": count, "t0_s": t0, "sound_m_s": problem.collisions.sound} | as_json(found, t0))
     else:
         many = f"{count} sphere{'s' * (count > 1)}"
-        say(f"{problem.scene.name}: {many} to a cell; sound {problem.sound:.6g} m/s; t0 = {t0:.6g} s")
+        say(f"{problem.scene.name}: {many} to a cell; sound {problem.collisions.sound:.6g} m/s; t0 = {t0:.6g} s")
         for line in as_text(found, t0):
             say(line)
 

@@ -7,6 +7,7 @@ Without it contacts are those of Hertz, and compression has to hold the crystal 
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 from granular_lmp.effects.effect import Case, Effect, Finding
@@ -21,6 +22,10 @@ def called_for(case: Case) -> Finding:
     return Finding(True, material.pull_off_force / holding, "of the force that holds the contacts at rest is adhesion")
 
 
+def without_wave(case: Case) -> Finding:
+    return Finding(False, inf, "spheres part without a pull")
+
+
 def loss(case: Case) -> str:
     pressed = replace(case.scene.material, contact_force=case.scene.sphere.contact_force)
     bare, whole = replace(pressed, work_of_adhesion=0.0, adhesion_law="dmt").static_overlap, pressed.static_overlap
@@ -32,4 +37,4 @@ def law(scene: Scene, on: bool) -> Mapping[str, Any]:
     return {"normal": scene.sphere.adhesion_law if on else "hertz"}
 
 
-ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, law=law, in_all=False)
+ADHESION = Effect("adhesion", called_for, cost="1 or 2", loss=loss, bare=without_wave, law=law, in_all=False)

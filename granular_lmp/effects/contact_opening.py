@@ -1,5 +1,7 @@
 """Opening: contacts part and meet again. LAMMPS always allows it, so the deck is the same with and without."""
 
+from math import inf
+
 import numpy as np
 
 from granular_lmp.crystal.search import overlapping
@@ -52,6 +54,12 @@ def _meeting(case: Case) -> int:
     return int((~np.isin(i * len(near) + j, known.i * len(near) + known.j)).sum())
 
 
+def without_wave(case: Case) -> Finding:
+    force = case.scene.packing.contact_force
+    pressed = "N press the contacts together" if force else "no force holds the contacts together"
+    return Finding(True, force or inf, pressed)
+
+
 def loss(case: Case) -> str:
     return "the guard reports it; the deck is the same, as LAMMPS parts contacts by itself"
 
@@ -61,4 +69,13 @@ def order(scene: Scene) -> int:
     return 0
 
 
-CONTACT_OPENING = Effect("contact_opening", called_for, cost="1.00", loss=loss, order=order, guard=GUARD, always=True)
+CONTACT_OPENING = Effect(
+    "contact_opening",
+    called_for,
+    bare=without_wave,
+    cost="1.00",
+    loss=loss,
+    order=order,
+    guard=GUARD,
+    always=True,
+)

@@ -19,6 +19,11 @@ def called_for(case: Case) -> Finding:
     return Finding(True, rate, f"per tau is the decay rate of the wave, of which {left:.3g} is left at the end")
 
 
+def without_wave(case: Case) -> Finding:
+    restitution = case.scene.effects.restitution
+    return Finding(restitution < 1, restitution, "is the restitution of a collision")
+
+
 def loss(case: Case) -> str:
     return f"nothing decays, where {case.amplitude_left:.3g} of the wave should be left"
 
@@ -50,4 +55,6 @@ def order(scene: Scene) -> int:
     return 1
 
 
-DAMPING = Effect("damping", called_for, cost="1.00", loss=loss, law=law, refuse=refuse, order=order, in_all=False)
+DAMPING = Effect(
+    "damping", called_for, cost="1.00", loss=loss, bare=without_wave, law=law, refuse=refuse, order=order, in_all=False
+)

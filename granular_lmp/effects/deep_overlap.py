@@ -4,16 +4,19 @@ The largest force F of a contact makes no overlap above (F/A)^{2/3} of the softe
 stiffer than one of the stiffest pair, or with a wall, at that overlap.
 """
 
+from math import inf
 from typing import Any
 
+from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import Guard
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 from granular_lmp.step_rules import LONGEST_STEP
 
 
 def deepest(problem: Any) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
-    softest, walls = float(problem.coefficients.min(initial=1.0)), problem.planes
+    softest, walls = float(problem.collisions.coefficients.min(initial=1.0)), problem.planes
     length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
     lines = [
         "compute      contact all pair/local force",
@@ -46,11 +49,11 @@ def omega_dt(problem: Any) -> list[str]:
     """Return the lines of the step in units of 1/ω of the stiffest contact."""
     return [
         *deepest(problem),
-        f"variable     omega_dt equal v_step*sqrt({problem.square_rate!r}*sqrt(v_deepest))",
+        f"variable     omega_dt equal v_step*sqrt({problem.collisions.square_rate!r}*sqrt(v_deepest))",
     ]
 
 
-DEEP_OVERLAP = Guard(
+TOO_DEEP = Guard(
     title="largest_overlap",
     name="overlap",
     lines=overlap,
@@ -59,7 +62,7 @@ DEEP_OVERLAP = Guard(
     cure="take a smaller striker.velocity or packing.contact_force",
     heading="the largest overlap over the smallest diameter, is above {limit}: too deep",
 )
-LONG_STEP = Guard(
+TOO_LONG = Guard(
     title="step_in_contact",
     name="omega_dt",
     lines=omega_dt,
@@ -67,4 +70,47 @@ LONG_STEP = Guard(
     meaning="is the time step times the frequency of the stiffest contact, which is too long for a collision",
     cure="take a shorter time.timestep, or a smaller time.tolerance",
     heading="the step times the frequency of the stiffest contact, is above {limit}: too long",
+)
+
+
+def small_overlaps(case: Case) -> Finding:
+    return Finding(False, inf, "Hertz's law is one of small overlaps")
+
+
+def chosen_step(case: Case) -> Finding:
+    time = case.scene.time
+    if time.tolerance is None:
+        return Finding(False, time.step, "t0 is the step")
+    return Finding(False, time.tolerance, "chooses the step")
+
+
+def never(scene: Scene) -> bool:
+    return False
+
+
+def loss(case: Case) -> str:
+    return "nothing"
+
+
+DEEP_OVERLAP = Effect(
+    "deep_overlap",
+    None,
+    bare=small_overlaps,
+    cost="1.00",
+    loss=loss,
+    guard=TOO_DEEP,
+    switch="striker",
+    declared=never,
+    in_all=False,
+)
+LONG_STEP = Effect(
+    "long_step",
+    None,
+    bare=chosen_step,
+    cost="1.00",
+    loss=loss,
+    guard=TOO_LONG,
+    switch="time.timestep",
+    declared=never,
+    in_all=False,
 )

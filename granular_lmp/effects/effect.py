@@ -277,8 +277,10 @@ class Effect:
     ----------
     name : str
         Name, and its key in ``[effects]`` unless `switch` names another.
-    called_for : callable
-        Rule that decides whether a scene calls for the effect, Case → Finding.
+    called_for : callable, optional
+        Rule that decides whether a scene with a wave calls for the effect, Case → Finding; None where it is none there.
+    bare : callable, optional
+        The rule in a scene without a wave; None where it is none there.
     cost : str
         Cost in time as a factor, measured (docs/effects.md), or the word for a cost that depends on the scene.
     loss : callable
@@ -311,9 +313,10 @@ class Effect:
     """
 
     name: str
-    called_for: Callable[[Case], Finding]
+    called_for: Callable[[Case], Finding] | None
     cost: str
     loss: Callable[[Case], str]
+    bare: Callable[[Case], Finding] | None = None
     needs: str = ""
     lines: Mapping[str, Lines] = field(default_factory=dict)
     lines_off: Mapping[str, Lines] = field(default_factory=dict)
@@ -333,9 +336,18 @@ class Effect:
         """Key of the scene that forces the effect."""
         return self.switch or f"effects.{self.name}"
 
+    def rule(self, scene: Scene) -> Callable[[Case], Finding] | None:
+        """Return the rule that decides in a scene; None if the effect is none of such scenes."""
+        return self.bare if scene.bare else self.called_for
+
     def wanted(self, scene: Scene) -> bool | Auto:
-        """Return whether a scene forces the effect on or off, or "auto"."""
-        return self.declared(scene) if self.declared else getattr(scene.effects, self.name)
+        """Return whether a scene forces the effect on or off, or "auto"; true without a wave is read as "auto"."""
+        if self.declared:
+            return self.declared(scene)
+        wanted: bool | Auto = getattr(scene.effects, self.name)
+        if scene.bare and wanted is True:
+            return "auto"
+        return wanted
 
     @property
     def guards(self) -> tuple[Guard, ...]:
@@ -344,6 +356,8 @@ class Effect:
 
     def guard_name(self, scene: Scene, on: Mapping[str, bool]) -> str:
         """Return the title of the guard in the deck of a scene with these effects on, or "" if no guard is needed."""
+        if scene.bare:
+            return self.guard.title if self.guard and self.called_for is None else ""
         guard = self.instead[1] if self.instead and self.instead[0](scene) else self.guard
         watched = on.get(self.needs, True) and (self.always or not on[self.name])
         return guard.title if guard and watched else ""

@@ -1,5 +1,7 @@
 """Rotation: spheres turn, because shear forces act at their surface. An L wave along y turns none, by symmetry."""
 
+from math import inf
+
 from granular_lmp.crystal.modes import Physics
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.effects.effect import NOTHING, Case, Effect, Finding
@@ -67,6 +69,11 @@ def called_for(case: Case) -> Finding:
     return Finding(share > NOTHING, share, reason)
 
 
+def without_wave(case: Case) -> Finding:
+    turning = case.scene.effects.rotation is not False
+    return Finding(turning, inf, "shear forces turn spheres" if turning else "effects.rotation is off")
+
+
 def loss(case: Case) -> str:
     if case.scene.envelope.width > 0:
         return "the sides of a beam, where spheres turn, are wrong"
@@ -78,6 +85,7 @@ ROTATION = Effect(
     called_for,
     cost="1.02",
     loss=loss,
+    bare=without_wave,
     needs="shear",
     lines={"preload": preload, "wave": wave},
     guard=GUARD,

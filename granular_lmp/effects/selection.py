@@ -26,12 +26,18 @@ EFFECTS: tuple[Effect, ...] = (
     *(ADHESION, SHEAR, ROTATION, TRACKING, DAMPING, SLIDING, CONTACT_OPENING),
     *(ROLLING, TWISTING, WALLS, QUIET_ENDS, WIDTH),
 )
+# Limits of the model of spheres that meet, which fail their runs: no effects of a deck
+LIMITS: tuple[Effect, ...] = (DEEP_OVERLAP, LONG_STEP)
+
+
+def of(scene: Scene) -> tuple[Effect, ...]:
+    """Return the effects of a scene; of one without a wave those that it knows, and the limits of the model."""
+    return tuple(each for each in (*EFFECTS, *(LIMITS if scene.bare else ())) if each.rule(scene))
 
 
 def guards() -> dict[str, Guard]:
-    """Return the guards of all effects, and of spheres that just meet, by their titles."""
-    of_effects = (guard for effect in EFFECTS for guard in effect.guards)
-    return {guard.title: guard for guard in (*of_effects, DEEP_OVERLAP, LONG_STEP)}
+    """Return the guards of all effects and limits by their titles."""
+    return {guard.title: guard for effect in (*EFFECTS, *LIMITS) for guard in effect.guards}
 
 
 def select(scene: Scene) -> list[Chosen]:
@@ -45,17 +51,19 @@ def select(scene: Scene) -> list[Chosen]:
     """
     on: dict[str, bool] = {}
     chosen = []
-    for effect in EFFECTS:
+    for effect in of(scene):
+        rule = effect.rule(scene)
+        assert rule is not None
         case, possible = Case(scene, dict(on)), on.get(effect.needs, True)
         needed = Finding(False, 0.0, f"needs {effect.needs}, which is off")
-        finding = effect.called_for(case) if possible else needed
+        finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
-        loss = effect.loss(case) if finding.called_for else "nothing"
+        loss = effect.loss(case) if finding.called_for and not scene.bare else "nothing"
         guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
     complete = Case(scene, on)
-    for effect in EFFECTS:
+    for effect in () if scene.bare else of(scene):
         reason = effect.refuse(complete)
         if reason:
             raise SceneError(reason)
@@ -78,7 +86,7 @@ def switches(scene: Scene) -> dict[str, tuple[bool, str]]:
     """
     on: dict[str, bool] = {}
     found = {}
-    for effect in EFFECTS:
+    for effect in of(scene):
         on[effect.name] = effect.wanted(scene) is True
         found[effect.name] = on[effect.name], effect.guard_name(scene, on)
     return found

@@ -5,6 +5,7 @@ The law, "secant" (the paper's) or "incremental", determines the effect of a cha
 """
 
 from collections.abc import Mapping
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,14 @@ def called_for(case: Case) -> Finding:
     )
 
 
+def without_wave(case: Case) -> Finding:
+    effects = case.scene.effects
+    if not case.scene.lattice.sheet:
+        return Finding(False, inf, "nothing is sheared in a chain")
+    rubs = float(effects.friction) > 0
+    return Finding(rubs, inf, f"by the {effects.shear_law} law" if rubs else "effects.friction is 0")
+
+
 def loss(case: Case) -> str:
     return case.frequency_shift(Physics(shear=False, rotation=False))
 
@@ -43,4 +52,4 @@ def order(scene: Scene) -> int:
     return 1 if scene.effects.shear_law == "incremental" else 2
 
 
-SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, law=law, order=order)
+SHEAR = Effect("shear", called_for, cost="1.20", loss=loss, bare=without_wave, law=law, order=order)

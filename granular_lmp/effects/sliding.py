@@ -81,6 +81,10 @@ def called_for(case: Case) -> Finding:
     return Finding(ratio >= 1, ratio, f"of the sliding force is the largest shear force (friction {case.friction:g})")
 
 
+def without_wave(case: Case) -> Finding:
+    return Finding(True, float(case.scene.effects.friction), "is the coefficient of friction")
+
+
 def loss(case: Case) -> str:
     ratio = case.largest_slip()
     return f"shear forces grow to {ratio:.3g} of what friction bears" if ratio < inf else "open contacts bear shear"
@@ -117,6 +121,7 @@ SLIDING = Effect(
     called_for,
     cost="1.00",
     loss=loss,
+    bare=without_wave,
     needs="shear",
     lines={"variables": variables},
     lines_off={"variables": variables_off},

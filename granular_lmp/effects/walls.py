@@ -1,6 +1,8 @@
 """Walls: rows or columns at the faces are held. A periodic cell has none, and stands for the infinite lattice."""
 
-from granular_lmp.crystal.lattices import HELD
+from math import inf
+
+from granular_lmp.crystal.lattices import HELD, WALL
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.scene.scene import Scene
 
@@ -15,12 +17,17 @@ def called_for(case: Case) -> Finding:
     return Finding(True, case.scene.echo_time, f"tau is when the echo of the {what} reaches the centre")
 
 
+def without_wave(case: Case) -> Finding:
+    closed = [name for name, face in case.scene.shape.faces.items() if face in (HELD, WALL)]
+    return Finding(bool(closed), inf, f"held or rigid: {', '.join(closed)}" if closed else "all ends are free")
+
+
 def loss(case: Case) -> str:
     return "wave numbers other than 2 pi k/rows"
 
 
 def declared(scene: Scene) -> bool:
-    return HELD in scene.shape.faces.values()
+    return bool({HELD, WALL} & {*scene.shape.faces.values()})
 
 
-WALLS = Effect("walls", called_for, cost="rows", loss=loss, switch="packing.ends", declared=declared)
+WALLS = Effect("walls", called_for, cost="rows", loss=loss, bare=without_wave, switch="packing.ends", declared=declared)

@@ -67,7 +67,7 @@ def look_interval(problem: Any) -> int:
     """
     time = problem.scene.time
     if problem.scene.loose:
-        most, whole = int(problem.shortest_collision / LOOKS_IN_COLLISION / time.step), time.steps_per_sample
+        most, whole = int(problem.collisions.shortest_collision / LOOKS_IN_COLLISION / time.step), time.steps_per_sample
     else:
         most, whole = int(_look_time(problem.scene) / time.step + 1e-9), time.steps
     return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)

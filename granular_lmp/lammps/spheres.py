@@ -39,7 +39,7 @@ def _box(problem: Problem) -> NDArray[np.float64]:
 
 def _densities(problem: Any) -> NDArray[np.float64]:
     if problem.scene.loose:
-        return np.asarray(problem.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
+        return np.asarray(problem.collisions.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
     densities = problem.crystal.arrays.get("density", np.full(len(problem.crystal), problem.scene.sphere.density))
     return problem.units.number(densities, mass=1, length=-3)
 

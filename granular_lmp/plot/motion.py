@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.chain_bands import edges, frequencies, gaps
 from granular_lmp.crystal.lattices import CHAIN
 from granular_lmp.errors import ViewError
-from granular_lmp.impact.problem import ImpactProblem
 from granular_lmp.plot.movie import refuse_movie, write_movie
 from granular_lmp.plot.signals import Picture, frequency_axis
+from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.strikers import leads
 
@@ -66,12 +66,12 @@ def motion_movie(record: Record, path: str | Path) -> None:
     write_movie(sheet.figure, sheet.show, len(record.tau), path, COLOURS)
 
 
-def bands_figure(problem: ImpactProblem) -> Figure:
+def bands_figure(problem: Problem) -> Figure:
     """Return a figure of the bands of a chain that is pressed together, its gaps shaded, with an axis in hertz.
 
-    Raises SceneError as `ImpactProblem.cell`.
+    Raises SceneError as `Problem.cell`.
     """
-    mass, stiffness = problem.cell
+    mass, stiffness = problem.collisions.cell
     phases = np.linspace(0.0, np.pi, 200)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()

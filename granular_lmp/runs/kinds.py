@@ -1,24 +1,13 @@
 """A scene with a wave and a scene without one, prepared and written by the functions of its class."""
 
-from typing import cast
-
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp import problem as waves
-from granular_lmp.impact import problem as impacts
 from granular_lmp.lammps.deck import Deck
-from granular_lmp.problem import Problem
+from granular_lmp.problem import prepare
 from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.scene import Scene
-
-
-def prepare(scene: Scene) -> Problem:
-    """Return the problem of a scene."""
-    if scene.wave is None:
-        return cast(Problem, impacts.prepare(scene))
-    return waves.prepare(scene)
 
 
 def in_deck(what: Scene | Deck) -> tuple[Scene, Deck | None]:

@@ -12,10 +12,11 @@ from granular_lmp.errors import LaunchError, RunInterrupted
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.lammps.kernel import library
 from granular_lmp.lammps.outputs import CHECKPOINTS, write_files
+from granular_lmp.problem import prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.kinds import in_deck, prepare
+from granular_lmp.runs.kinds import in_deck
 from granular_lmp.runs.loop import begin, proceed
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase

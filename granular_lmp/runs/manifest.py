@@ -66,7 +66,7 @@ def _of_strikes(problem: Any) -> dict[str, Any]:
         "length_m": scale.length,
         "t0_s": scale.time,
         "mass_kg": scale.mass,
-        "shortest_collision": problem.shortest_collision,
+        "shortest_collision": problem.collisions.shortest_collision,
         "at_rest": problem.at_rest,
     }
 

@@ -21,6 +21,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
+from granular_lmp.problem import prepare
 from granular_lmp.runs import energy, kinds, tables
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
@@ -123,7 +124,7 @@ class Record(HasCard):
         """Make the record of a run that has recorded nothing."""
         if scene.wave is not None:
             return cls(np.empty(0), dict.fromkeys(HEADER[1:], np.empty(0)), scene, folder=folder)
-        still = np.empty((0, len(kinds.prepare(scene).recorded), 2))
+        still = np.empty((0, len(prepare(scene).recorded), 2))
         return cls(np.empty(0), {"displacement": still, "velocity": still}, scene, folder=folder)
 
     @classmethod
@@ -224,7 +225,7 @@ class Record(HasCard):
     @cached_property
     def problem(self) -> Any:
         """Prepared scene of the run."""
-        return kinds.prepare(self.scene)
+        return prepare(self.scene)
 
     @property
     def scale(self) -> Scale:

@@ -15,13 +15,13 @@ from granular_lmp.crystal.chain_bands import cell_of
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.disorder import Disorder, Inclusion, imperfect
 from granular_lmp.crystal.equilibrium import Equilibrium, Progress, relax
-from granular_lmp.crystal.lattices import CHAIN, Shape, centre, packed
+from granular_lmp.crystal.lattices import CHAIN, HELD, PERIODIC, Shape, centre, packed
 from granular_lmp.crystal.potential import box_load
 from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.touching import contacts_of_neighbours, touching
 from granular_lmp.errors import CrystalError
 from granular_lmp.scene.linear import unit_contacts
 from granular_lmp.scene.monitors import Monitor
-from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 
 
@@ -73,7 +73,8 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
     CrystalError
         If imperfections do not fit into the lattice, or the spheres do not come to rest.
     """
-    require_wave(scene)
+    if scene.bare:
+        return _touching(scene)
     if scene.perfect:
         return CrystalAtRest(packed(scene.sphere, scene.shape), (scene.sphere,), contacts_of(scene))
     packing = scene.packing
@@ -83,6 +84,24 @@ def crystal_of(scene: Scene, progress: Progress | None = None) -> CrystalAtRest:
         while len(_KEPT) > _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
     return _KEPT[key]
+
+
+def _touching(scene: Scene) -> CrystalAtRest:
+    """Return spheres that just touch, are parted by gaps, or are pressed together in a chain."""
+    packing, shape = scene.packing, scene.shape
+    crystal, materials = touching(
+        scene.material,
+        scene.lattice,
+        shape.rows,
+        shape.columns,
+        held=(packing.first == HELD, packing.last == HELD),
+        periodic=packing.sides == PERIODIC,
+        force=packing.contact_force,
+        disorder=scene.disorder,
+        inclusions=scene.inclusion,
+    )
+    contacts = contacts_of_neighbours(crystal, materials, pressed=packing.contact_force > 0)
+    return CrystalAtRest(crystal, materials, contacts)
 
 
 def contacts_of(scene: Scene) -> Contacts:

@@ -14,7 +14,7 @@ from granular_lmp.accuracy.ladder import build, finest_step, sphere_steps, with_
 from granular_lmp.accuracy.rounding import check_floor, linear_signals
 from granular_lmp.effects.selection import warnings, with_all
 from granular_lmp.errors import GranularError, LaunchError, SceneError
-from granular_lmp.runs.kinds import prepare
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.scene.scene import Scene
 from granular_lmp.studies.output_variants import OUTPUTS

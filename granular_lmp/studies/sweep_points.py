@@ -12,7 +12,7 @@ from typing import Any
 
 from granular_lmp.accuracy.ladder import planned_steps
 from granular_lmp.errors import SceneError
-from granular_lmp.runs.kinds import prepare
+from granular_lmp.problem import prepare
 from granular_lmp.scene.files import assignment
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import cut, shown

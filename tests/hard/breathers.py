@@ -6,7 +6,7 @@ from analysis.measure.norms import slope
 from analysis.theory.chain import Chain, bands, compressed
 from analysis.theory.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene
-from granular_lmp.impact.problem import ImpactProblem, prepare
+from granular_lmp.problem import Problem, prepare
 from tests.hard.case import Case, Cases, Edits
 from tests.hard.strikes import struck
 
@@ -16,11 +16,14 @@ MIDDLE, SAMPLES = 21, 8  # sphere; records to a period
 STEPS = (0.02, 0.01, 0.005, 0.0025)
 
 
-def chain_of(problem: ImpactProblem) -> tuple[Chain, float]:
+def chain_of(problem: Problem) -> tuple[Chain, float]:
     """Return the chain of the theory in the units of the scene, and the period of its breather."""
-    stiffness = np.concatenate([[0.0], problem.coefficients, [0.0]])
-    chain = compressed(problem.mass, stiffness, float(np.mean(problem.rest_force)))
-    light = bands((float(problem.mass[0]), float(problem.mass[1])), float(problem.rest_stiffness[0]))[1]
+    stiffness = np.concatenate([[0.0], problem.collisions.coefficients, [0.0]])
+    chain = compressed(problem.collisions.mass, stiffness, float(np.mean(problem.collisions.rest_force)))
+    light = bands(
+        (float(problem.collisions.mass[0]), float(problem.collisions.mass[1])),
+        float(problem.collisions.rest_stiffness[0]),
+    )[1]
     return chain, 2 * np.pi / (SHARE * light)
 
 
@@ -39,7 +42,7 @@ def breathes(periods: int, step: float = 0.0125, edits: Edits = ()) -> Cases:
     # Two contacts open and close in each period, at up to the velocity of the light sphere
     fastest = float(np.max(np.abs(record.velocity)))
     events = float(np.sqrt(4 * periods) * 0.4 * (fastest * step) ** 2.5)
-    top = bands((1.0, 0.1), float(record.problem.rest_stiffness[0]))[2]
+    top = bands((1.0, 0.1), float(record.problem.collisions.rest_stiffness[0]))[2]
     return [
         Case(
             f"least share of five of 43 spheres, breather, {periods} periods",

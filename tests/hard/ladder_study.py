@@ -28,7 +28,6 @@ from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
 from granular_lmp.impact import tolerance as impacts
-from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.problem import prepare, step_rules
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
 from tests.pages import placed
@@ -49,10 +48,10 @@ class Case:
         self.runs: dict[int, Signals | None] = {}
         if self.is_impact:
             self.impact = impact_scene(family, seed)
-            self.problem = prepare_impact(self.impact)
+            self.problem = prepare(self.impact)
             self.order = impacts.order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
-            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.shortest_collision))
+            self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.collisions.shortest_collision))
         else:
             wave = wave_scene(family, seed)
             self.wave = prepare(wave.with_values({"time.timestep": wave.time.sample / 1000})).scene
@@ -138,7 +137,7 @@ class Case:
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
         if self.is_impact:
-            return impacts.plan(prepare_impact(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
+            return impacts.plan(prepare(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
         return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:

@@ -12,8 +12,8 @@ from analysis.measure.norms import slope
 from analysis.theory.chain import uniform
 from analysis.theory.chain_motion import integrate, march
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
-from granular_lmp.impact.problem import prepare
 from granular_lmp.lammps.deck import deck_of
+from granular_lmp.problem import prepare
 from tests.hard.case import Case, Cases, Edits
 
 CHAIN = ImpactScene.load("solitary_chain").with_values({"packing.last": "free"})

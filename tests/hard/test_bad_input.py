@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 from granular_lmp import ImpactScene, Scene, build
 from granular_lmp.errors import CrystalError, GranularError, SceneError
-from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description
@@ -131,7 +130,7 @@ def test_a_bad_impact_is_one_line_that_names_a_key(tables: dict[str, Any]) -> No
     try:
         scene = ImpactScene.from_dict(tables)
         if scene.packing.rows * scene.packing.columns <= MOST_BUILT:
-            problem = prepare_impact(scene)
+            problem = prepare(scene)
             json.dumps(description(problem, [], "module", 1), allow_nan=False)
             assert is_finite(deck_of(problem).input_text)
     except (SceneError, CrystalError) as error:

@@ -12,9 +12,9 @@ import pytest
 from granular_lmp import build
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, GranularError, RunInterrupted
-from granular_lmp.impact.problem import prepare as prepare_impact
 from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import deck_of
+from granular_lmp.problem import prepare
 from granular_lmp.runs.options import core_count
 from granular_lmp.runs.record import read_status
 from tests.promises.paths import PATHS, Path_, Signals, resume, signals
@@ -202,7 +202,7 @@ def test_a_file_that_was_changed_is_refused(path: Path_, runs: Runs) -> None:
 def test_a_guard_fails_the_run(path: Path_, tmp_path: Path) -> None:
     scene = path.scene()
     if scene.wave is None:
-        deck = deck_of(prepare_impact(scene))
+        deck = deck_of(prepare(scene))
         # Hertz's law breaks: the deck is of a striker ten thousand times as fast
         old, new, guard = r"(velocity +striker set \S+ )(\S+)", r"\g<1>$(1e4*\g<2>)", "largest_overlap"
     else:

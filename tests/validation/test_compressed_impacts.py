@@ -17,7 +17,7 @@ from analysis.theory.solitary import long_wave_speed, solitary_wave, sound
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.crystal.scale import collision_time
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.problem import prepare
+from granular_lmp.problem import prepare
 
 Floats = NDArray[np.float64]
 Runs = Callable[..., ImpactRecord]
@@ -126,7 +126,7 @@ def test_the_shortest_collision_is_never_too_long(rest: float) -> None:
     times = np.linspace(0.1, 1.0, 500) * collision_time(0.5)
     us, _ = integrate(pair, np.zeros(2), np.array([0.5, -0.5]), times)
     true = times[np.argmax(us[:, 0] < us[:, 1])] if rest > 1e-2 else collision_time(0.5)
-    assert 0.82 * true < problem.shortest_collision < 1.01 * true
+    assert 0.82 * true < problem.collisions.shortest_collision < 1.01 * true
 
 
 def test_rounding_that_would_move_a_chain_is_refused() -> None:
@@ -214,7 +214,7 @@ def test_the_figure_has_the_points_of_its_runs(run: Runs, tmp_path: Path, monkey
     changes = {"packing.rows": 90, "packing.contact_force": 10.0, "output.spheres": spots}
     record = run(CHAIN, changes | {"time.sample": 0.12, "time.duration": 110.0})
     found = figure.front(record)
-    rest = float(record.problem.rest_overlap[0])
+    rest = float(record.problem.collisions.rest_overlap[0])
     wave = solitary_wave(found.speed * sound(1.0, 1.0, rest), rest=rest)
     # The error of one step of 0.03
     assert found.second == pytest.approx(wave.largest_overlap / rest, rel=1e-3)
@@ -244,8 +244,8 @@ def test_the_figure_refuses_other_runs(run: Runs, changes: dict[str, Any], messa
 def test_the_guards_of_a_compressed_chain_count_the_overlap_at_rest(run: Runs) -> None:
     changes = {"packing.contact_force": WEAK, "packing.last": "wall", "time.sample": 0.1, "time.duration": 40.0}
     record = run(CHAIN, changes)
-    u, rest = record.displacement[..., 1], float(record.problem.rest_overlap[0])
-    wall = float(np.max(record.problem.on_walls[-1][1] + u[:, -1]))
+    u, rest = record.displacement[..., 1], float(record.problem.collisions.rest_overlap[0])
+    wall = float(np.max(record.problem.collisions.on_walls[-1][1] + u[:, -1]))
     deepest = max(float(np.max(rest + u[:, :-1] - u[:, 1:])), wall)
     unit = record.scale.length / (2 * CHAIN.sphere.radius)
     # The guards look at each record and between; thermo columns have eight digits, and a crest is flat over 0.1 t0

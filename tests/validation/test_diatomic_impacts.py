@@ -12,7 +12,7 @@ from analysis.theory.breather import breather
 from analysis.theory.chain import Chain, bands, energies, linear_stiffness, spheres
 from analysis.theory.chain_motion import integrate
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
-from granular_lmp.impact.problem import prepare
+from granular_lmp.problem import prepare
 
 Floats = NDArray[np.float64]
 SHIPPED = ImpactScene.load("breather")

@@ -16,9 +16,9 @@ from analysis.theory.scattering import Meeting, crossing, impurity
 from analysis.theory.solitary import solitary_wave
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 from granular_lmp.errors import EffectError, RunFolderError, SceneError
-from granular_lmp.impact.problem import prepare
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import RunLog
+from granular_lmp.problem import prepare
 from granular_lmp.runs.manifest import description, lacking, outcome
 
 Runs = Callable[..., ImpactRecord]

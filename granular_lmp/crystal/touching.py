@@ -12,7 +12,7 @@ length, as in the deck, positions are exact in binary numbers:
 
 In a chain that a force F0 presses together, the overlaps (F0/A)^{2/3} are rounded to a multiple of `grain` too. Those
 of equal spheres are then alike to the last bit, and nothing moves; those of unequal ones leave a residual force
-(`ImpactProblem.residual_force`).
+(`granular_lmp.collisions.Collisions.residual_force`).
 
 Unequal spheres of a sheet cannot all touch. They are on the lattice of the nominal radius, and none is larger: sphere s
 has the radius R (1 − σ |g_s|), with the deviate g_s of `granular_lmp.crystal.disorder`, and gaps of σ (|g_s| + |g_t|) R
@@ -25,7 +25,7 @@ import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.contacts import law_between
+from granular_lmp.crystal.contacts import Contacts, contacts_between, law_between
 from granular_lmp.crystal.disorder import CUT, Disorder, Inclusion, imperfect
 from granular_lmp.crystal.lattices import CHAIN, Lattice, Shape, offsets, packed
 from granular_lmp.crystal.search import overlapping
@@ -120,3 +120,16 @@ def neighbours(crystal: ase.Atoms) -> tuple[NDArray[np.int64], NDArray[np.int64]
     wider.arrays["radius"] = wider.arrays["radius"] + crystal.info["reach"]
     i, j, vector = overlapping(wider)
     return i, j, vector[:, :2]
+
+
+def contacts_of_neighbours(crystal: ase.Atoms, materials: tuple[Sphere, ...], *, pressed: bool) -> Contacts:
+    """Return the contacts of neighbours, of which those that just touch and those that a gap parts have no overlap.
+
+    `pressed` is true if a force presses the spheres together.
+    """
+    i, j, vector = neighbours(crystal)
+    radius, unit = crystal.arrays["radius"], materials[0].radius
+    overlap = np.zeros(len(i))
+    if pressed:
+        overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) * unit
+    return contacts_between(crystal, materials, i, j, vector * unit, overlap)

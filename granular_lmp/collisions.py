@@ -1,35 +1,27 @@
-"""The problem of an impact: its spheres, what moves and what is recorded, and what its deck holds."""
+"""Spheres that meet: what follows from places, masses and contacts in the units of an impact, m, ℓ and v.
 
-from dataclasses import dataclass, replace
+Contacts just touch, are parted by a gap, or are pressed together in a chain (`granular_lmp.crystal.touching`).
+"""
+
+from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, pi, sqrt
-from typing import ClassVar
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
 from granular_lmp.crystal.chain_bands import cell_of
-from granular_lmp.crystal.contacts import Contacts, contacts_between, law_between
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, WALL
+from granular_lmp.crystal.contacts import Contacts, law_between
+from granular_lmp.crystal.lattices import CHAIN, FREE, WALL
 from granular_lmp.crystal.scale import Scale, collision_time
 from granular_lmp.crystal.search import overlapping
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
-from granular_lmp.effects.effect import Chosen
-from granular_lmp.effects.selection import EFFECTS
 from granular_lmp.errors import SceneError
-from granular_lmp.impact.lattice import neighbours, touching
-from granular_lmp.impact.scene import ImpactScene
-from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_monitors
-from granular_lmp.scene.places import place_of, spheres_at
-from granular_lmp.scene.remarks import on_step
-from granular_lmp.scene.sections import Output
-from granular_lmp.scene.sources import PlacedSource
-from granular_lmp.scene.start import refuse_motion, state_in
-from granular_lmp.scene.strikers import struck
+from granular_lmp.scene.places import place_of
+from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
-from granular_lmp.step_rules import StepRule, refuse_step, rules_of_collisions
-from granular_lmp.units import AnyUnits
+from granular_lmp.step_rules import StepRule, rules_of_collisions
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -38,65 +30,41 @@ LARGEST_RESIDUAL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class ImpactProblem:
-    """A prepared impact.
+class Collisions:
+    """Spheres of a scene without a wave.
 
     Attributes
     ----------
-    declared, scene : ImpactScene
-        As declared, and with the time step of a run to a tolerance.
+    scene : Scene
     crystal : ase.Atoms
         Spheres at rest, in radii R of ``[sphere]``.
     materials : tuple of Sphere
         By index of the array ``material``.
+    contacts : Contacts
+        Of neighbours.
     strikers : tuple of arrays
         Indices of the spheres of each striker.
-    recorded : array
-        Indices of the recorded spheres, ascending.
     state : array
         Displacements (m), velocities (m/s) and spins (rad/s) of ``[start]``, (N, 5); without the strikers.
     """
 
-    declared: ImpactScene
-    scene: ImpactScene
+    scene: Scene
     crystal: ase.Atoms
     materials: tuple[Sphere, ...]
+    contacts: Contacts
     strikers: tuple[Integers, ...]
-    recorded: Integers
     state: Floats
-    mode: ClassVar[None] = None
-    sources: ClassVar[tuple[PlacedSource, ...]] = ()
-
-    @cached_property
-    def monitors(self) -> tuple[PlacedMonitor, ...]:
-        """Monitors in the crystal."""
-        return placed_monitors(self.scene.monitor, self.crystal, self.scene.shape, self.contacts, self.on)
 
     @property
     def scale(self) -> Scale:
         """Units of the impact."""
         return self.scene.scale
 
-    @property
-    def units(self) -> AnyUnits:
-        """Units of the deck: R, m and t0."""
-        return self.scene.units
-
     @cached_property
     def mass(self) -> Floats:
         """Mass of each sphere, (N,), in m."""
         radius, density = self.crystal.arrays["radius"], self.crystal.arrays["density"]
         return np.asarray(radius**3 * density / self.scene.sphere.density)
-
-    @cached_property
-    def contacts(self) -> Contacts:
-        """Contacts of neighbours, of which those that a gap parts have no overlap."""
-        i, j, vector = neighbours(self.crystal)
-        radius, unit = self.crystal.arrays["radius"], self.scene.sphere.radius
-        overlap = np.zeros(len(i))
-        if self.scene.packing.contact_force:
-            overlap = (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)) * unit
-        return contacts_between(self.crystal, self.materials, i, j, vector * unit, overlap)
 
     @cached_property
     def coefficients(self) -> Floats:
@@ -115,7 +83,7 @@ class ImpactProblem:
         velocity, spin = self.state[:, 2:4].copy(), self.state[:, 4] * self.scene.sphere.radius
         for striker, spheres in zip(self.scene.striker, self.strikers, strict=True):
             velocity[spheres] = striker.components
-        unit, everyone = self.scene.scale.velocity, np.arange(len(self.crystal))
+        unit, everyone = self.scale.velocity, np.arange(len(self.crystal))
         return float(self.kinetic_energy(velocity / unit, spin / unit, everyone).sum())
 
     @cached_property
@@ -165,7 +133,7 @@ class ImpactProblem:
             for name, plane in self.planes.items()
         ]
         depth = np.concatenate([relative * (radius[i] + radius[j] - np.linalg.norm(vector, axis=1)), *in_walls])
-        return float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scene.scale.length
+        return float(depth.max(initial=0.0)) * self.scene.sphere.radius / self.scale.length
 
     @property
     def step_rules(self) -> list[StepRule]:
@@ -214,7 +182,7 @@ class ImpactProblem:
     def on_walls(self) -> dict[int, tuple[float, float]]:
         """Coefficient (A) and overlap at rest (ℓ) of the first (0) and the last (−1) sphere of a chain with a wall."""
         y, radius = self.crystal.positions[:, 1], self.crystal.arrays["radius"]
-        unit = self.scene.sphere.radius / self.scene.scale.length
+        unit = self.scene.sphere.radius / self.scale.length
         places = {end: self.planes[name] for end, name in ((0, "ylo"), (-1, "yhi")) if name in self.planes}
         return {
             end: (self._on_wall(end), max(float(radius[end]) - abs(float(y[end]) - place), 0.0) * unit)
@@ -266,7 +234,7 @@ class ImpactProblem:
             return 0.0
         spacing = np.mean(np.abs(self.contacts.vector[:, 1]))
         inertia = np.mean(self.mass) * np.mean(1 / self.rest_stiffness)
-        return float(spacing / np.sqrt(inertia) / self.scene.scale.time)
+        return float(spacing / np.sqrt(inertia) / self.scale.time)
 
     @property
     def at_rest(self) -> dict[str, float]:
@@ -281,133 +249,42 @@ class ImpactProblem:
             "residual_force_over_impact": self.residual_force,
         }
 
-    @cached_property
-    def effects(self) -> tuple[Chosen, ...]:
-        """Effects that the deck holds, with the reasons, as for the scene of a wave."""
-        scene, effects = self.scene, self.scene.effects
-        rubs, loses = float(effects.friction) > 0, effects.restitution < 1
-        ends = [name for name in ("first", "last", "sides") if getattr(scene.packing, name) in (HELD, WALL)]
-        smooth = "nothing is sheared in a chain" if scene.lattice == CHAIN else "effects.friction is 0"
-        law = f"by the {effects.shear_law} law" if rubs else smooth
-        turning = effects.rotation is True
-        turns = smooth if not rubs else "shear forces turn spheres" if turning else "effects.rotation is off"
-        holds = scene.packing.contact_force or inf
-        opens = "N press the contacts together" if holds < inf else "no force holds the contacts together"
-        slides, closed = "is the coefficient of friction", f"held or rigid: {', '.join(ends)}"
-        time = scene.time
-        step = (time.step, "t0 is the step") if time.tolerance is None else (time.tolerance, "chooses the step")
-        table = (
-            ("adhesion", "sphere.work_of_adhesion", False, inf, "spheres part without a pull", ""),
-            ("contact_opening", "packing.contact_force", True, holds, opens, ""),
-            ("shear", "effects.friction", rubs, inf, law, ""),
-            ("rotation", "effects.rotation", rubs and turning, inf, turns, ""),
-            ("sliding", "effects.friction", rubs, float(effects.friction), slides, ""),
-            ("damping", "effects.restitution", loses, effects.restitution, "is the restitution of a collision", ""),
-            ("walls", "packing", bool(ends), inf, closed if ends else "all ends are free", ""),
-            ("deep_overlap", "striker", False, inf, "Hertz's law is one of small overlaps", "largest_overlap"),
-            ("long_step", "time.timestep", False, *step, "step_in_contact"),
-        )
-        return tuple(
-            Chosen(name, key, on, on, value, reason, guard=guard, cost="-", loss="nothing")
-            for name, key, on, value, reason, guard in table
-        )
+    # --- what is refused ---
 
-    @property
-    def guards(self) -> list[str]:
-        """Titles of the guards in the deck."""
-        return [effect.guard for effect in self.effects if effect.guard]
+    def refuse(self) -> None:
+        """Raise a SceneError if spheres at rest or at the beginning overlap too deep, or are not at rest."""
+        self._refuse_depth_at_rest()
+        self._refuse_residual()
+        if self.scene.start.state:
+            self._refuse_depth_in_walls()
 
-    @property
-    def judged(self) -> list[str]:
-        """Titles of the guards that fail the run if they trigger."""
-        return [effect.guard for effect in self.effects if effect.guard and effect.judged]
-
-    def warnings(self) -> list[str]:
-        """Return a sentence for each change that made the scene fit."""
-        return on_step(self.declared.time)
-
-    def stepped(self, scene: ImpactScene) -> "ImpactProblem":
-        """Return the problem of the same scene with another time step."""
-        return replace(self, scene=scene)
-
-    @cached_property
-    def on(self) -> dict[str, bool]:
-        """True or false for each effect by name."""
-        return {effect.name: False for effect in EFFECTS} | {effect.name: effect.on for effect in self.effects}
-
-
-def prepare(scene: ImpactScene) -> ImpactProblem:
-    """Return the problem of an impact; no file is written.
-
-    Raises
-    ------
-    SceneError
-        If a striker is held, missing, or in another striker too, a state moves such spheres or presses them too deep,
-        or the time step is too long for the shortest collision.
-    CrystalError
-        If imperfections do not fit into the lattice.
-    """
-    packing = scene.packing
-    crystal, materials = touching(
-        scene.material,
-        scene.lattice,
-        scene.shape.rows,
-        scene.shape.columns,
-        held=(packing.first == HELD, packing.last == HELD),
-        periodic=packing.sides == PERIODIC,
-        force=packing.contact_force,
-        disorder=scene.disorder,
-        inclusions=scene.inclusion,
-    )
-    strikers = struck(scene.striker, crystal)
-    recorded = np.arange(len(crystal))
-    if not scene.output.everyone:
-        recorded = _recorded(scene.output, crystal)
-    turns = float(scene.effects.friction) > 0 and scene.effects.rotation is True
-    state = state_in(scene.start, crystal, scene.sphere.radius, strikers, turns=turns)
-    problem = ImpactProblem(scene, scene, crystal, materials, strikers, recorded, state)
-    contacts = problem.contacts
-    smaller = np.minimum(contacts.radius[contacts.i], contacts.radius[contacts.j])
-    rest = float((problem.rest_overlap * scene.scale.length / (2 * smaller)).max(initial=0.0))
-    if rest > LARGEST_OVERLAP_RATIO:
-        raise SceneError(
-            f"packing.contact_force = {scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of the "
-            f"diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
-        )
-    if scene.packing.contact_force and problem.residual_force > LARGEST_RESIDUAL * max(1.0, problem.rest_rate):
-        raise SceneError(
-            f"packing.contact_force = {scene.packing.contact_force!r}: rounding of the places leaves a force of "
-            f"{problem.residual_force:.2g} m v/t0 on a sphere at rest, and at most "
-            f"{LARGEST_RESIDUAL * max(1, problem.rest_rate):.2g} is allowed; take a smaller force or a faster striker"
-        )
-    check_groups(problem.monitors, len(problem.sources))
-    if scene.start.state:
-        _check_start(problem)
-    if scene.time.tolerance is None:
-        refuse_step(scene.time, problem.step_rules)
-    return problem
-
-
-def _check_start(problem: ImpactProblem) -> None:
-    """Raise a SceneError if the state at the beginning displaces spheres that rub, or presses them into a wall."""
-    crystal, everyone = problem.crystal, np.ones(len(problem.crystal), dtype=bool)
-    if problem.on["shear"]:
-        refuse_motion(problem.state, [0, 1], crystal, everyone, "whose contacts rub: a state lacks their shear at rest")
-    radius = crystal.arrays["radius"]
-    for name, plane in problem.planes.items():
-        inward = (problem.started.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
-        overlap = (1 - inward / radius) / 2
-        if overlap.max() > LARGEST_OVERLAP_RATIO:
-            worst = int(overlap.argmax())
+    def _refuse_depth_at_rest(self) -> None:
+        radius = self.contacts.radius
+        smaller = np.minimum(radius[self.contacts.i], radius[self.contacts.j])
+        rest = float((self.contacts.overlap / (2 * smaller)).max(initial=0.0))
+        if rest > LARGEST_OVERLAP_RATIO:
             raise SceneError(
-                f"start.state: sphere {place_of(crystal, worst)}: overlaps the wall {name} by {overlap[worst]:.3g} of "
-                f"the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                f"packing.contact_force = {self.scene.packing.contact_force!r}: two spheres overlap by {rest:.3g} of "
+                f"the diameter at rest; at most {LARGEST_OVERLAP_RATIO} is allowed"
             )
 
+    def _refuse_residual(self) -> None:
+        force, most = self.scene.packing.contact_force, LARGEST_RESIDUAL * max(1.0, self.rest_rate)
+        if force and self.residual_force > most:
+            raise SceneError(
+                f"packing.contact_force = {force!r}: rounding of the places leaves a force of "
+                f"{self.residual_force:.2g} m v/t0 on a sphere at rest, and at most {most:.2g} is allowed; take a "
+                "smaller force or a faster striker"
+            )
 
-def _recorded(output: Output, crystal: ase.Atoms) -> Integers:
-    """Return the indices of the recorded spheres, ascending."""
-    try:
-        return spheres_at(output.rows, output.spheres, crystal, "recorded sphere")
-    except SceneError as error:
-        raise SceneError(f"output: {error}") from error
+    def _refuse_depth_in_walls(self) -> None:
+        radius = self.crystal.arrays["radius"]
+        for name, plane in self.planes.items():
+            inward = (self.started.positions[:, "xy".index(name[0])] - plane) * (1 if name.endswith("lo") else -1)
+            overlap = (1 - inward / radius) / 2
+            if overlap.max() > LARGEST_OVERLAP_RATIO:
+                worst = int(overlap.argmax())
+                raise SceneError(
+                    f"start.state: sphere {place_of(self.crystal, worst)}: overlaps the wall {name} by "
+                    f"{overlap[worst]:.3g} of the diameter; at most {LARGEST_OVERLAP_RATIO} is allowed"
+                )
