@@ -67,7 +67,7 @@ def _of_strikes(problem: Any) -> dict[str, Any]:
         "t0_s": scale.time,
         "mass_kg": scale.mass,
         "shortest_collision": problem.collisions.shortest_collision,
-        "at_rest": problem.at_rest,
+        "at_rest": problem.collisions.at_rest,
     }
 
 
