@@ -153,11 +153,6 @@ def test_tables_of_a_linear_wave_are_refused(table: str) -> None:
         ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {table: {}})
 
 
-def test_a_monitor_is_refused_with_what_records_an_impact() -> None:
-    with pytest.raises(SceneError, match=r"^monitor: is of the scene of a wave: \[output\] says which spheres"):
-        ImpactScene.from_dict(CHAIN_SCENE.to_dict() | {"monitor": [{}]})
-
-
 @pytest.mark.parametrize(
     ("inclusion", "message"),
     [
