@@ -9,10 +9,10 @@ the centre sphere::
     record = load("runs/tr_nonresonant")       # reads it again; resume() continues a run that was stopped
     table = sweep(record.scene, {"wave.amplitude": [0.1, 0.2]}, "sweeps/amplitude")
 
-An `ImpactScene` declares spheres that just touch and are struck; all these functions take it too.
+A scene without a wave declares spheres that just touch and are struck; `ImpactScene` is an earlier name of it.
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`impact`, `studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
+`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
 table). A notebook's card of a scene, a deck, a record or a sweep is drawn by `plot.notebook`, which `card` asks for.
 """
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from granular_lmp.accuracy.tolerance import resume as resume
     from granular_lmp.accuracy.tolerance import run as run
     from granular_lmp.accuracy.tolerance import run_impact as run_impact
-    from granular_lmp.impact.scene import ImpactScene as ImpactScene
     from granular_lmp.lammps.deck import Deck as Deck
     from granular_lmp.plot.notebook import html as html
     from granular_lmp.problem import prepare as prepare
@@ -35,13 +34,12 @@ if TYPE_CHECKING:
     from granular_lmp.studies.sweep import Sweep as Sweep
     from granular_lmp.studies.sweep import sweep as sweep
 
-    ImpactRecord = Record
+    ImpactRecord, ImpactScene = Record, Scene
 
 __version__ = "0.2.0"
 
 # Loaded on first use: ASE and LAMMPS would otherwise slow down every `granular-lmp --help`.
 _HOMES = {
-    "ImpactScene": "impact.scene",
     "Scene": "scene.scene",
     "Deck": "lammps.deck",
     "build": "accuracy.ladder",
@@ -56,7 +54,7 @@ _HOMES = {
     "prepare": "problem",
     "run_impact": "accuracy.tolerance",
 }
-_ALIASES = {"ImpactRecord": "Record"}  # names of release 0.1
+_ALIASES = {"ImpactRecord": "Record", "ImpactScene": "Scene"}  # names of release 0.1
 __all__ = [
     *("Deck", "ImpactRecord", "ImpactScene", "Record", "Scene", "Sweep", "build", "export", "html", "load", "prepare"),
     *("resume", "run", "run_impact", "sweep"),

@@ -11,9 +11,9 @@ import pytest
 from granular_lmp import ImpactScene, run
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsMissingError
-from granular_lmp.impact.scene import SHIPPED_IMPACTS
 from granular_lmp.problem import prepare
 from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.shipped import SHIPPED
 from granular_lmp.studies import forecast
 from granular_lmp.studies.forecast import forecast as forecast_of
 
@@ -97,7 +97,7 @@ def test_check_says_why_it_knows_no_time(
     assert "time      unknown: LAMMPS cannot be loaded" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in SHIPPED_IMPACTS.iterdir() if path.is_dir()))
+@pytest.mark.parametrize("name", sorted(path.name for path in (SHIPPED / "impacts").iterdir() if path.is_dir()))
 def test_a_cell_stands_for_a_large_impact(name: str, tried: list[Scene]) -> None:
     scene = ImpactScene.load(name)
     sheet = scene.lattice.sheet

@@ -117,12 +117,10 @@ MAY_IMPORT: dict[str, set[str]] = {
     "collisions": {"errors", "crystal", "scene", "step_rules"},
     "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules", "collisions"},
     "lammps": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
-    "impact": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
-    "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "impact"},
+    "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
     "accuracy": {"errors", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
-    "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs", "impact"}
-    | {"accuracy"},
-    "plot": {"errors", "problem", "crystal", "scene", "lammps", "runs", "impact", "accuracy", "studies"},
+    "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs"} | {"accuracy"},
+    "plot": {"errors", "problem", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
     "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
 }
 MAY_IMPORT["cli"] = set(MAY_IMPORT)

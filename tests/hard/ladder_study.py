@@ -18,6 +18,7 @@ from math import ceil, inf, sqrt
 from pathlib import Path
 
 import numpy as np
+from granular_lmp.impact import tolerance as impacts
 from numpy.typing import NDArray
 
 from granular_lmp import ImpactScene, Scene, run, run_impact
@@ -27,7 +28,6 @@ from granular_lmp.accuracy.richardson import slip_bounds
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
 from granular_lmp.errors import GranularError
-from granular_lmp.impact import tolerance as impacts
 from granular_lmp.problem import prepare, step_rules
 from tests.hard.ladder_scenes import FAMILIES, IMPACTS, impact_scene, wave_scene
 from tests.pages import placed
