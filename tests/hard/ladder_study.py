@@ -18,12 +18,12 @@ from math import ceil, inf, sqrt
 from pathlib import Path
 
 import numpy as np
-from granular_lmp.impact import tolerance as impacts
 from numpy.typing import NDArray
 
-from granular_lmp import ImpactScene, Scene, run, run_impact
+from granular_lmp import ImpactScene, Scene, run
+from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.extrapolation import ALL, EVEN, Judgement, combined, following, judge, l2, weights_of
-from granular_lmp.accuracy.ladder import first_step
+from granular_lmp.accuracy.ladder import first_step, plan
 from granular_lmp.accuracy.richardson import slip_bounds
 from granular_lmp.accuracy.rounding import judged, noise_floor
 from granular_lmp.effects.selection import order
@@ -49,7 +49,7 @@ class Case:
         if self.is_impact:
             self.impact = impact_scene(family, seed)
             self.problem = prepare(self.impact)
-            self.order = impacts.order(self.impact)
+            self.order = collisions.order(self.impact)
             self.scene: Scene | ImpactScene = self.impact
             self.fewest = max(1, ceil(self.scene.time.sample * 8 / self.problem.collisions.shortest_collision))
         else:
@@ -74,7 +74,7 @@ class Case:
         with tempfile.TemporaryDirectory() as folder:
             try:
                 if self.is_impact:
-                    made = impacts.signals(run_impact(self.impact.with_values(changes), Path(folder) / "run"))
+                    made = run(self.impact.with_values(changes), Path(folder) / "run").signals
                     return {name: made[name] for name in made if name != "displacement"}
                 record = run(self.wave.with_values(changes), Path(folder) / "run")
             except GranularError:
@@ -137,13 +137,13 @@ class Case:
     def first(self, tolerance: float) -> int:
         """Return the steps per sample of the first run."""
         if self.is_impact:
-            return impacts.plan(prepare(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
+            return plan(prepare(self.impact.with_values({"time.tolerance": tolerance}))).per_sample
         return round(self.scene.time.sample / first_step(self.wave.with_values({"time.tolerance": tolerance})))
 
     def judgement(self, runs: Sequence[Signals], counts: Sequence[int], names: Sequence[str]) -> Judgement:
         """Return what a run with a tolerance finds."""
         if self.is_impact:
-            return impacts.judge([{name: each[name] for name in names} for each in runs], counts, self.order)
+            return collisions.judge([{name: each[name] for name in names} for each in runs], counts, self.order)
         return judge(
             [{name: each[name] for name in names} for each in runs],
             counts,
