@@ -121,10 +121,7 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
         (["view", "<sheet>", "-o", "x.png", "--tau", "99"], "tau = 99.0: must be from 0 to 6"),
         (["view", "<sheet>", "-o", "x.png", "--colour", "p"], "--colour: is not for an impact"),
         (["view", "<sheet>", "-o", "x.gif", "--tau", "3"], "--tau: is not for an impact"),
-        (
-            ["view", "solitary_chain", "-o", "x.png", "--at-rest"],
-            "a file with [[striker]] or [start] and without [wave] is an impact",
-        ),
+        (["view", "solitary_chain", "-o", "x.png", "--at-rest"], "its spheres and contacts are all equal"),
     ],
 )
 def test_what_a_command_cannot_do_with_an_impact_is_said(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular_lmp import Record, Scene, run
+from granular_lmp import Record, Scene, prepare, run
 from granular_lmp.cli import main
 from granular_lmp.errors import PackageMissingError, RunFolderError, ViewError
 from granular_lmp.plot import crystal, movie, view
@@ -314,6 +314,21 @@ def test_a_crystal_at_rest_is_drawn_with_its_contacts_gaps_and_empty_places() ->
 def test_densities_are_drawn_where_all_radii_are_equal() -> None:
     scene = Scene.load("tr_impurity")
     assert max(at_rest_figure(scene).axes[0].collections[0].get_array()) == pytest.approx(9)  # ten times as heavy
+
+
+def test_a_struck_sheet_is_drawn_at_rest_with_its_gaps_and_a_pressed_chain_with_its_forces() -> None:
+    sheet = Scene.load("point_impact").with_values(
+        {"packing.rows": 8, "packing.columns": 9, "striker.1.spheres": [[0, 4]], "disorder.radius": 0.002}
+    )
+    axes = at_rest_figure(sheet).axes[0]
+    _, contacts, gaps = axes.collections
+    assert len(contacts.get_paths()) + len(gaps.get_paths()) == len(prepare(sheet).contacts)
+    assert len(gaps.get_paths()) > len(contacts.get_paths())  # no sphere is larger than the lattice has room for
+    chain = Scene.load("breather")
+    _, pressed, _ = at_rest_figure(chain).axes[0].collections
+    scale = chain.scale
+    force = chain.packing.contact_force * scale.time**2 / (scale.mass * scale.length)
+    assert np.asarray(pressed.get_array()) == pytest.approx(np.full(42, force), rel=1e-9)
 
 
 def test_a_crystal_at_rest_needs_imperfections_and_a_picture(tmp_path: Path) -> None:

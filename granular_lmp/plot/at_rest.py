@@ -11,9 +11,10 @@ from granular_lmp.crystal.search import overlapping
 from granular_lmp.errors import ViewError
 from granular_lmp.plot.signals import Picture
 from granular_lmp.scene.at_rest import CrystalAtRest, crystal_of
-from granular_lmp.scene.refusals import require_wave
 from granular_lmp.scene.scene import Scene
 
+# Units of lengths and forces, with a wave and without
+UNITS = (r"\Delta_0", r"k_1\Delta_0"), (r"\ell", r"m\ell/t_0^2")
 MOST_DRAWN = 20_000  # spheres; with more, a contact would be below a pixel
 
 
@@ -22,7 +23,8 @@ def at_rest_figure(scene: Scene) -> Picture:
 
     Spheres are coloured by the deviation of their diameter from the mean, in overlaps Δ0, or of their density where
     all radii are equal. Lines are contacts, coloured by their force f_N over k1 Δ0: positive where they press. Dotted
-    are neighbours in the lattice that do not touch, and crosses are empty places.
+    are neighbours in the lattice that do not touch, and crosses are empty places. Without a wave the units are ℓ and
+    m ℓ/t0².
 
     Raises
     ------
@@ -30,7 +32,6 @@ def at_rest_figure(scene: Scene) -> Picture:
         If the scene is a perfect lattice, in which all spheres and contacts are equal, or has more than `MOST_DRAWN`
         spheres.
     """
-    require_wave(scene)
     if scene.perfect:
         raise ViewError(f"{scene.name}: its spheres and contacts are all equal; there is nothing to draw at rest")
     crystal = crystal_of(scene)
@@ -46,17 +47,20 @@ def at_rest_figure(scene: Scene) -> Picture:
     )  # fmt: skip
     discs.set_array(values)
     axes.add_collection(discs, autolim=False)
-    contacts, sphere = crystal.contacts, scene.sphere
-    force = contacts.contact_force / (sphere.normal_stiffness * sphere.static_overlap)
+    contacts, scale, sphere = crystal.contacts, scene.scale, scene.sphere
+    close = _close(scene, crystal)
+    pairs = contacts.i[close], contacts.j[close]
+    unit = scale.mass * scale.length / scale.time**2 if scene.bare else sphere.normal_stiffness * scale.length
+    force = contacts.contact_force[close] / unit
     lines = LineCollection(
-        _segments(position, contacts.i, contacts.vector[:, :2] / sphere.radius),
+        _segments(position, pairs[0], contacts.vector[close, :2] / sphere.radius),
         cmap="PiYG",
-        norm=CenteredNorm(halfrange=float(np.abs(force).max()) or 1.0),
+        norm=CenteredNorm(halfrange=float(np.abs(force).max(initial=0.0)) or 1.0),
         linewidths=1.5,
     )
     lines.set_array(force)
     axes.add_collection(lines, autolim=False)
-    i, _, vector = _missing(scene, crystal)
+    i, vector = _missing(crystal, pairs)
     axes.add_collection(
         LineCollection(_segments(position, i, vector), colors="black", linestyles="dotted", linewidths=1), autolim=False
     )
@@ -65,13 +69,11 @@ def at_rest_figure(scene: Scene) -> Picture:
     low, high = position.min(axis=0) - 1.5, position.max(axis=0) + 1.5
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x/R", ylabel="y/R")
     figure.colorbar(discs, ax=axes, label=label, fraction=0.05)
-    figure.colorbar(lines, ax=axes, label=r"force of a contact $f_N/(k_1\Delta_0)$", fraction=0.05)
-    rest = crystal.equilibrium
-    assert rest is not None
+    figure.colorbar(lines, ax=axes, label=f"force of a contact (${UNITS[scene.bare][1]}$)", fraction=0.05)
     lost = f", {len(i)} missing (dotted)" if len(i) else ""
     axes.set_title(
         f"{scene.name}: {scene.imperfections}\n"
-        f"{len(position)} spheres, {rest.contacts_per_sphere:.3f} contacts a sphere{lost}",
+        f"{len(position)} spheres, {2 * len(force) / len(position):.3f} contacts a sphere{lost}",
         fontsize="medium",
     )
     return figure
@@ -81,7 +83,8 @@ def _values(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.float64], 
     """Return what the colour of the spheres shows, (N,), and its label."""
     radius, density = crystal.atoms.arrays["radius"], crystal.atoms.arrays["density"]
     if np.ptp(radius) or not np.ptp(density):
-        return (radius - 1) / scene.sphere.overlap_ratio, r"deviation of the diameter ($\Delta_0$)"
+        overlap = scene.scale.length / scene.sphere.radius
+        return (radius - 1) / overlap, f"deviation of the diameter (${UNITS[scene.bare][0]}$)"
     return density / scene.sphere.density - 1, "relative deviation of the density"
 
 
@@ -92,15 +95,25 @@ def _segments(
     return list(np.stack([position[i], position[i] + vector], axis=1))
 
 
-def _missing(scene: Scene, crystal: CrystalAtRest) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the pairs of neighbours in the lattice that do not touch, and the vectors between them, in radii."""
+def _close(scene: Scene, crystal: CrystalAtRest) -> NDArray[np.bool_]:
+    """Return which contacts are closed, (C,): without a wave those of neighbours without a gap of more than 1e-3 ℓ."""
+    contacts, radius = crystal.contacts, crystal.atoms.arrays["radius"]
+    if not scene.bare:
+        return np.ones(len(contacts), dtype=bool)
+    reach = (radius[contacts.i] + radius[contacts.j]) * scene.sphere.radius + 1e-3 * scene.scale.length
+    return np.asarray(np.linalg.norm(contacts.vector, axis=1) <= reach)
+
+
+def _missing(
+    crystal: CrystalAtRest, pairs: tuple[NDArray[np.int64], NDArray[np.int64]]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the first of each two neighbours in the lattice that are not among pairs that touch, and their vectors."""
     equal = crystal.atoms.copy()
     # Neighbours in the lattice are nearer than 2.5 radii, second neighbours farther than 3
     equal.arrays["radius"] = np.full(len(equal), 1.25)
     i, j, vector = overlapping(equal)
-    touching = _names(equal, crystal.contacts.i, crystal.contacts.j)
-    apart = ~np.isin(_names(equal, i, j), touching)
-    return i[apart], j[apart], vector[apart, :2]
+    apart = ~np.isin(_names(equal, i, j), _names(equal, *pairs))
+    return i[apart], vector[apart, :2]
 
 
 def _names(crystal: ase.Atoms, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:

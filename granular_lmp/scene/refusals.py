@@ -81,8 +81,8 @@ def require_wave(scene: Declared) -> None:
     """Raise a SceneError if a scene without ``[wave]`` is given to what needs one."""
     if scene.bare:
         raise SceneError(
-            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which kick, "
-            "scatter, view --at-rest and granular-analysis compare do not take"
+            "wave: missing table; a file with [[striker]] or [start] and without [wave] is an impact, which kick "
+            "and scatter do not take"
         )
 
 
