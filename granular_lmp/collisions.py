@@ -217,9 +217,11 @@ class Collisions:
             If nothing presses the spheres together, or their order does not repeat.
         """
         if not self.scene.packing.contact_force:
-            raise SceneError(
-                "packing.contact_force = 0.0: must be above 0, in a chain; spheres that just touch have no modes"
-            )
+            packing = self.scene.packing
+            what = "packing.contact_force = 0.0: must be above 0"
+            if self.scene.lattice != CHAIN:
+                what = f'packing.lattice = "{packing.lattice}": must be "chain", with packing.contact_force above 0'
+            raise SceneError(f"{what}; spheres that just touch have no modes")
         if not (count := cell_of(self.mass, self.rest_stiffness)):
             raise SceneError(
                 "inclusion: the spheres of the chain do not repeat in any order from end to end, and only a periodic "

@@ -109,6 +109,11 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
     ("words", "said"),
     [
         (["resume", "<chain>"], "there is nothing to resume"),
+        (
+            ["modes", "point_impact"],
+            'packing.lattice = "hexagonal": must be "chain", with packing.contact_force above 0',
+        ),
+        (["modes", "solitary_chain"], "packing.contact_force = 0.0: must be above 0; spheres that just touch"),
         (["adopt", "<chain>"], "does not say its variables, as decks of waves do; give what differs"),
         (["export", "<chain>", "-o", "x.txt"], "x.txt: must end in one of .csv, .nc, .xyz, .extxyz, .h5md, .h5"),
         (
