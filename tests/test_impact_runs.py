@@ -111,7 +111,7 @@ def test_a_folder_is_not_overwritten_unless_forced(folders: dict[str, Path]) -> 
         (["resume", "<chain>"], "there is nothing to resume"),
         (
             ["modes", "point_impact"],
-            'packing.lattice = "hexagonal": must be "chain", with packing.contact_force above 0',
+            'packing.lattice = "hexagonal": must be "chain", with packing.contact',
         ),
         (["modes", "solitary_chain"], "packing.contact_force = 0.0: must be above 0; spheres that just touch"),
         (["adopt", "<chain>"], "does not say its variables, as decks of waves do; give what differs"),
