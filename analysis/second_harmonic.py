@@ -7,8 +7,8 @@ condition launches two free waves at 2ξ that cancel it at τ=0. Everything is d
     S. P. Wallen and N. Boechler, "Shear to longitudinal mode conversion via second harmonic generation in a
     two-dimensional microscale granular crystal" (equation labels of its source are cited below),
 
-p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper prints
-τ = t/√(2m/(g1+3k1)); its own dispersion relation Ω_L = sin(ξ/2) needs the τ used here.) The amplitude is a = D0/Δ0.
+p = v/D0 (along the wave), q = −u/D0, φ = Rθ/D0, a = D0/Δ0, τ = t/√(m/(2(g1+3k1))) so that p'' = ¼∇²p. (The paper
+prints τ = t/√(2m/(g1+3k1)); its own dispersion relation Ω_L = sin(ξ/2) needs the τ used here.)
 
 To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n−1}, S X = X_n + X_{n−1} [eqp, eqq, eqr]:
 
@@ -17,10 +17,13 @@ To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n
     Ĩφ'' = (μ2/2)(√3 S dq − 2 S σ − 4φ) + (εβ/2) S[dp dq/√3 − σ dp]
 
 where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
+
+These are the paper's contacts, those of points or of LAMMPS's geometry (`ratios`). Any other law, lattice or direction,
+compression, and spheres that do not turn are those of `analysis.theory.second_order`, which this module is a test of.
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,63 +35,27 @@ SOLID_SPHERE = 0.4  # I/(mR²) of a homogeneous sphere
 ALONG_Y = 90.0  # degrees from a close-packed row
 
 
-class Expansion(NamedTuple):
-    """Contact law to second order, N = x − n x² and S = κ t (1 − m x): n = −k2Δ0/k1, m = −g2Δ0/g1.
-
-    excess is κ over Mindlin's 2(1−ν)/(2−ν).
-    """
-
-    excess: float
-    normal: float
-    shear: float
-
-
-HERTZ_MINDLIN = Expansion(1.0, 0.25, 0.5)  # the paper's
-
-
 @dataclass(frozen=True)
 class Ratios:
     """Dimensionless constants of the lattice: all follow from κ = g1/k1, the shear-to-normal stiffness of a contact.
 
-    kappa is the spheres' own κ, which sets the units of τ and ε; shear_stiffness is κ too, or 0 where no contact
-    resists shear. speed is that of long L waves in half rows per τ: Ω_L = speed·sin(ξ/2) (1 in the paper's geometry).
-    inertia is Ĩ = I/(mR²); rotation says whether the spheres turn. longitudinal multiplies ε where the L mode acts on
-    itself (1 in the paper's geometry); memory is κ/(2κ+3) for a shear force that remembers its start (`laws`), else 0;
-    overlap_ratio is η = Δ0/2R (0 in the paper's geometry); law is the contact's to second order.
+    inertia is Ĩ = I/(mR²); longitudinal multiplies ε where the L mode acts on itself, and overlap_ratio is η = Δ0/2R
+    (1 and 0 in the paper's geometry).
     """
 
     kappa: float
-    shear_stiffness: float
-    speed: float
     mu1: float
     mu2: float
     alpha: float
     beta: float
     gamma: float
     inertia: float
-    rotation: bool
-    longitudinal: float
-    memory: float
-    overlap_ratio: float
-    law: Expansion = HERTZ_MINDLIN
-
-    @property
-    def unit(self) -> float:
-        """−4(g2+3k2)Δ0/k1 = 4(mκ + 3n), 2κ+3 of the paper's law, to which second-order forces are referred."""
-        return 4 * (self.law.shear * self.kappa + 3 * self.law.normal)
+    longitudinal: float = 1.0
+    overlap_ratio: float = 0.0
 
 
-def ratios(
-    poisson_ratio: float,
-    inertia: float = SOLID_SPHERE,
-    overlap_ratio: float = 0.0,
-    *,
-    prestress: float = 0.0,
-    shear: bool = True,
-    rotation: bool = True,
-    law: Expansion = HERTZ_MINDLIN,
-) -> Ratios:
-    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν), or those of another law.
+def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: float = 0.0) -> Ratios:
+    """Constants of the lattice for Hertz–Mindlin contacts, κ = 2(1−ν)/(2−ν).
 
         μ1 = (3κ+1)/(κ+3),  μ2 = κ/(κ+3),  α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),  γ = (2κ+1)/(2κ+3)
 
@@ -97,83 +64,40 @@ def ratios(
         Ĩ → Ĩ/(1−η),  α → α + 2h(1−5κ)/(2κ+3),  β → β(1−6h),  ε of the L mode → ε[1 − 6h(1−κ)/(2κ+3)]
 
     These leave out no power of η: to second order in the displacements the geometry enters through 1/(2R−Δ0) alone.
-    What the geometry adds to the start of a wave is in `second_harmonic`. A net force F0 in the contacts at rest turns
-    with them and pushes the spheres out of line, χ = F0/(k1(2R−Δ0)) = (2/3)·prestress·h per unit of sideways shift:
+    No second harmonic depends on γ. Definitions below eqr, right as printed; geometry is not in the paper.
 
-        Ω_L² = (1 − χ/(κ+3)) sin²(ξ/2),  μ1 → μ1 − 3χ/(κ+3),  α → α + 2χh/(2κ+3),  ε_L → ε_L − 6χh/(2κ+3) of ε
-
-    Without shear every κ above is 0 but those of the units, κ+3 and 2κ+3; spheres that feel no torque do not turn.
-    Another law has its own κ, and in the second-order terms, but for those with h, 2mκ/2n for κ:
-
-        α = (mκ−n)/(mκ+3n),  β = mκ/(mκ+3n),  γ = (mκ+n)/(mκ+3n),  h/(4mκ+12n) for h/(2κ+3)
-
-    Parameters
-    ----------
-    poisson_ratio
-        ν of the spheres, in [−1, 0.5].
-    inertia
-        I/(mR²) > 0.
-    overlap_ratio
-        η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres.
-    prestress
-        F0/(F0 + adhesive force) in [0, 1]: 0 if adhesion holds the lattice, 1 if compression does. Of another law
-        1.5 F0/(k1Δ0).
-    shear
-        Whether contacts resist shear.
-    rotation
-        Whether the spheres turn; if not, TR is purely transverse, Ω = √μ1 sin(ξ/2), and there is no RT.
-    law
-        Contact law to second order.
-
-    Raises
-    ------
-    ValueError
-        For a value outside these ranges.
-
-    Notes
-    -----
-    γ keeps its value of the paper at η > 0: no second harmonic depends on it.
-
-    Source: definitions below eqr, right as printed; geometry, compression and what is left out are not in the paper.
+    ν is in [−1, 0.5], inertia I/(mR²) > 0, and overlap_ratio in [0, 0.1]: 0 in the paper's geometry, 2.5e-4 of its
+    silica spheres. Raises ValueError for values outside these ranges.
     """
-    if not -1.0 <= poisson_ratio <= 0.5:
-        raise ValueError(f"poisson_ratio = {poisson_ratio} is outside [-1, 0.5]")
+    for name, value, least, most in (
+        ("poisson_ratio", poisson_ratio, -1, 0.5),
+        ("overlap_ratio", overlap_ratio, 0, 0.1),
+    ):
+        if not least <= value <= most:
+            raise ValueError(f"{name} = {value} is outside [{least}, {most}]")
     if not 0.0 < inertia < np.inf:
         raise ValueError(f"inertia = {inertia} must be positive and finite")
-    if not 0.0 <= overlap_ratio <= 0.1:
-        raise ValueError(f"overlap_ratio = {overlap_ratio} is outside [0, 0.1]")
-    if not 0.0 <= prestress <= 1.0:
-        raise ValueError(f"prestress = {prestress} is outside [0, 1]")
-    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio) * law.excess
-    stiffness = kappa if shear else 0.0
-    n, m, unit = law.normal, law.shear, 4 * (law.shear * kappa + 3 * law.normal)
-    h = overlap_ratio / (1 - overlap_ratio)
-    chi = prestress * h / 1.5
-    sideways = stiffness - chi
+    kappa = 2 * (1 - poisson_ratio) / (2 - poisson_ratio)
+    h, unit = overlap_ratio / (1 - overlap_ratio), 2 * kappa + 3
     return Ratios(
         kappa=kappa,
-        shear_stiffness=stiffness,
-        speed=float(np.sqrt((3 + sideways) / (3 + kappa))),
-        mu1=(3 * sideways + 1) / (kappa + 3),
-        mu2=stiffness / (kappa + 3),
-        alpha=(4 * (m * stiffness - n) + 2 * h * (1 - 5 * stiffness + chi)) / unit,
-        beta=2 * stiffness * (2 * m - 6 * h) / unit,
-        gamma=4 * (m * stiffness + n) / unit,
+        mu1=(3 * kappa + 1) / (kappa + 3),
+        mu2=kappa / (kappa + 3),
+        alpha=(2 * kappa - 1 + 2 * h * (1 - 5 * kappa)) / unit,
+        beta=2 * kappa * (1 - 6 * h) / unit,
+        gamma=(2 * kappa + 1) / unit,
         inertia=inertia / (1 - overlap_ratio),
-        rotation=rotation and shear,
-        longitudinal=(4 * (m * stiffness + 3 * n) - 6 * h * (1 - stiffness + chi)) / unit,
-        memory=0.0,
+        longitudinal=1 - 6 * h * (1 - kappa) / unit,
         overlap_ratio=overlap_ratio,
-        law=law,
     )
 
 
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
-    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a·unit/(4(κ+3)), negative: contacts soften when pulled.
+    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)), negative: contacts soften when pulled.
 
     The paper prints 3/2 in place of √3. amplitude is a = D0/Δ0.
     """
-    return -np.sqrt(3) * amplitude * ratios.unit / (4 * (ratios.kappa + 3))
+    return -np.sqrt(3) * amplitude * (2 * ratios.kappa + 3) / (4 * (ratios.kappa + 3))
 
 
 @dataclass(frozen=True)
@@ -181,8 +105,8 @@ class Mode:
     """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
 
     L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if. It
-    normalises by "the sum of squares", which must be that of the moduli, because Φ̃/Q̃ is imaginary. That is along y,
-    direction = 90 (degrees from a close-packed row); for any other see `directions.mode`.
+    normalises by "the sum of squares", which must be that of the moduli. For another direction than y (degrees from a
+    close-packed row) see `analysis.theory.bloch.mode`.
     """
 
     name: ModeName
@@ -195,32 +119,26 @@ class Mode:
 
     @property
     def along_y(self) -> bool:
-        """True if the wave runs along y, as the paper's waves do and as the closed forms here need."""
+        """True if the wave runs along y, as the closed forms here need."""
         return self.direction == ALONG_Y
 
 
 def dispersion(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> Floats:
-    """Frequency Ω(ξ) of a mode, array of the shape of wavenumbers (rad per row, in (0, π]).
+    """Frequency Ω(ξ) of a mode at wavenumbers (...), rad per row in (0, π]; ValueError for others, and another name.
 
-        L:       Ω = speed·sin(ξ/2)                               [Ldisp; speed = 1 in the paper's geometry]
-        TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    [TRdisp]
-        TR:      Ω² = A, if the spheres do not turn
-
-    Raises ValueError for a wavenumber outside (0, π], an unknown name, or RT of spheres that do not turn. Both right as
-    printed.
+    L:       Ω = sin(ξ/2)                                     [Ldisp: right as printed]
+    TR, RT:  (b − ĨΩ²)(A − Ω²) = c0², lower and upper root    [TRdisp: right as printed]
     """
     return _branch(wavenumbers, name, ratios)[0]
 
 
 def mode(name: ModeName, wavenumber: float, ratios: Ratios) -> Mode:
-    """One plane-wave mode at wavenumber ξ (rad per row, in (0, π]): frequency and real amplitudes.
+    """One plane-wave mode at wavenumber ξ, frequency and real amplitudes; raises what `dispersion` raises.
 
         f/Q = (A − Ω²)/c0 = c0/(b − ĨΩ²)        [PhiQratio, which prints μ1(1−cos ξ) − Ω² for … − 2Ω²]
 
-    At ξ=π translation and rotation decouple; the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺
-    (rounding leaves ~1e-16) and |f|=1, f>0 if it is the lower root and f<0 if it is the upper.
-
-    Raises what `dispersion` raises.
+    At ξ=π the limit ξ→π⁻ is returned: of TR and RT one has f=0, the other Q=0⁺ (rounding leaves ~1e-16) and |f|=1, f>0
+    if it is the lower root and f<0 if it is the upper.
     """
     frequency, q, f = (float(value) for value in _branch(wavenumber, name, ratios))
     return Mode(name, float(wavenumber), frequency, 1.0 if name == "L" else 0.0, q, f)
@@ -233,18 +151,13 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
         raise ValueError(f"wavenumber = {wavenumbers!r} is outside (0, pi]")
     s, c = np.sin(xi / 2), np.cos(xi)
     if name == "L":
-        return ratios.speed * s, np.zeros_like(xi), np.zeros_like(xi)
+        return s, np.zeros_like(xi), np.zeros_like(xi)
     if name not in ("TR", "RT"):
         raise ValueError(f"mode name = {name!r} is not one of 'L', 'TR', 'RT'")
-    if not ratios.rotation:
-        if name == "RT":
-            raise ValueError("mode name = 'RT': there is none where the spheres do not turn")
-        return np.sqrt(ratios.mu1) * s, np.ones_like(xi), np.zeros_like(xi)
     mu1, mu2, inertia = ratios.mu1, ratios.mu2, ratios.inertia
     A, b, c0 = mu1 * s**2, 2 * mu2 * (2 + c), np.sqrt(3) * mu2 * np.sin(xi)
-    d = (b - inertia * A) / 2
+    d, half_trace = (b - inertia * A) / 2, (b + inertia * A) / 2
     r = np.hypot(d, np.sqrt(inertia) * c0)
-    half_trace = (b + inertia * A) / 2
     if name == "RT":
         squared = (half_trace + r) / inertia
         q, f = np.where(d >= 0, inertia * c0, r - d), -np.where(d >= 0, d + r, c0)
@@ -258,12 +171,15 @@ def _branch(wavenumbers: ArrayLike, name: ModeName, ratios: Ratios) -> tuple[Flo
 
 
 def source(mode: Mode, ratios: Ratios) -> float:
-    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp."""
+    """Strength g of the drive: P1'' + w̃² P1 = i sin ξ · g e^{2iϑ} for complex fields, from D[…] of eqp.
+
+    TR, RT: g = Q[α sin²(ξ/2) Q − (β/√3) sin ξ f];  L: g = −sin²(ξ/2), times `Ratios.longitudinal`.
+    """
     s = np.sin(mode.wavenumber / 2)
     if mode.name == "L":
         return float(-ratios.longitudinal * s**2)
-    alpha, beta = ratios.alpha, ratios.beta
-    return float(mode.q * (alpha * s**2 * mode.q - beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f))
+    turned = ratios.beta / np.sqrt(3) * np.sin(mode.wavenumber) * mode.f
+    return float(mode.q * (ratios.alpha * s**2 * mode.q - turned))
 
 
 def refuse_oblique(mode: Mode) -> None:
@@ -273,24 +189,24 @@ def refuse_oblique(mode: Mode) -> None:
 
 
 def doubled_frequency(mode: Mode, ratios: Ratios) -> float:
-    """w̃ = Ω_L(2ξ) = speed·sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
+    """w̃ = Ω_L(2ξ) = sin ξ, the frequency of the free waves at twice the wavenumber, in rad per unit of τ."""
     refuse_oblique(mode)  # here, since every closed form of a second harmonic asks for this
-    return float(ratios.speed * np.sin(mode.wavenumber))
+    return float(np.sin(mode.wavenumber))
 
 
 def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
     """Amplitude P̃1/i of the generated wave per ε, with prefactor 1 (complex fields); real fields take half of it.
 
-        TR, RT:  P̃1/i = sin ξ Q[α sin²(ξ/2) Q − (β/√3) sin ξ f]/(w̃² − 4Ω²)      [P1TR, which prints 4/3 for 1]
-        L:       P̃1/i = ½ cot(ξ/2)                       (times longitudinal/speed², 1 in the paper's geometry)
+        TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      [P1TR, which prints 4/3 for 1]
+        L:       P̃1/i = ½ cot(ξ/2)                (times `Ratios.longitudinal`)
 
-    with w̃ = speed·sin ξ = Ω_L(2ξ). On resonance it grows without bound and changes sign; where the denominator rounds
-    to 0 it is ±inf, never nan.
+    with g of `source` and w̃ = sin ξ = Ω_L(2ξ). On resonance it grows without bound and changes sign; where the
+    denominator rounds to 0 it is ±inf, never nan.
     """
     w = doubled_frequency(mode, ratios)
-    if mode.name == "L":  # w̃² − 4Ω² = −4 speed² sin⁴(ξ/2), which a difference loses at small ξ
-        return float(ratios.longitudinal / ratios.speed**2 / np.tan(mode.wavenumber / 2) / 2)
-    strength = float(np.sin(mode.wavenumber) * source(mode, ratios))
+    if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
+        return float(ratios.longitudinal / np.tan(mode.wavenumber / 2) / 2)
+    strength = float(w * source(mode, ratios))
     denominator = float((w - 2 * mode.frequency) * (w + 2 * mode.frequency))
     return strength / denominator if denominator else float(np.copysign(np.inf, strength))
 
@@ -303,20 +219,16 @@ def second_harmonic_terms(
         p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
-    (with phase, 2ξn + 2·phase for 2ξn), without the `start_wave` of η > 0. Breaks on resonance, w̃ = 2Ω: generated
+    (with phase, 2ξn + 2·phase for 2ξn), without what a start at η > 0 adds. Breaks on resonance, w̃ = 2Ω: generated
     and forward wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
     """
-    tau = np.asarray(tau, dtype=float)
+    tau, half = np.asarray(tau, dtype=float), nonlinearity(ratios, amplitude) / 2
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
-    angle = 2 * (mode.wavenumber * row + phase)
-    half, g = nonlinearity(ratios, amplitude) / 2, source(mode, ratios) / ratios.speed
+    angle, g = 2 * (mode.wavenumber * row + phase), source(mode, ratios)
     # P̃₊ and P̃₋ with the common factor sin ξ of numerator and denominator taken out: regular at ξ=π.
-    forward, backward = -g / (2 * (w - twice)), -g / (2 * (w + twice))
-    return (
-        -half * generated_amplitude(mode, ratios) * np.sin(angle - twice * tau),
-        -half * forward * np.sin(angle - w * tau),
-        -half * backward * np.sin(angle + w * tau),
-    )
+    generated = -half * generated_amplitude(mode, ratios) * np.sin(angle - twice * tau)
+    forward, backward = (half * g / (2 * (w + sign * twice)) * np.sin(angle + sign * w * tau) for sign in (-1, 1))
+    return generated, forward, backward
 
 
 def second_harmonic(
@@ -324,59 +236,32 @@ def second_harmonic(
 ) -> Floats:
     """Second-harmonic displacement p_SH(τ) in units of D0, the sum of `second_harmonic_terms`, regular on resonance.
 
-        p_SH = (εg/4 speed) Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
+        p_SH = (εg/4) Re e^{2i(ξn+phase)} [e^{iw̃τ} E(−w̃−2Ω) − e^{−iw̃τ} E(w̃−2Ω)],   E(x) = ∫₀^τ e^{ixt} dt
 
-    with the drive g of `source`; the second term grows as τ when w̃ = 2Ω. With η > 0 `start_wave` is added.
+    with the drive g of `source`; the second term grows as τ when w̃ = 2Ω. With η > 0, h = η/(1−η), it has in addition
 
-    Parameters
-    ----------
-    mode
-        The fundamental wave.
-    ratios
-        Constants the mode was made with.
-    amplitude
-        a = D0/Δ0.
-    tau
-        Times, any shape.
-    row
-        n, counted from the row where ϑ = −Ωτ + phase.
-    phase
-        rad.
+        a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²
 
-    Notes
-    -----
+    since the shear springs are loaded in one step along the tangents of the displaced lattice (LAMMPS's rule), not
+    along the path there: the difference stays in the contacts as a static force at 2ξ.
+
+    mode and ratios are the fundamental and the constants it was made with, amplitude is a = D0/Δ0, tau any times, row n
+    counts from the row where ϑ = −Ωτ + phase.
+
     Breaks when p_SH is no longer small (near the resonance for τ ≳ 1/|ε|) and where g ≈ 0 (the antiresonance): there p
-    is of order a⁴. Away from both, the relative error of p, q and φ falls as a².
-
-    Source: eqP1TR and eqP1 with the initial conditions IC, ICprime, solved by Duhamel's integral.
+    is of order a⁴. Away from both, the relative error of p, q and φ falls as a². Source: eqP1TR and eqP1 with the
+    initial conditions IC, ICprime, solved by Duhamel's integral.
     """
     tau = np.asarray(tau, dtype=float)
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
     start = np.exp(2j * (mode.wavenumber * row + phase))
     backward = np.exp(1j * w * tau) * _phase_integral(-w - twice, tau)
     forward = np.exp(-1j * w * tau) * _phase_integral(w - twice, tau)
-    strength = nonlinearity(ratios, amplitude) / (4 * ratios.speed) * source(mode, ratios)
-    return strength * np.real(start * (backward - forward)) + start_wave(mode, ratios, amplitude, tau, row, phase)
-
-
-def start_wave(mode: Mode, ratios: Ratios, amplitude: float, tau: Floats, row: float, phase: float) -> Floats:
-    """Share of p, in D0, from what the start leaves in the contacts; zero where ξn + phase is a multiple of π/2.
-
-        p = G0 sin ξ sin 2(ξn+phase) (1 − cos w̃τ)/w̃²,    h = η/(1−η)
-        G0 = a μ2 h(√3/4) sin²(ξ/2)(Q² − P²) − (ε/2)·memory·[sin²(ξ/2)(Q² − P²) − sin ξ Q f/√3]
-
-    The shear springs are loaded in one step along the tangents of the displaced lattice (LAMMPS's rule), not along the
-    path there. The difference, second order in the displacements, stays in the contacts as a static force at 2ξ. So
-    does, under a law with memory, what the force at τ=0 differs from that of a wave that has always run.
-    """
-    s2, sine = np.sin(mode.wavenumber / 2) ** 2, np.sin(mode.wavenumber)
-    translation = s2 * (mode.q**2 - mode.p**2)
+    driven = nonlinearity(ratios, amplitude) / 4 * source(mode, ratios) * np.real(start * (backward - forward))
     h = ratios.overlap_ratio / (1 - ratios.overlap_ratio)
-    force = amplitude * ratios.mu2 * h * np.sqrt(3) / 4 * translation
-    force -= nonlinearity(ratios, amplitude) / 2 * ratios.memory * (translation - sine * mode.q * mode.f / np.sqrt(3))
-    force *= sine * np.sin(2 * (mode.wavenumber * row + phase))
-    w = doubled_frequency(mode, ratios)
-    return force * tau**2 / 2 * np.sinc(w * tau / (2 * np.pi)) ** 2  # (1 − cos w̃τ)/w̃², regular at w̃ = 0
+    left = amplitude * ratios.mu2 * h * np.sqrt(3) / 4 * np.sin(mode.wavenumber / 2) ** 2 * (mode.q**2 - mode.p**2)
+    still = tau**2 / 2 * np.sinc(w * tau / (2 * np.pi)) ** 2  # (1 − cos w̃τ)/w̃², regular at w̃ = 0
+    return np.asarray(driven + left * w * start.imag * still)
 
 
 def _phase_integral(x: float, tau: Floats) -> NDArray[np.complex128]:
@@ -389,8 +274,8 @@ def second_order(
 ) -> tuple[Floats, Floats, Floats]:
     """Displacements p, q, φ in units of D0 to second order: the mode, and `second_harmonic` in p. Arguments as there.
 
-    q and φ have no second-order term for any mode. The paper reads a second harmonic in their simulated signals at the
-    resonance; by symmetry they hold odd harmonics only, and what is seen is the third.
+    q and φ have no second-order term: by symmetry they hold odd harmonics only. What the paper sees in its simulated
+    signals at the resonance is the third.
     """
     tau = np.asarray(tau, dtype=float)
     theta = mode.wavenumber * row - mode.frequency * tau + phase
@@ -399,44 +284,32 @@ def second_order(
 
 
 def resonance(ratios: Ratios) -> float:
-    """Wavenumber where the TR mode's second harmonic is a free L wave: 2Ω_TR(ξ) = speed·sin ξ.
+    """Wavenumber where the TR mode's second harmonic is a free L wave, 2Ω_TR(ξ) = sin ξ, in the first zone for any ν.
 
-    Put Ω² = λ(1−C²)/4, C = cos ξ, λ = speed², into [TRdisp] and divide by 1−C: what remains is a cubic in C,
+    Put Ω² = (1−C²)/4, C = cos ξ, into [TRdisp] and divide by 1−C: what remains is a cubic in C,
 
-        [2μ2(2+C) − Ĩλ(1−C²)/4][μ1 − λ(1+C)/2]/2 = 3μ2²(1+C),
+        [2μ2(2+C) − Ĩ(1−C²)/4][μ1 − (1+C)/2]/2 = 3μ2²(1+C).
 
-    and C = 2μ1/λ − 1, ξ = 2 arccos(√μ1/speed), if the spheres do not turn.
-
-    The paper says the resonance may lie outside the first zone. It cannot if the spheres turn, for any inertia: left
-    minus right is μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses zero.
-    So the least root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch. That TR has no second one is tested by
-    scanning.
-
-    Raises ValueError where there is none: spheres that resist shear and do not turn, ν ≤ 0 (at η = 0).
+    Left minus right is μ1μ2 > 0 at C=−1, and negative at C=1 and wherever the first bracket, which is b − ĨΩ², crosses
+    zero. So the least root in (−1, 1) has b − ĨΩ² > 0, the sign of the lower branch, for any inertia.
     """
-    mu1, mu2, inertia, squared = ratios.mu1, ratios.mu2, ratios.inertia, ratios.speed**2
-    if not ratios.rotation:
-        if mu1 >= squared:
-            raise ValueError(f"TR has no resonance: without rotation it is no slower than L, mu1 = {mu1} >= {squared}")
-        return float(2 * np.arccos(np.sqrt(mu1 / squared)))
+    mu1, mu2 = ratios.mu1, ratios.mu2
     C = np.polynomial.Polynomial([0, 1])
-    b = 2 * mu2 * (2 + C) - inertia * squared * (1 - C**2) / 4
-    roots = (b * (mu1 - squared * (1 + C) / 2) / 2 - 3 * mu2**2 * (1 + C)).roots()
+    b = 2 * mu2 * (2 + C) - ratios.inertia * (1 - C**2) / 4
+    roots = (b * (mu1 - (1 + C) / 2) / 2 - 3 * mu2**2 * (1 + C)).roots()
     inside = roots.real[(np.abs(roots.imag) < 1e-12) & (np.abs(roots) < 1)]
     return float(np.arccos(np.min(inside)))
 
 
 def antiresonance(ratios: Ratios) -> float | None:
-    """Wavenumber where TR generates no p at order ε: [TRdisp] with Ω = sin(ξ/2)√(μ1 − 3μ2 α/β)  [AntiRes].
+    """Wavenumber in (0, π) where TR generates no p at order ε: Ω = sin(ξ/2)√(μ1 − 3μ2 α/β) [AntiRes, right as printed].
 
-    With ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
+    In [TRdisp], with ρ = α/β, λ = μ1 − 3μ2ρ and C = cos ξ, a factor 1−C divides out and the rest is linear in C:
 
         C = [2μ2(1−2ρ) + Ĩλρ/2]/[2μ2(ρ−1) + Ĩλρ/2]
 
-    None if that is no wavenumber of TR inside (0, π), and if the spheres do not turn. AntiRes is right as printed.
+    None if that is no wavenumber of TR.
     """
-    if not ratios.rotation:  # nothing but α to cancel α
-        return None
     mu2, rho = ratios.mu2, ratios.alpha / ratios.beta
     rate = ratios.mu1 - 3 * mu2 * rho
     inertial = ratios.inertia * rate * rho / 2

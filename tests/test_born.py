@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from analysis.measure.coherent import decay
+from analysis.theory.bloch import branch_index
 from analysis.theory.born import group_speed, impurity_width, long_wave, scattered, sound_speed
 from analysis.theory.contact import Contact
-from analysis.theory.directions import bloch_matrix, branch_index, modes
+from tests.polarisations import bloch_matrix, modes
 
 SILICA = Contact(0.17, overlap_ratio=2.5e-4)
 # A zone of 128 x 128 wave vectors, for waves of Ω > 0.15: a fiftieth of a second

@@ -130,7 +130,7 @@ def test_the_part_of_the_order_is_the_error_of_second_order_theory() -> None:
         record = as_run(scene)
         found = budget_of(record)["perturbation order"]
         wave = wave_of(record)
-        theory = second_order(wave.mode, wave.ratios, wave.amplitude, record.tau)
+        theory = second_order(wave.mode, wave.contact.closed, wave.amplitude, record.tau)
         (exact,) = limit([wave], FEW)
         for i, component in enumerate(NAMES):
             if getattr(found, component) is not None:

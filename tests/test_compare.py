@@ -15,7 +15,8 @@ from analysis.cases.figure2 import case as figure2
 from analysis.cases.figure3 import case as figure3
 from analysis.measure import signals
 from analysis.second_harmonic import generated_amplitude, mode, nonlinearity, ratios, second_harmonic
-from analysis.theory.choice import THEORIES, best, cancellation, linear_mode, trajectory, wave_of
+from analysis.theory import bloch
+from analysis.theory.choice import THEORIES, best, cancellation, trajectory, wave_of
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import RunFolderError
 from granular_lmp.runs.record import read_status, write_status
@@ -57,7 +58,7 @@ def test_silent_components_are_compared_with_nothing() -> None:
 def test_the_measured_amplitude_is_the_one_put_in(mode: str) -> None:
     record = from_theory(PAPER.with_values({"wave.mode": mode, "wave.phase": 0.4}), "second-order", TAU)
     wave = wave_of(record)
-    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU, phase=0.4)
+    shape = second_harmonic(wave.mode, wave.contact.closed, wave.amplitude, TAU, phase=0.4)
     result = compare.compare(record, "second-order")
     assert result.measured == pytest.approx(result.predicted, rel=1e-9)
     louder = compare.compare(record.with_signals(p=record.p + 0.1 * shape), "second-order")
@@ -178,7 +179,7 @@ def test_an_oblique_run_of_lammps_is_the_exact_lattice_of_its_direction(
         # The time step leaves (ΩΔτ)²Ωτ/24√3 = 2.4e-5 in p of TR, which turns with Ω = 0.68, and less in the others.
         assert error is None or error < 5e-5
     wave = wave_of(record)
-    mode = linear_mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)  # type: ignore[arg-type]
+    mode = bloch.mode(name, wave.mode.wavenumber, record.scene.direction + 5, wave.contact)  # type: ignore[arg-type]
     turned = replace(wave, mode=mode)
     off = signals.errors(record, THEORIES["exact-lattice"](turned, record.tau))
     assert max(error or 0.0 for error in off.values()) > 2e-3  # five degrees are seen

@@ -5,9 +5,9 @@ import pytest
 
 from analysis import second_harmonic as sh
 from analysis.theory import lattice
-from analysis.theory.contact import Contact
-from analysis.theory.damping import decay_rate, restitution_viscosity
+from analysis.theory.contact import Contact, restitution_viscosity
 from analysis.theory.hierarchy import hierarchy_orders
+from analysis.theory.wave import Wave, decay_rate
 
 NU = 0.17
 SILICA = sh.ratios(NU)
@@ -19,14 +19,14 @@ WAVES = [
 ]
 
 
-def shrinking(mode, constants, viscosity, **effects):
+def shrinking(mode, viscosity, **effects):
     """Rate at which the first order of a damped wave shrinks, from its projection on the mode over 20 τ.
 
     The start is not quite the damped mode: a wave of relative size Γ/Ω runs backward and ripples at 2Ω.
     """
     first = hierarchy_orders(mode, Contact(NU, viscosity=viscosity, **effects), TAU, order=2, rtol=1e-11)[0]
     harmonic = 2 * np.mean(first * np.exp(-1j * lattice.torus_phases(first.shape[-1])), axis=-1)
-    on_mode = harmonic @ [mode.p, mode.q, -1j * mode.f * constants.inertia]
+    on_mode = harmonic @ [mode.p, mode.q, -1j * mode.f * Contact(NU, **effects).masses[2]]
     ripple = 2 * mode.frequency * TAU
     columns = np.stack([TAU, np.ones_like(TAU), np.cos(ripple), np.sin(ripple)], axis=-1)
     return -np.linalg.lstsq(columns, np.log(np.abs(on_mode)))[0][0]
@@ -34,29 +34,31 @@ def shrinking(mode, constants, viscosity, **effects):
 
 @pytest.mark.parametrize(("name", "xi", "effects"), WAVES)
 def test_waves_decay_at_the_rate_of_the_closed_form(name, xi, effects):
-    constants = sh.ratios(NU, **effects)
-    mode = sh.mode(name, xi, constants)
+    wave = Wave.of_mode(name, xi, 1.0, Contact(NU, **effects))
     # Relative error of order Γ, at most 1.3e-3 here, and of the integration, 1e-9/20 over Γ ≥ 5e-6.
-    assert shrinking(mode, constants, 2e-4, **effects) == pytest.approx(decay_rate(mode, constants, 2e-4), rel=1e-3)
+    assert shrinking(wave.mode, 2e-4, **effects) == pytest.approx(decay_rate(wave, 2e-4), rel=1e-3)
 
 
 def test_a_wrong_decay_rate_is_seen():
     mode = sh.mode("TR", 0.802, SILICA)
-    right = decay_rate(mode, SILICA, 2e-4)
-    assert abs(shrinking(mode, SILICA, 2.02e-4) / right - 1) > 5e-3  # one percent of viscosity
-    assert abs(shrinking(mode, SILICA, 2e-4) / decay_rate(mode, sh.ratios(NU, shear=False), 2e-4) - 1) > 0.1
+    right = decay_rate(Wave(mode, 1.0, Contact(NU)), 2e-4)
+    assert abs(shrinking(mode, 2.02e-4) / right - 1) > 5e-3  # one percent of viscosity
+    assert (
+        abs(shrinking(mode, 2e-4) / decay_rate(Wave.of_mode("TR", 0.802, 1.0, Contact(NU, shear=False)), 2e-4) - 1)
+        > 0.1
+    )
 
 
 def test_the_decay_is_proportional_to_the_viscosity():
     mode = sh.mode("TR", 0.802, SILICA)
-    rates = [shrinking(mode, SILICA, c) for c in (1e-3, 2e-3, 4e-3)]
+    rates = [shrinking(mode, c) for c in (1e-3, 2e-3, 4e-3)]
     assert np.diff(np.log2(rates)) == pytest.approx(1, abs=2e-3)  # the next power of c
-    assert rates[0] == pytest.approx(decay_rate(mode, SILICA, 1e-3), rel=2e-3)
+    assert rates[0] == pytest.approx(decay_rate(Wave(mode, 1.0, Contact(NU)), 1e-3), rel=2e-3)
 
 
 def test_long_waves_decay_as_four_times_viscosity_times_frequency_squared():
     mode = sh.mode("L", 0.3, SILICA)
-    assert decay_rate(mode, SILICA, 0.01) == pytest.approx(0.04 * mode.frequency**2, rel=1e-14)
+    assert decay_rate(Wave(mode, 1.0, Contact(NU)), 0.01) == pytest.approx(0.04 * mode.frequency**2, rel=1e-13)
 
 
 def six_dashpots(moving, contact, between_rows=1.0):
@@ -102,7 +104,7 @@ def test_an_open_contact_does_not_damp():
 @pytest.mark.parametrize("law", ["secant", "incremental"])
 def test_the_law_of_the_shear_force_changes_nothing_of_the_damping(law):
     mode = sh.mode("TR", 0.802, SILICA)
-    assert shrinking(mode, SILICA, 2e-4, law=law) == pytest.approx(decay_rate(mode, SILICA, 2e-4), rel=1e-3)
+    assert shrinking(mode, 2e-4, law=law) == pytest.approx(decay_rate(Wave(mode, 1.0, Contact(NU)), 2e-4), rel=1e-3)
 
 
 # --- restitution ---

@@ -18,9 +18,10 @@ from analysis.design import SILICA, Resonance, compressed, contact_of, design, m
 from analysis.theory import lattice
 from analysis.theory.bloch import BONDS
 from analysis.theory.contact import Contact
-from analysis.theory.directions import modes
 from analysis.theory.mixing import Pair, Tone, detunings, mixed_wave
 from analysis.theory.neighbours import shifted
+from analysis.theory.wave import Wave, generated
+from tests.polarisations import modes
 from tests.test_mixing import relative
 
 HERTZ = 1.6e8  # 0.6 % above the resonance of the paper in its own crystal
@@ -167,16 +168,13 @@ def test_spheres_without_adhesion_have_a_resonance_or_none_at_any_frequency(hert
 
 def test_a_single_wave_grows_as_the_exchange_with_its_second_harmonic_says() -> None:
     (each,) = (one for one in found(HERTZ) if np.allclose(one.pair.first.wavevector, one.pair.second.wavevector))
-    ratios = each.pair.contact.ratios
+    contact = each.pair.contact
     xi, (omega, _) = wavenumbers(each)[0], each.pair.tones[0]
-    mode = second_harmonic.mode("TR", xi, ratios)
-    # B' = ε̂G/(4w̃) A², w̃ = 2Ω; and P̃1/i = G/(w̃² − 4Ω²), which is not taken at the resonance itself
-    near = second_harmonic.mode("TR", xi + 1e-5, ratios)
-    doubled = second_harmonic.doubled_frequency(near, ratios)
-    drive = second_harmonic.generated_amplitude(near, ratios) * (doubled**2 - 4 * near.frequency**2)
-    rate = abs(second_harmonic.nonlinearity(ratios, 1.0) * drive / (8 * mode.frequency))
-    assert each.rate == pytest.approx(rate, rel=1e-4)  # the drive at ξ + 1e-5
-    assert mode.frequency == pytest.approx(float(omega), rel=1e-9)
+    # B' = F/(2w̃) A², w̃ = 2Ω; and the forced wave is F/(w̃² − 4Ω²), which is not taken at the resonance itself
+    near = Wave.of_mode("TR", xi + 1e-5, 1.0, contact)
+    force = generated("TR", xi + 1e-5, contact) * (near.free_frequency**2 - 4 * near.mode.frequency**2)
+    assert each.rate == pytest.approx(abs(float(force)) / (4 * float(omega)), rel=1e-4)  # the drive at ξ + 1e-5
+    assert Wave.of_mode("TR", xi, 1.0, contact).mode.frequency == pytest.approx(float(omega), rel=1e-9)
 
 
 POINTS = 5  # points of each phase: harmonics to the second, and what is odd in both waves aliases at order a⁶

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.cases.dimers import case as dimers
-from analysis.theory.dimer import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
+from analysis.cases.dimers.front import antiresonance, decay, dimer, rattle, rattle_of, resonance, struck
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("dimer_chain")

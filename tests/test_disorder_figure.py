@@ -25,6 +25,7 @@ from analysis.measure.disordered import (
 from analysis.measure.runs import load
 from analysis.plotting import save
 from analysis.theory.contact import Contact
+from analysis.theory.wave import resonance as resonance_of_equal
 from granular_lmp import Record, Scene, run
 from granular_lmp.studies.sweep import sweep
 
@@ -71,10 +72,11 @@ def test_half_the_height_is_found_between_the_points():
 
 def shape_of(shift: float, height: float, width: float) -> dict[float, Waves]:
     """Return waves of three seeds whose strengths are the closed form's, shifted, scaled and stretched."""
-    constants, place = SILICA.secant_ratios, disorder.closed.resonance(SILICA.secant_ratios)
+    place = resonance_of_equal(SILICA)
+    assert place is not None
     found = {}
     for xi in (1.34, 1.39, 1.43, 1.48, 1.52, 1.62):
-        size = height * perfect_strength(place + (xi - place - shift) / width, constants, 0.05, TAU)
+        size = height * perfect_strength(place + (xi - place - shift) / width, SILICA, 0.05, TAU)
         found[xi] = Waves(TAU, np.full((3, len(TAU)), size + 0j), 0.5, SILICA)
     return found
 
@@ -160,7 +162,7 @@ def runs_of(folder: str) -> list[Record]:
 def test_the_second_harmonic_of_the_perfect_crystal_is_that_of_the_closed_form(sweeps):
     found = {key.wavenumber: waves for key, waves in second_harmonics(runs_of(sweeps[3])).items()}
     waves = found[round(RESONANT, 6)]
-    theory = perfect_strength(RESONANT, waves.contact.secant_ratios, 0.05, waves.tau)
+    theory = perfect_strength(RESONANT, waves.contact, 0.05, waves.tau)
     # The step takes 1 % of Ω² dt²/24 · Ωτ, the fourth order a² = 0.25 % and more near the resonance
     assert strength(waves.amplitudes) == pytest.approx(theory, rel=0.03)
     assert strength(waves.amplitudes) != pytest.approx(1.1 * theory, rel=0.03)

@@ -9,11 +9,11 @@ import pytest
 from analysis.cases.dispersion import case as dispersion_figure
 from analysis.measure import dispersion
 from analysis.theory.contact import Contact
-from analysis.theory.directions import modes
 from granular_lmp import Scene, load, prepare, run
 from granular_lmp.cli import main
 from granular_lmp.errors import EffectError, SceneError
 from granular_lmp.studies.kick import kicked, run_kicked
+from tests.polarisations import modes
 
 SMALL = Scene.load("tr_periodic").with_values(
     {"packing.rows": 12, "packing.columns": 12, "wave.amplitude": 0.01, "time.duration": 120.0, "time.sample": 1.5}

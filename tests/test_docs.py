@@ -15,7 +15,7 @@ import pytest
 from analysis import second_harmonic as sh
 from analysis.cli import DOORS, SCRIPTS
 from analysis.measure.norms import relative_error
-from analysis.theory import frequency_shift, hierarchy, lattice, resonance
+from analysis.theory import choice, frequency_shift, hierarchy, lattice, resonance
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 from granular_lmp import Scene
@@ -268,7 +268,7 @@ NU, AMPLITUDE = 0.17, 0.2
 TAU = np.linspace(0, 120, 241)
 SILICA = sh.ratios(NU)
 FORMULAS = {
-    "second order": sh.second_order,
+    "second order": choice.second_order,
     "with frequency shift": frequency_shift.shifted_second_order,
     "two waves": resonance.two_mode,
     "three waves": resonance.three_mode,
@@ -303,7 +303,7 @@ def measured_errors(label: str) -> dict[str, list[float] | None]:
     found: dict[str, list[float] | None] = {}
     for formula, function in FORMULAS.items():
         try:
-            estimate = function(mode, SILICA, AMPLITUDE, TAU)
+            estimate = function(Wave(mode, AMPLITUDE, Contact(NU)), TAU)
         except ValueError:
             found[formula] = None
         else:

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import simpson
 
 from analysis import second_harmonic as sh
-from analysis.theory import directions, energy, lattice
+from analysis.theory import bloch, energy, lattice
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 
@@ -40,7 +40,7 @@ def test_the_ledger_closes_at_the_resonance_to_tau_400(law):
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize(("name", "direction"), [("TR", 17.0), ("RT", 17.0), ("L", 0.0)])
 def test_the_ledger_closes_in_any_direction(law, name, direction):
-    assert ledger(law, directions.mode(name, 1.1, direction, Contact(NU)), end=40).gap < 1e-9  # as along y
+    assert ledger(law, bloch.mode(name, 1.1, direction, Contact(NU)), end=40).gap < 1e-9  # as along y
 
 
 def test_a_ledger_without_the_work_does_not_close():

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from analysis.theory import green
 from analysis.theory.contact import Contact
-from analysis.theory.directions import modes
 from analysis.theory.green import Crystal, Load, response
+from tests.polarisations import modes
 
 pytestmark = pytest.mark.rounding
 

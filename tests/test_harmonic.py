@@ -72,7 +72,7 @@ def test_it_is_the_closed_form_along_y() -> None:
     for phase in (0.0, 0.7):
         scene = scene_of("hexagonal").with_values({"wave.phase": phase})
         wave = wave_of(Record.of_centre(tau, still, still, still, scene))
-        closed = second_harmonic(wave.mode, wave.ratios, wave.amplitude, tau, phase=phase)
+        closed = second_harmonic(wave.mode, wave.contact.closed, wave.amplitude, tau, phase=phase)
         # In TR waves p at the centre is of second order, and all of it turns with 2θ
         assert np.abs(by_theory(scene, tau).amplitudes[:, 0].real - closed).max() < 1e-12
 

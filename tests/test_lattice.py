@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import DOP853, solve_ivp
 
 from analysis import second_harmonic as sh
-from analysis.theory import directions, lattice
+from analysis.theory import bloch, lattice
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 
@@ -339,13 +339,13 @@ def test_torus_is_a_periodic_sheet_in_any_direction(name, cycles, eta):
     first, second = (2 * np.pi * c / size for c, size in zip(cycles, SHEET, strict=True))
     k = np.array([first, (second - first / 2) * 2 / np.sqrt(3)])  # k·(1, 0) and k·(1/2, √3/2)
     direction, wavenumber = np.degrees(np.arctan2(k[1], k[0])), np.sqrt(3) / 2 * np.hypot(*k)
-    mode = directions.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
+    mode = bloch.mode(name, wavenumber, direction, Contact(NU, overlap_ratio=eta))
     tau = np.linspace(0, 30, 16)
     sheet = on_a_sheet(mode, k, 0.2, tau, eta)
     infinite = np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-12), axis=-1)
     assert np.max(np.abs(sheet)) > 0.8  # something moves
     assert np.allclose(sheet, infinite, rtol=0, atol=1e-9)  # a hundred times rtol
-    turned = directions.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
+    turned = bloch.mode(name, wavenumber, direction + 1, Contact(NU, overlap_ratio=eta))
     other = np.stack(lattice.torus(Wave(turned, 0.2, Contact(NU, overlap_ratio=eta)), tau, rtol=1e-8), axis=-1)
     assert np.max(np.abs(other - sheet)) > 1e-3  # one degree is seen
 
@@ -356,14 +356,14 @@ def test_a_crystal_turned_by_60_degrees_is_the_same(direction, effects):
     linear = {name: value for name, value in effects.items() if name != "restitution"}
     tau, turned = np.linspace(0, 40, 41), []
     for turn in (0.0, 60.0, -120.0, 180.0):
-        mode = directions.mode("TR", 1.1, direction + turn, Contact(NU, **linear))
+        mode = bloch.mode("TR", 1.1, direction + turn, Contact(NU, **linear))
         turned.append(np.stack(lattice.torus(Wave(mode, 0.2, Contact(NU, **effects), 0.3), tau)))
     assert np.allclose(turned[1:], turned[0], rtol=0, atol=1e-9)  # a hundred times rtol
 
 
 def test_a_mirror_turns_q_and_phi_round():
     tau = np.linspace(0, 40, 41)
-    one, other = (directions.mode("TR", 1.1, direction, Contact(NU)) for direction in (17.0, -17.0))
+    one, other = (bloch.mode("TR", 1.1, direction, Contact(NU)) for direction in (17.0, -17.0))
     sign = np.sign(one.q * other.q)
     p, q, phi = lattice.torus(Wave(one, 0.2, Contact(NU)), tau)
     mirrored = lattice.torus(Wave(other, 0.2, Contact(NU), 0.0 if sign < 0 else np.pi), tau)
@@ -372,7 +372,7 @@ def test_a_mirror_turns_q_and_phi_round():
 
 def test_contacts_within_the_row_stretch_where_the_wave_runs_along_it():
     # L along x: for k·d = ξ·2/√3 and its half, the frequency of central and shear springs written out.
-    mode, kappa = directions.mode("L", 0.9, 0.0, Contact(NU)), Contact(NU).kappa
+    mode, kappa = bloch.mode("L", 0.9, 0.0, Contact(NU)), Contact(NU).kappa
     whole, half = (4 * np.sin(c * 0.9 / np.sqrt(3)) ** 2 for c in (1, 0.5))
     expected = (whole + 2 * half * (1 / 4 + 3 / 4 * kappa)) / (2 * (kappa + 3))
     assert mode.frequency**2 == pytest.approx(expected, rel=1e-12)

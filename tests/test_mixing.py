@@ -9,15 +9,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from analysis import second_harmonic
 from analysis.theory import lattice
-from analysis.theory.bloch import frame, wavevector_of
+from analysis.theory.bloch import branch_index, frame, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.directions import branch_index, modes
 from analysis.theory.mixing import Pair, Tone, detunings, forced_amplitude, growth_rates, mixed_wave
 from analysis.theory.neighbours import Neighbours, shifted
 from analysis.theory.quasilinear import Sheet, component
 from analysis.theory.selection import forbidden
+from analysis.theory.wave import generated
+from tests.polarisations import modes
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -225,11 +225,9 @@ def test_a_wave_with_itself_makes_twice_its_second_harmonic(name: str, contacts:
     xi, contact = 0.9, CONTACTS[contacts]
     k = wavevector_of(xi, 90.0)
     wave = Tone(k, branch_index(name, k, contact))
-    mode = second_harmonic.mode(name, xi, contact.secant_ratios)  # type: ignore[arg-type]  # a parametrised name
-    generated = second_harmonic.generated_amplitude(mode, contact.ratios)
     forced = forced_amplitude(Pair(wave, wave, 1, contact))
-    # Real fields hold (ε/2) P̃1 for one wave. Rounding, of numbers of order one
-    expected = 1j * second_harmonic.nonlinearity(contact.ratios, 1.0) * generated
+    # Of real fields one wave makes half of it. Rounding, of numbers of order one
+    expected = 2j * generated(name, xi, contact)
     assert forced == pytest.approx(np.array([0.0, expected, 0.0]), rel=0, abs=1e-12)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic
-from analysis.theory import directions
+from analysis.theory import bloch
 from analysis.theory.contact import Contact
 from granular_lmp.crystal.contacts import find_contacts
 from granular_lmp.crystal.lattices import lattice_constant, unit_cell, unit_lattice
@@ -104,7 +104,7 @@ def test_a_longitudinal_wave_stretches_inclined_contacts_and_shears_them() -> No
 def test_modes_of_any_direction_equal_those_of_the_independent_theory(direction: float, name: str) -> None:
     for xi in (0.05, 0.802, 2.0):
         mode = bloch_mode(LATTICE, SILICA, WaveVector.of(xi, direction), name)
-        other = directions.mode(name, xi, direction, Contact(0.17, overlap_ratio=SILICA.overlap_ratio))
+        other = bloch.mode(name, xi, direction, Contact(0.17, overlap_ratio=SILICA.overlap_ratio))
         assert mode.frequency == pytest.approx(other.frequency, rel=1e-11)
         np.testing.assert_allclose([mode.p, mode.q, mode.f], [other.p, other.q, other.f], atol=1e-9)
 

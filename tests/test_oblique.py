@@ -11,7 +11,7 @@ from analysis.cases.oblique import case as oblique_figure
 from analysis.cases.spectrum import case as spectrum
 from analysis.measure import oblique
 from analysis.second_harmonic import second_harmonic
-from analysis.theory import directions, quasilinear
+from analysis.theory import bloch, quasilinear
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
@@ -74,10 +74,10 @@ def test_along_y_theory_is_the_closed_form() -> None:
     tau = np.linspace(0, 60, 40)
     start = Wave.of_mode("TR", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)
     wave = oblique.predicted(start, tau)
-    closed = second_harmonic(start.mode, start.ratios, 0.02, tau, phase=0.3)
+    closed = second_harmonic(start.mode, start.contact.closed, 0.02, tau, phase=0.3)
     np.testing.assert_allclose(wave[:, 0].real, closed, atol=1e-10)
     assert np.abs(wave[:, 1:]).max() < 1e-12
-    assert directions.wavevector_of(0.9, 90.0)[0] == pytest.approx(0, abs=1e-15)
+    assert bloch.wavevector_of(0.9, 90.0)[0] == pytest.approx(0, abs=1e-15)
 
 
 def test_theory_of_several_directions_is_that_of_each() -> None:
@@ -85,7 +85,7 @@ def test_theory_of_several_directions_is_that_of_each() -> None:
     wave = Wave.of_mode("RT", 0.9, 0.02, Contact(0.17, overlap_ratio=2.5e-4), phase=0.3)
     several = oblique.predicted_along([16.1, 49.1, 90.0], 0.9, wave, tau)
     for angle, field in zip([16.1, 49.1, 90.0], several, strict=True):
-        one = replace(wave, mode=directions.mode("RT", 0.9, angle, wave.contact))
+        one = replace(wave, mode=bloch.mode("RT", 0.9, angle, wave.contact))
         np.testing.assert_allclose(field, oblique.predicted(one, tau), atol=1e-13)  # sums of the same terms
 
 

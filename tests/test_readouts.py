@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.second_harmonic import mode, ratios
-from analysis.theory.driven import driven_amplitudes
+from analysis.cases.driven.waves import driven_amplitudes
+from analysis.theory.contact import Contact
+from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, run
 from granular_lmp.errors import ReadoutError, RunFolderError, ViewError
 from granular_lmp.plot.view import sweep_figure
@@ -121,8 +122,8 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Record:
 
 def test_the_harmonics_of_a_driven_row_are_those_of_theory(driven: Record) -> None:
     sphere, wave = driven.scene.sphere, driven.scene.wave
-    constants = ratios(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
-    (_, q, phi), p = driven_amplitudes(mode("TR", wave.wavenumber, constants), constants, wave.amplitude, [3, 8])
+    contact = Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
+    (_, q, phi), p = driven_amplitudes(Wave.of_mode("TR", wave.wavenumber, wave.amplitude, contact), [3, 8])
     for number, name in enumerate(("near", "far")):
         found = driven.info["monitors"][name]
         # Velocity Verlet at 0.1 errs by (Ω h)²/24 = 1e-4 of a frequency, and the next order is a² = 2.5e-3 times 0.1

@@ -37,12 +37,12 @@ def test_the_papers_crystal_has_one_resonance_and_one_antiresonance(overlap_rati
     (silent,) = (each for each in found if each.kind == "antiresonance")
     xi = ROOT3 / 2
     # Roots of functions that are known to 1e-15 and have slopes of some tenths; a zero of a force loses a digit more
-    assert resonance.wavenumber * xi == pytest.approx(sh.resonance(contact.ratios), abs=1e-12)
-    assert silent.wavenumber * xi == pytest.approx(sh.antiresonance(contact.ratios), abs=1e-11)
+    assert resonance.wavenumber * xi == pytest.approx(sh.resonance(contact.closed), abs=1e-12)
+    assert silent.wavenumber * xi == pytest.approx(sh.antiresonance(contact.closed), abs=1e-11)
     assert (resonance.branch, resonance.target) == (silent.branch, silent.target) == (0, 1)
-    mode = sh.mode("TR", sh.resonance(contact.ratios), contact.ratios)
+    mode = sh.mode("TR", sh.resonance(contact.closed), contact.closed)
     # On the resonance p grows at the rate of the closed form, per square of the amplitude
-    late = sh.second_harmonic(mode, contact.ratios, 1.0, np.linspace(9990, 10000, 2001))
+    late = sh.second_harmonic(mode, contact.closed, 1.0, np.linspace(9990, 10000, 2001))
     assert np.abs(late).max() / 1e4 == pytest.approx(resonance.rate, rel=1e-3)
     forbidden = {each.forbidden for each in found if each.kind == "resonance" and not each.rate}
     assert forbidden == {

@@ -15,12 +15,13 @@ from analysis import second_harmonic
 from analysis.cases.sheets.case import draw, main
 from analysis.measure.norms import slope
 from analysis.measure.sheets import Comparison, carrier, compare, fields_of, relative
-from analysis.theory import directions
 from analysis.theory.contact import Contact
 from analysis.theory.quasilinear import Sheet, component, evolve
+from analysis.theory.wave import nonlinearity
 from granular_lmp import Record, Scene, run
 from granular_lmp.crystal.lattices import Shape, lattice_constant, packed
 from granular_lmp.crystal.sphere import Sphere
+from tests.polarisations import modes, second_order_at
 from tests.stand_in import of_first_format
 
 Floats = NDArray[np.float64]
@@ -38,7 +39,7 @@ def wavevector(sheet: Sheet, x: int, y: int) -> Floats:
 
 def plane_wave(sheet: Sheet, k: Floats, branch: int, tau: Floats, phase: float = 0.0) -> tuple[Floats, Floats]:
     """Field and its rate (T, N, 3) of Re U exp i(k·r − Ωτ + phase)."""
-    frequencies, shapes = directions.modes(k, Contact(sheet.poisson_ratio, inertia=sheet.inertia))
+    frequencies, shapes = modes(k, Contact(sheet.poisson_ratio, inertia=sheet.inertia))
     turns = np.exp(1j * (sheet.rest @ k + phase - np.multiply.outer(tau, frequencies[[branch]])))[..., None]
     return (shapes[branch] * turns).real, (-1j * frequencies[branch] * shapes[branch] * turns).real
 
@@ -143,7 +144,7 @@ def test_an_oblique_wave_makes_the_field_of_the_closed_form(x: int, y: int, bran
     j = np.round((sheet.rest - sheet.rest[0])[:, 1] / ROW)
     i = np.round((sheet.rest - sheet.rest[0])[:, 0] - j / 2)
     for sphere, site in enumerate(zip(i.astype(int), j.astype(int), strict=True)):
-        expected = directions.second_order(k, branch, 1.0, tau, Contact(SILICA), site=site)
+        expected = second_order_at(k, branch, 1.0, tau, Contact(SILICA), site=site)
         assert second[:, sphere] == pytest.approx(expected, abs=1e-8)  # the quadrature
 
 
@@ -160,7 +161,7 @@ def standing(sheet: Sheet, cycles: int, tau: Floats) -> tuple[Floats, Floats]:
     twice, own = 2 * mode.frequency, abs(sine)
     z = (1 - np.cos(own * tau)) / (2 * own**2) + (np.cos(twice * tau) - np.cos(own * tau)) / (2 * (own**2 - twice**2))
     field = np.column_stack([-mode.q * np.cos(xi * rows), 0 * rows, -mode.f * np.sin(xi * rows)])
-    epsilon = directions.nonlinearity(1.0, Contact(SILICA))
+    epsilon = nonlinearity(Contact(SILICA), 1.0)
     return field, -epsilon / 2 * drive * np.multiply.outer(z, np.sin(2 * xi * rows))
 
 
@@ -382,10 +383,10 @@ def test_the_geometry_of_contacts_is_that_of_a_plane_wave(branch: int, overlap_r
     field, rate = plane_wave(sheet, k, branch, TAU, phase=float(-sheet.rest[centre] @ k))
     _, second = evolve(sheet, field[0], rate[0], TAU)
     constants: dict[str, Any] = {"poisson_ratio": SILICA, "overlap_ratio": overlap_ratio}
-    expected = directions.second_order(k, branch, amplitude, TAU, Contact(**constants))
+    expected = second_order_at(k, branch, amplitude, TAU, Contact(**constants))
     # The quadrature of forces at 2Ω, up to 3.6, leaves 1e-7 at this step; of the slow branches 1e-12
     np.testing.assert_allclose(amplitude * second[:, centre], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
-    flat = directions.second_order(k, branch, amplitude, TAU, Contact(SILICA, inertia=sheet.inertia))
+    flat = second_order_at(k, branch, amplitude, TAU, Contact(SILICA, inertia=sheet.inertia))
     assert np.abs(flat - expected).max() > 0.1 * overlap_ratio * np.abs(expected).max()
 
 

@@ -27,7 +27,7 @@ def of_theory(mode: str, k: int, poisson_ratio: float | None = None, rows: int =
     """A record of second-order theory; of spheres with another Poisson ratio than the scene says, if one is given."""
     scene = ZONE.with_values({"packing.rows": rows, "wave.mode": mode, "wave.wavenumber": 2 * np.pi * k / rows})
     empty = Record.of_centre(TAU, TAU, TAU, TAU, scene)
-    ratios = wave_of(empty).ratios if poisson_ratio is None else other(poisson_ratio)
+    ratios = wave_of(empty).contact.closed if poisson_ratio is None else other(poisson_ratio)
     wave = closed.mode(mode, scene.wavenumber, ratios)  # type: ignore[arg-type]
     p, q, phi = closed.second_order(wave, ratios, scene.wave.amplitude, TAU)
     return empty.with_signals(p=p, q=q, phi=phi)
@@ -67,7 +67,7 @@ def test_the_amplitude_put_in_is_found(mode: str, k: int) -> None:
 def test_one_percent_more_second_harmonic_is_one_percent(mode: str) -> None:
     record = of_theory(mode, 17)
     wave = wave_of(record)
-    more = 0.01 * closed.second_harmonic(wave.mode, wave.ratios, wave.amplitude, TAU)
+    more = 0.01 * closed.second_harmonic(wave.mode, wave.contact.closed, wave.amplitude, TAU)
     assert spectrum.point(record.with_signals(p=record.p + more)).deviation == pytest.approx(0.01, rel=1e-6)
 
 
@@ -117,9 +117,9 @@ def test_the_response_is_that_of_an_oscillator_driven_from_rest(detuning: float)
 @pytest.mark.parametrize("poisson_ratio", [None, 0.15, 0.19])
 def test_the_location_is_that_of_the_spheres_that_ran(name: str, poisson_ratio: float | None) -> None:
     record = of_theory("TR", 30)
-    ratios = wave_of(record).ratios if poisson_ratio is None else other(poisson_ratio)
+    ratios = wave_of(record).contact.closed if poisson_ratio is None else other(poisson_ratio)
     place, _ = located(name, [of_theory("TR", k, poisson_ratio) for k in ROWS[name]])
-    there, here = (getattr(closed, name)(each) for each in (ratios, wave_of(record).ratios))
+    there, here = (getattr(closed, name)(each) for each in (ratios, wave_of(record).contact.closed))
     assert place == pytest.approx(there, abs=3e-4)  # a quartic over 0.4 rad of wave number
     if poisson_ratio is not None:
         assert abs(there - here) > 2e-3  # so the scene's own location would be wrong

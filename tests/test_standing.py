@@ -1,4 +1,4 @@
-"""The standing wave in closed form against the integrated lattice, and what its script makes of runs."""
+"""The standing wave by theory against the integrated lattice, and what its script makes of runs."""
 
 from collections.abc import Callable
 from functools import cache
@@ -11,8 +11,9 @@ from analysis import second_harmonic as sh
 from analysis.cases.standing import case as standing_figure
 from analysis.measure.norms import relative_error
 from analysis.measure.rows import rows_of
-from analysis.theory import lattice, standing
+from analysis.theory import bloch, lattice
 from analysis.theory.contact import Contact, Law
+from analysis.theory.wave import Wave
 from granular_lmp.scene.sections import Envelope
 from tests.conftest import PAPER
 from tests.stand_in import AMPLITUDE, run_of_rows
@@ -41,44 +42,42 @@ def let_go(mode: sh.Mode, amplitudes: tuple[float, ...], contact: Contact, phase
     return np.moveaxis(states[..., :3, :] / sizes, 1, 0)
 
 
-def in_closed_form(mode: sh.Mode, ratios: sh.Ratios, amplitude: float, phase: float = 0.3) -> np.ndarray:
-    p, q, phi = standing.standing(mode, ratios, amplitude, TAU[:, None], np.arange(RING), phase)
+def standing(wave: Wave, row: int = 0) -> np.ndarray:
+    """p (T,) by theory, in a row."""
+    return standing_figure.standing(wave, TAU, row)[0]
+
+
+def by_theory(wave: Wave) -> np.ndarray:
+    p, q, phi = standing_figure.standing(wave, TAU[:, None], np.arange(RING))
     return np.stack([p, q, phi], axis=1)
 
 
-def errors(mode: sh.Mode, ratios: sh.Ratios, amplitudes: tuple[float, ...], contact: Contact) -> list[np.ndarray]:
-    """The relative errors of what moves of p, q, φ, for each amplitude."""
-    moves = [0] if mode.name == "L" else [0, 1, 2]
+def errors(name: sh.ModeName, k: int, theory: Contact, amplitudes: tuple[float, ...], contact: Contact) -> Any:
+    """The relative errors of what moves of p, q, φ, for each amplitude, of the theory of a contact."""
+    moves, mode = [0] if name == "L" else [0, 1, 2], bloch.mode(name, on_the_ring(k), 90.0, contact)
+    own = [by_theory(Wave.of_mode(name, on_the_ring(k), a, theory, 0.3)) for a in amplitudes]
     return [
-        np.array([relative_error(in_closed_form(mode, ratios, a)[:, i], exact[:, i]) for i in moves])
-        for a, exact in zip(amplitudes, let_go(mode, amplitudes, contact), strict=True)
+        np.array([relative_error(one[:, i], exact[:, i]) for i in moves])
+        for one, exact in zip(own, let_go(mode, amplitudes, contact), strict=True)
     ]
 
 
 @pytest.mark.parametrize(("eta", "law"), [(0.0, "secant"), (ETA, "secant"), (0.01, "secant"), (0.01, "incremental")])
 @pytest.mark.parametrize(("name", "k"), WAVES)
 def test_errors_fall_as_the_square_of_the_amplitude(name: sh.ModeName, k: int, eta: float, law: Law) -> None:
-    ratios = Contact(NU, law=law, overlap_ratio=eta).ratios
-    mode = sh.mode(name, on_the_ring(k), ratios)
     contact = Contact(NU, law=law, overlap_ratio=eta)
-    large, small = errors(mode, ratios, (0.04, 0.02), contact)
+    large, small = errors(name, k, contact, (0.04, 0.02), contact)
     # Next order: a² of these; and 1e-5 of p_SH, which is small for RT, is the integration's.
     assert np.log2(large / small) == pytest.approx(2, abs=0.1)
     assert np.all(small < 1e-3)
 
 
-@pytest.mark.parametrize("wrong", ["geometry", "start", "law"])
+@pytest.mark.parametrize("wrong", ["geometry", "law"])
 def test_a_theory_of_another_contact_is_seen(wrong: str) -> None:
     contact = Contact(NU, law="incremental", overlap_ratio=0.01)
-    right = Contact(NU, law="incremental", overlap_ratio=0.01).ratios
-    mode = sh.mode("TR", on_the_ring(5), right)
-    others = {
-        "geometry": Contact(NU, law="incremental").ratios,
-        "start": sh.Ratios(**{**vars(right), "memory": 0.0}),
-        "law": sh.ratios(NU, overlap_ratio=0.01),
-    }
+    others = {"geometry": Contact(NU, law="incremental"), "law": Contact(NU, overlap_ratio=0.01)}
     # Ten times the error of the right one, and it does not fall with the amplitude.
-    found, without = (errors(mode, theory, (0.02,), contact)[0][0] for theory in (others[wrong], right))
+    found, without = (errors("TR", 5, theory, (0.02,), contact)[0][0] for theory in (others[wrong], contact))
     assert found > 10 * without
 
 
@@ -98,15 +97,16 @@ def test_second_harmonic_is_the_formula_written_out(name: sh.ModeName, xi: float
     Z = TAU**2 * (sinc(w * TAU / 2) ** 2 + sinc((w + twice) * TAU / 2) * sinc((w - twice) * TAU / 2)) / 4
     expected = -sh.nonlinearity(r, 0.2) / 2 * drive * np.sin(2 * theta) * Z
     expected += mode.p * np.cos(theta) * np.cos(mode.frequency * TAU)
-    # Rounding of terms of order 1/w̃, at most 7.
-    assert standing.standing(mode, r, 0.2, TAU, row, phase)[0] == pytest.approx(expected, rel=0, abs=1e-13)
+    # Rounding of terms of order 1/w̃, at most 7, in modes that are known to 1e-15 each
+    assert standing(Wave(mode, 0.2, Contact(NU), phase), row) == pytest.approx(expected, rel=0, abs=1e-12)
 
 
 def test_on_resonance_the_second_harmonic_grows_in_proportion_to_time() -> None:
     mode = sh.mode("TR", sh.resonance(SILICA), SILICA)
     late = np.array([500.0, 1000.0])
     period = np.linspace(0, np.pi / mode.frequency, 200)
-    early, later = (np.max(np.abs(standing.standing(mode, SILICA, 0.2, t + period, 0, np.pi / 4)[0])) for t in late)
+    wave = Wave(mode, 0.2, Contact(NU), np.pi / 4)
+    early, later = (np.max(np.abs(standing_figure.standing(wave, t + period, 0)[0])) for t in late)
     # Beside the growing part, one that does not grow: Ω/(ΩτZ) of it, 1 %.
     assert later / early == pytest.approx(2, rel=0.02)
 
@@ -115,8 +115,7 @@ def test_on_resonance_the_second_harmonic_grows_in_proportion_to_time() -> None:
 @pytest.mark.parametrize("quarter", [0, 1, 2, 3])
 def test_second_harmonic_is_zero_at_nodes_and_at_antinodes(name: sh.ModeName, quarter: int) -> None:
     mode = sh.mode(name, 0.802, SILICA)
-    there = standing.standing(mode, SILICA, 0.2, TAU, 0, quarter * np.pi / 2)[0]
-    between = standing.standing(mode, SILICA, 0.2, TAU, 0, (quarter + 0.5) * np.pi / 2)[0]
+    there, between = (standing(Wave(mode, 0.2, Contact(NU), (quarter + each) * np.pi / 2)) for each in (0.0, 0.5))
     assert np.max(np.abs(there)) < 1e-14 < 1e-4 < np.max(np.abs(between))  # sin of a rounded multiple of π
 
 
@@ -129,9 +128,9 @@ def record(
     """A run of the theory itself, 101 rows of 3 spheres, with p changed."""
     rows, phase = changes.get("rows", 101), changes.get("phase", 0.3)
     xi, name, ends = changes.get("xi", 0.802), changes.get("mode", "TR"), changes.get("ends", "periodic")
-    ratios = sh.ratios(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
+    contact = Contact(PAPER.sphere.poisson_ratio, overlap_ratio=PAPER.sphere.overlap_ratio)
     n = np.arange(rows) - (rows - 1) // 2
-    values = standing.standing(sh.mode(name, xi, ratios), ratios, AMPLITUDE, TAU[:, None], n, phase)
+    values = standing_figure.standing(Wave.of_mode(name, xi, AMPLITUDE, contact, phase), TAU[:, None], n)
     return run_of_rows(
         TAU,
         (p(values[0]), *values[1:]),

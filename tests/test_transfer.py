@@ -184,7 +184,7 @@ def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenum
     field, rate = np.zeros((2, count, 3))
     shares = []
     for number, weight in zip(numbers, weights, strict=True):
-        wave = mode_of(name, number, CONTACT.ratios)
+        wave = mode_of(name, number, CONTACT.closed)
         shape = np.array([0, 1, 0]) if name == "L" else np.array([-wave.q, 0, 1j * wave.f])
         turn = np.exp(1j * number * (np.arange(count) - middle))[:, None] * shape * weight
         field += turn.real
@@ -200,7 +200,7 @@ def test_the_network_in_time_shares_the_energy_of_a_packet_so(name: str, wavenum
     # What has not passed yet, and the tails of the packet: 1e-3
     assert there[interface - 1 :].sum() / there.sum() == pytest.approx(power @ transmitted / power.sum(), abs=1e-3)
     other = rows_of(crystal(14, hard=slice(7, None), density={7: 2.0 * 2200}), 2, 11)
-    wrong = [scattering(other, mode_of(name, n, CONTACT.ratios).frequency / SILICA.time_scale, name) for n in numbers]
+    wrong = [scattering(other, mode_of(name, n, CONTACT.closed).frequency / SILICA.time_scale, name) for n in numbers]
     assert (
         abs(
             power @ [each.transmitted[name] for each in wrong] / power.sum()

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from analysis import second_harmonic as sh
-from analysis.second_harmonic import ModeName, second_harmonic
-from analysis.theory import directions, lattice
+from analysis.second_harmonic import ModeName
+from analysis.theory import bloch, lattice
 from analysis.theory.bloch import hexagonal
 from analysis.theory.contact import LAWS, Contact, Law
 from analysis.theory.hierarchy import hierarchy_orders
 from analysis.theory.timestep import limit, stepped
-from analysis.theory.wave import Wave, residual
+from analysis.theory.wave import Wave, residual, second_harmonic
 
 NU = 0.17
 CONTACTS: dict[str, Contact] = {
@@ -39,7 +39,7 @@ def test_every_mode_of_a_contact_is_a_wave_of_it(contact: Contact) -> None:
             # Rounding of numbers of order one, summed over three bonds
             assert residual(Wave.of_mode(name, xi, 0.2, contact).mode, contact) < 1e-14
         for direction in (0.0, 17.0, -41.0):
-            assert residual(directions.mode(name, 1.1, direction, contact), contact) < 1e-14
+            assert residual(bloch.mode(name, 1.1, direction, contact), contact) < 1e-14
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_a_mode_of_another_contact_is_refused(name: sh.ModeName, changes: dict[s
 
 def test_a_mode_turned_or_detuned_is_refused() -> None:
     contact = Contact(NU, overlap_ratio=0.01)
-    mode = directions.mode("TR", 1.1, 17.0, contact)
+    mode = bloch.mode("TR", 1.1, 17.0, contact)
     for wrong in (replace(mode, direction=17.1), replace(mode, frequency=mode.frequency * 1.0001)):
         with pytest.raises(ValueError, match="is no wave of this contact"):
             Wave(wrong, 0.2, contact)
@@ -92,23 +92,25 @@ def test_what_is_no_contact_is_refused_with_its_name_and_value(wrong: dict[str, 
         Contact(**{"poisson_ratio": NU} | wrong)
 
 
+def test_the_closed_form_is_given_the_paper_s_contact_alone() -> None:
+    assert Contact(NU, overlap_ratio=0.01, inertia=0.5).closed == sh.ratios(NU, 0.5, 0.01)
+    for other in (
+        *({"law": law} for law in ("incremental", "potential")),
+        *({name: False} for name in ("shear", "rotation")),
+        {"prestress": 0.1, "overlap_ratio": 0.01},
+        {"adhesion_law": "jkr"},
+    ):
+        contact = Contact(NU, **other)  # type: ignore[arg-type]
+        with pytest.raises(ValueError, match=f"closed form does not hold .*{next(iter(other))}"):
+            _ = contact.closed
+
+
 def test_the_potential_law_is_never_taken_for_the_secant_law() -> None:
-    contact, tau = Contact(NU, law="potential"), np.linspace(0, 30, 16)
-    with pytest.raises(ValueError, match="law = 'potential' has no ratios for all modes"):
-        _ = contact.ratios
+    tau = np.linspace(0, 30, 16)
     for name in get_args(ModeName):
-        wave = Wave.of_mode(name, 0.9, 0.1, contact)
-        closed = second_harmonic(wave.mode, wave.ratios, 0.1, tau)
-        p, *_ = directions.trajectory(wave, tau)
-        np.testing.assert_allclose(p - wave.mode.p * np.cos(wave.mode.frequency * tau), closed, rtol=0, atol=1e-13)
-        secant = second_harmonic(wave.mode, wave.contact.secant_ratios, 0.1, tau)
-        assert np.abs(secant - closed).max() > 1e-2 * np.abs(closed).max()
-    for wrong in ({"shear": False}, {"rotation": False}, {"prestress": 1.0}):
-        other = Wave.of_mode("TR", 0.9, 0.1, replace(contact, **wrong))
-        with pytest.raises(
-            ValueError, match=f"law = 'potential' has ratios in the paper's lattice only, not with {next(iter(wrong))}"
-        ):
-            _ = other.ratios
+        waves = [Wave.of_mode(name, 0.9, 0.1, Contact(NU, law=law)) for law in ("potential", "secant")]  # type: ignore[arg-type]
+        potential, secant = (second_harmonic(wave, tau)[0] for wave in waves)
+        assert np.abs(secant - potential).max() > 1e-2 * np.abs(potential).max()
 
 
 def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
@@ -120,7 +122,7 @@ def test_the_linear_lattice_does_not_depend_on_the_law() -> None:
 def test_what_is_stepped_or_set_on_rows_is_a_wave_along_y() -> None:
     contact = Contact(NU, overlap_ratio=0.01)
     right = Wave.of_mode("TR", 1.1, 0.2, contact)
-    oblique = Wave(directions.mode("TR", 1.1, 17.0, contact), 0.2, contact)
+    oblique = Wave(bloch.mode("TR", 1.1, 17.0, contact), 0.2, contact)
     with pytest.raises(ValueError, match=r"direction = 17\.0 of the mode is not 90"):
         lattice.rows(oblique, [0.0, 1.0], rows=7)
     wrong: list[tuple[list[Wave], str]] = [
@@ -166,8 +168,10 @@ def test_the_limits_of_waves_side_by_side_are_those_of_each_alone() -> None:
 
 
 @pytest.mark.parametrize("contact", CONTACTS.values(), ids=CONTACTS)
-def test_ratios_and_crystal_are_of_one_contact(contact: Contact) -> None:
-    ratios, crystal = contact.secant_ratios, hexagonal(contact)
-    assert (ratios.kappa, ratios.shear_stiffness) == (contact.kappa, crystal.bonds.law.shear[0])
-    assert ratios.inertia == contact.masses[2] == pytest.approx(crystal.mass[0, 5] / crystal.mass[0, 0], rel=1e-15)
-    assert ratios.rotation == crystal.turns == contact.turns
+def test_closed_form_and_crystal_are_of_one_contact(contact: Contact) -> None:
+    crystal = hexagonal(contact)
+    assert contact.shear_stiffness == crystal.bonds.law.shear[0]
+    assert contact.masses[2] == pytest.approx(crystal.mass[0, 5] / crystal.mass[0, 0], rel=1e-15)
+    assert crystal.turns == contact.turns
+    if not contact.departures:
+        assert (contact.closed.kappa, contact.closed.inertia) == (contact.kappa, contact.masses[2])

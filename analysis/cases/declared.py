@@ -1,4 +1,4 @@
-"""What a case declares: its commands in ``case.toml``, and in ``expected.json`` the numbers that it must print."""
+"""The declaration of a case: its commands in ``case.toml``, and in ``expected.json`` the numbers that it must print."""
 
 import itertools
 import json
@@ -55,7 +55,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """What a case is about, its page, its commands, and the arguments of its script behind the run folders.
+    """The subject of a case, its page, its commands, and the arguments of its script behind the run folders.
 
     figure : file of the figure; None where all that is drawn are `pictures`, commands that draw runs.
     minutes : processor time of all of it.

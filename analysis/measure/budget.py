@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from analysis.measure.norms import relative_error
-from analysis.theory.choice import Trajectory, holding, linear_mode, trajectory
+from analysis.theory.bloch import mode
+from analysis.theory.choice import Trajectory, holding, trajectory
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
@@ -109,8 +110,8 @@ def _named(line: Mapping[str, Any]) -> str:
 def points_of_contact(wave: Wave) -> Wave:
     """Return the wave of the same name in the paper's geometry, Δ0/R → 0."""
     contact = replace(wave.contact, overlap_ratio=0.0)
-    mode = linear_mode(wave.mode.name, wave.mode.wavenumber, wave.mode.direction, contact)
-    return replace(wave, mode=mode, contact=contact)
+    pointlike = mode(wave.mode.name, wave.mode.wavenumber, wave.mode.direction, contact)
+    return replace(wave, mode=pointlike, contact=contact)
 
 
 def _distance(theory: Trajectory, exact: Trajectory, measured: Errors) -> dict[str, float | None]:

@@ -25,14 +25,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from analysis import second_harmonic as closed
 from analysis.measure.coherent import decay
 from analysis.second_harmonic import ModeName
 from analysis.theory import catalogue
-from analysis.theory.bloch import frame, wavevector_of
-from analysis.theory.choice import contact_of, linear_mode, traits_of
+from analysis.theory.bloch import frame, mode, wavevector_of
+from analysis.theory.choice import contact_of, traits_of
 from analysis.theory.contact import Contact
 from analysis.theory.quasilinear import Sheet, component
+from analysis.theory.wave import Wave
+from analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -179,7 +180,7 @@ def _waves(record: Record, parts: list[Complexes]) -> Waves:
 def _frequency(record: Record) -> float:
     """Return Ω of the perfect sheet as velocity Verlet has it, (2/h) arcsin(Ωh/2) with the step h of the run."""
     name: ModeName = record.scene.wave.mode  # type: ignore[assignment]  # checked by the scene
-    frequency = linear_mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
+    frequency = mode(name, record.scene.wavenumber, record.scene.direction, contact_of(record)).frequency
     step = record.scene.time.step
     return float(2 / step * np.arcsin(frequency * step / 2))
 
@@ -261,12 +262,12 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
     xi, waves = np.array(list(shape)), list(shape.values())
     if len(xi) < 4 or len({each.amplitudes.shape for each in waves}) > 1:
         raise ValueError(f"{len(xi)} wave numbers must be four or more, of as many seeds each")
-    constants, tau = waves[0].contact.secant_ratios, waves[0].tau
-    place = closed.resonance(constants)
+    contact, tau = waves[0].contact, waves[0].tau
+    place = perfect_resonance(contact)
     if place is None:
-        raise ValueError("the closed form has no resonance for these spheres")
+        raise ValueError("equal spheres of this contact have no resonance")
     fine = np.linspace(0.5 * place, min(1.5 * place, 3.1), 1001)
-    template = CubicSpline(fine, [perfect_strength(float(each), constants, amplitude, tau) for each in fine])
+    template = CubicSpline(fine, [perfect_strength(float(each), contact, amplitude, tau) for each in fine])
 
     def fit(samples: Complexes) -> Floats:
         strengths = [strength(samples[:, i]) for i in range(len(xi))]
@@ -281,11 +282,10 @@ def resonance(shape: Mapping[float, Waves], amplitude: float) -> Resonance:
     return Resonance(*(Value(float(value), float(error)) for value, error in zip(values, errors, strict=True)))
 
 
-def perfect_strength(wavenumber: float, constants: closed.Ratios, amplitude: float, tau: Floats) -> float:
-    """Return the strength of C₂ of a TR wave in the closed form, from p at r = 0 of two waves: phase 0 and π/4."""
-    mode = closed.mode("TR", wavenumber, constants)
-    parts = [closed.second_harmonic(mode, constants, amplitude, tau, phase=phase) for phase in (0.0, np.pi / 4)]
-    return float(np.sqrt(np.mean(np.sum(np.square(parts), axis=0))))
+def perfect_strength(wavenumber: float, contact: Contact, amplitude: float, tau: Floats) -> float:
+    """Return the strength of C₂ of a TR wave along y between equal spheres."""
+    wave = Wave.of_mode("TR", wavenumber, amplitude, contact)
+    return strength(0.5 * amplitude * wave.doubled.signal(tau)[None, :, 0, 1])
 
 
 def half(spreads: Sequence[float], heights: Sequence[Value], perfect: float) -> Value:

@@ -1,7 +1,7 @@
 """Dispersion by simulation: the spectral density of a sheet kicked at random, and how far its peaks are from theory.
 
 The velocities of all spheres over time, transformed in space and time, have power only where the lattice has waves;
-theory is `analysis.theory.directions.modes`, with the inertia of LAMMPS's contact geometry.
+theory is `analysis.theory.bloch.real_modes`, with the inertia of LAMMPS's contact geometry.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.theory.bloch import real_modes
 from analysis.theory.catalogue import COMPRESSED, missing
 from analysis.theory.contact import Contact
-from analysis.theory.directions import modes
 
 Floats = NDArray[np.float64]
 PADDING = 4  # points of the transform to a resolution
@@ -73,7 +73,7 @@ class Sheet:
 
     def theory(self, wavevectors: Floats) -> Floats:
         """Frequencies (K, 3) of the three branches, ascending."""
-        return modes(wavevectors, Contact(float(self.poisson_ratio), overlap_ratio=float(self.overlap_ratio)))[0]
+        return real_modes(wavevectors, Contact(float(self.poisson_ratio), overlap_ratio=float(self.overlap_ratio)))[0]
 
 
 def zone_path(box: Floats) -> tuple[Floats, list[int]]:

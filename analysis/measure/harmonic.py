@@ -135,7 +135,7 @@ def by_network(record: Record, tau: ArrayLike | None = None) -> Harmonic:
     started = _Started.of(record)
     times = record.tau if tau is None else np.asarray(tau, dtype=float)
     whole, half = (started.over_phases(share, times) for share in (1.0, 0.5))
-    fourth = 4 / 3 * (whole - 4 * half)  # of C = c a² + d a⁴ at a and a/2
+    fourth = 4 / 3 * (whole - 4 * half)  # The part d a⁴ of C = c a² + d a⁴, from a and a/2
     return Harmonic("network", record.scene, times, whole - fourth, np.abs(fourth))
 
 
@@ -213,7 +213,7 @@ class _Started:
         free = np.ones(len(places), dtype=bool) if first.network.held is None else ~first.network.held
         phase, motion = places @ k, first.state.motion * free
         basis = np.stack([np.cos(phase), -np.sin(phase)], axis=1) * free[:, None]
-        weights = np.linalg.lstsq(basis, motion.T)[0]  # of a wave Re[(a + ib) e^{ik·r}]
+        weights = np.linalg.lstsq(basis, motion.T)[0]  # The wave is Re[(a + ib) e^{ik·r}]
         size = np.array([1, 1, first.radius] * 2)[:, None]
         for rows in (slice(3), slice(3, 6)):
             left = (size * (motion - (basis @ weights).T))[rows]

@@ -5,8 +5,8 @@ fundamental:
 
     X(τ) = (2/N) Σ u(r, τ) e^{−2ik·r}        of the field Re[X e^{2ik·r}]
 
-Theory is `directions.doubled_wave`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y and x) only
-the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
+Theory is `analysis.theory.second_order`, in LAMMPS's contact geometry. Where a mirror holds the wave (along y and x)
+only the component along k is driven; in between a wave of any mode drives all three, p and q along and across k, and φ.
 """
 
 from collections.abc import Iterable
@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.measure.norms import relative_error
 from analysis.measure.runs import by_wave
 from analysis.measure.sheets import fields_of, rest_of
-from analysis.theory import directions
-from analysis.theory.bloch import wavevector_of
+from analysis.theory.bloch import branch_index, in_plane, wavevector_of
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import traits_of, wave_of
 from analysis.theory.quasilinear import component, in_frame
+from analysis.theory.second_order import Mixed, branch_of
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
@@ -86,9 +86,9 @@ def predicted(wave: Wave, tau: Floats) -> Complexes:
 def predicted_along(angles: ArrayLike, wavenumber: float, wave: Wave, tau: Floats) -> Complexes:
     """X(τ) (A, T, 3) of p, q, φ by theory, with another wave number and other directions (A,), in degrees."""
     k = np.array([[wavevector_of(wavenumber, angle)] for angle in np.asarray(angles, dtype=float)])
-    branch = directions.branch_index(wave.mode.name, k, wave.contact)
-    field = directions.doubled_wave(k, branch, wave.amplitude, tau, wave.contact, phase=wave.phase)
-    return in_frame(field, k)
+    one = branch_of(wave.crystal, k, branch_index(wave.mode.name, k, wave.contact))
+    field = in_plane(Mixed(wave.crystal, one, one).signal(tau))
+    return in_frame(0.5 * wave.amplitude * np.exp(2j * wave.phase) * field, k)
 
 
 def refusal(record: Record) -> str | None:

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.theory.bloch import RECIPROCAL
 from analysis.theory.catalogue import missing
 from analysis.theory.choice import traits_of
-from analysis.theory.directions import Floats
 from analysis.theory.quasilinear import Sheet, evolve
 from granular_lmp.runs.record import Record
+
+Floats = NDArray[np.float64]
 
 
 def rest_of(particles: Any) -> Floats:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.measure.norms import relative_error
-from analysis.second_harmonic import generated_amplitude, nonlinearity, second_harmonic
 from analysis.theory.choice import drive_cancels, holding
 from analysis.theory.timestep import stepped_second_harmonic
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, generated, second_harmonic
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -23,14 +22,14 @@ FEWEST = 3  # records for each factor of a fit, without which its error says not
 
 
 def predicted_amplitude(wave: Wave) -> float | None:
-    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave, in closed form.
+    """|ε P̃1|/2 in D0: amplitude of the generated second harmonic of a real wave.
 
     None where second order leaves out what the wave's contacts do, and in other directions than y: there the second
     harmonic is three waves, in p, q and φ, not one amplitude.
     """
     if "second-order" not in holding(wave) or not wave.mode.along_y:
         return None
-    return abs(nonlinearity(wave.ratios, wave.amplitude) * generated_amplitude(wave.mode, wave.ratios)) / 2
+    return abs(wave.amplitude * float(generated(wave.mode.name, wave.mode.wavenumber, wave.contact)))
 
 
 def recorded(record: Record) -> dict[str, Floats]:
@@ -60,12 +59,12 @@ def measured_amplitude(record: Record, wave: Wave) -> tuple[float, float] | tupl
     Of a run to a tolerance, whose record is extrapolated, that distance is the share that the estimate of p says.
 
     Gives (None, None) where the second harmonic is not what p consists of: at the antiresonance, and where it is below
-    rounding; where there is no closed form for it; and for fewer than `FEWEST` records a factor.
+    rounding; where there is no theory of it; and for fewer than `FEWEST` records a factor.
     """
     predicted = predicted_amplitude(wave)
     if predicted is None:
         return None, None
-    shape = second_harmonic(wave.mode, wave.ratios, wave.amplitude, record.tau, phase=wave.phase)
+    shape, _, _ = second_harmonic(wave, record.tau)
     if drive_cancels(wave) or np.max(np.abs(shape), initial=0.0) < SILENT:
         return None, None
     own, time = wave.mode.frequency, record.scene.time

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from analysis import second_harmonic as closed
 from analysis.measure.runs import by_wave
 from analysis.theory.catalogue import OBLIQUE, missing
 from analysis.theory.choice import traits_of, wave_of
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -107,7 +106,7 @@ def columns(record: Record, frequencies: Frequencies) -> list[Floats]:
 
 def linear(wave: Wave) -> Frequencies:
     """Both frequencies from the linear dispersion relation."""
-    return Frequencies(wave.mode.frequency, closed.doubled_frequency(wave.mode, wave.ratios))
+    return Frequencies(wave.mode.frequency, wave.free_frequency)
 
 
 def tuned(made: Callable[[float], list[Floats]], signal: Floats, start: float) -> tuple[float, float]:
@@ -138,7 +137,7 @@ def measured(record: Record, start: Frequencies) -> Frequencies:
 def point(record: Record) -> Point:
     """The generated amplitude of a run, by the frequencies of the linear lattice."""
     wave = wave_of(record)
-    epsilon = closed.nonlinearity(wave.ratios, wave.amplitude)
+    epsilon = nonlinearity(wave.contact, wave.amplitude)
     frequencies = linear(wave)
     factors, errors, _ = least_squares_fit(columns(record, frequencies), record.p)
     scale = epsilon * frequencies.detuning
@@ -148,7 +147,7 @@ def point(record: Record) -> Point:
         wave.mode.wavenumber,
         float(factors[0] / scale),
         float(abs(errors[0] / scale)),
-        closed.generated_amplitude(wave.mode, wave.ratios) / 2,
+        float(generated(wave.mode.name, wave.mode.wavenumber, wave.contact)) * wave.amplitude / epsilon,
     )
 
 

@@ -30,7 +30,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import HERTZ_MINDLIN, Expansion, Ratios
 from analysis.theory.bonds import Law, by_radius, dmt
 
 Floats = NDArray[np.float64]
@@ -43,7 +42,7 @@ class Dmt:
 
     share: float
     least_overlap = 0.0  # Δ0, at which it parts
-    expansion = HERTZ_MINDLIN
+    excess = 1.0  # κ over Mindlin's
 
     @property
     def load(self) -> float:
@@ -83,21 +82,15 @@ class Jkr:
         root = np.sqrt(1 - self.share)
         return float(2 * root / (1 + root))
 
-    @cached_property
-    def expansion(self) -> Expansion:
-        """Return κ/κ_M, n and m."""
-        law = self.law(1.0)
-        return Expansion(self._excess, float(law.curvature) / 2, float(law.shear_growth))
-
     @property
-    def _excess(self) -> float:
-        """Factor 1/K of the module."""
+    def excess(self) -> float:
+        """Return κ over Mindlin's, 1/K of the module."""
         return (6 - self.adhesive) / (6 - 3 * self.adhesive)
 
     @cached_property
     def _scale(self) -> float:
         """Factor KD of the module."""
-        return (1 - 2 * self.adhesive / 3) / self._excess
+        return (1 - 2 * self.adhesive / 3) / self.excess
 
     @property
     def load(self) -> float:
@@ -146,12 +139,6 @@ class Jkr:
         at_rest = 0.4 - 2 / 3 * b + b * b / 6
         now = 0.4 * radius**5 - 2 / 3 * b * radius**3.5 + b * b * radius**2 / 6
         return (now - at_rest) / (1.5 * self._scale * (1 - 2 * b / 3))
-
-
-def refuse_other_laws(ratios: Ratios) -> None:
-    """Raise ValueError for constants of another contact law than the paper's, of which only two orders are known."""
-    if ratios.law != HERTZ_MINDLIN:
-        raise ValueError(f"law = {ratios.law} of the ratios is not {HERTZ_MINDLIN}: its third order is not known here")
 
 
 _STEPS = 8  # to rounding, from each such start

@@ -5,14 +5,19 @@ exp i(k·r − Ωτ) on itself, so that a mode has real (u, v) and an imaginary 
 φ in Δ0, time in t0, wave vectors in 1/lattice constant, x along a close-packed row. Where spheres do not turn there are
 two modes, not three.
 
+L, TR and RT name modes where a mirror holds k, along y and along x. Elsewhere each mode moves in u, v and φ, and the
+names are labels that jump where two branches exchange roles.
+
 When it breaks: where two branches touch, the eigenvectors of the pair are arbitrary.
 """
 
+from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.second_harmonic import Mode, ModeName
 from analysis.theory.bonds import Bonds, Law
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import PLANE, Crystal, padded
@@ -27,6 +32,7 @@ RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]
 GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
 
+@lru_cache(maxsize=16)
 def hexagonal(contact: Contact) -> Crystal:
     """Return the paper's crystal with a contact, along x a row: lengths in Δ0, forces in k1Δ0, time in t0.
 
@@ -53,9 +59,49 @@ def in_plane(field: Field) -> Field:
 
 
 def real_modes(wavevector: ArrayLike, contact: Contact) -> tuple[Floats, Floats]:
-    """Return frequencies (..., J) and shapes W (..., J, 3), normalised and signed as in `directions.modes`."""
+    """Return frequencies (..., J) and shapes W (..., J, 3), |W| = 1; the larger of p and q is positive.
+
+    J is 3, or 2 where spheres do not turn, in ascending frequency. A mode that only rotates has f < 0.
+    """
     modes = hexagonal(contact).modes(wavevector)
     return modes.frequencies, np.real(in_plane(modes.shapes) / GAUGE)
+
+
+def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[np.intp]:
+    """Return which branch is L, TR or RT (...): L has the largest component along k; of the others TR is the lower.
+
+    Raises ValueError for another name, and for RT of spheres that do not turn.
+    """
+    names = ("L", "TR", "RT")[: 3 if contact.turns else 2]
+    if name not in names:
+        raise ValueError(f"name is {name!r}; allowed: {', '.join(names)}")
+    _, shapes = real_modes(wavevector, contact)
+    along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(wavevector))
+    longitudinal = np.argmax(np.abs(along), axis=-1)
+    lower, upper = np.where(longitudinal == 0, 1, 0), np.where(longitudinal == 2, 1, 2)
+    return (longitudinal, lower, upper)[names.index(name)]
+
+
+def mode(name: ModeName, wavenumber: float, direction: float, contact: Contact) -> Mode:
+    """Return one mode in the paper's variables, p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = k·r − Ωτ + phase.
+
+    Along y this is `second_harmonic.mode`, to rounding and but for the sign where a mode only rotates.
+
+    Parameters
+    ----------
+    name : "L", "TR" or "RT", as by `branch_index`
+    wavenumber : ξ = (√3/2)|k| > 0, rad per row for a wave along y
+    direction : of k, in degrees from x (a close-packed row) towards y; 90 is the paper's
+    contact : any; the modes of all shear laws are the same
+
+    Raises ValueError for a value out of range, and for RT of spheres that do not turn.
+    """
+    k = wavevector_of(wavenumber, direction)
+    branch = int(branch_index(name, k, contact))
+    frequencies, shapes = real_modes(k, contact)
+    p, q = frame(direction) @ shapes[branch, :2]
+    numbers = map(float, (wavenumber, frequencies[branch], p, q, shapes[branch, 2], direction))
+    return Mode(name, *numbers)
 
 
 def unit(wavevector: ArrayLike) -> Floats:

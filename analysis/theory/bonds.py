@@ -164,10 +164,13 @@ class Bonds:
         return self.shear_law == "incremental" or bool(np.any(self.curving * self.law.shear))
 
     def strain(self, field: ArrayLike, wavevector: ArrayLike) -> Strain:
-        """Return the deformation in a field (..., B, 6) e^{ik·r}, k (..., 3), at the middles of the contacts."""
+        """Return the deformation in a field (..., B, 6) e^{ik·r}, k (..., 3), at the middles of the contacts.
+
+        A complex k is that of a wave that decays.
+        """
         field = np.asarray(field, dtype=complex)
         half = self._half(wavevector)
-        here = field[..., self.first, :] * half.conj()
+        here = field[..., self.first, :] / half
         there = field[..., self.second, :] * np.where(self.second < 0, 0.0, half[..., 0])[..., None]
         return self.deformed((there - here)[..., :3], (there + here)[..., 3:])
 
@@ -292,7 +295,7 @@ class Bonds:
 
     def _half(self, wavevector: ArrayLike) -> Complexes:
         """Return e^{ik·apart/2} (..., C, 1)."""
-        return np.exp(0.5j * (np.asarray(wavevector, dtype=float) @ self.apart.T))[..., None]
+        return np.exp(0.5j * (np.asarray(wavevector) @ self.apart.T))[..., None]
 
 
 def _square(vector: Complexes) -> Floats:

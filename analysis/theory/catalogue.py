@@ -36,7 +36,7 @@ LATTICES = {said("packing.lattice", name) for name in ("square", "chain")}  # be
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
-FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # of a finite sheet: no wave of the infinite lattice
+FACES = {f"packing.{name}" for name in ("first", "last", "sides")}  # A finite sheet has no wave of the infinite lattice
 
 _CONTACTS = frozenset(f"effects.{name}" for name in ("adhesion", "shear", "rotation", "tracking", "width"))
 _MODES = {said("wave.mode", mode) for mode in ("L", "TR", "RT")}
@@ -55,8 +55,8 @@ _IMPERFECT = {f"disorder.{name}" for name in ("radius", "density", "vacancies")}
 # Beside the shear law, cubic springs and dashpots enter the coefficients of the two that describe slow amplitudes.
 HOLDS: dict[str, frozenset[str]] = {
     "second-order": _ALONG_Y | {INCREMENTAL, OBLIQUE, JKR},
-    "frequency-shift": _ALONG_Y,
-    "three-mode": _ALONG_Y,
+    "frequency-shift": _ALONG_Y | {OBLIQUE, JKR},
+    "three-mode": _ALONG_Y | {JKR},
     "hierarchy": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it

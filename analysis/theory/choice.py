@@ -26,14 +26,18 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import ALONG_Y, Mode, ModeName, mode, second_order
-from analysis.theory import catalogue, directions
+from analysis import second_harmonic as closed
+from analysis.second_harmonic import ALONG_Y, ModeName
+from analysis.theory import catalogue
+from analysis.theory.bloch import mode
 from analysis.theory.contact import LAWS, Contact
 from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
 from analysis.theory.resonance import three_mode
+from analysis.theory.second_order import Mixed
 from analysis.theory.wave import Wave
+from analysis.theory.wave import trajectory as of_the_crystal
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -140,7 +144,7 @@ def wave_of(record: Record) -> Wave:
         raise TheoryError(f"no theory here holds {', '.join(sorted(unknown))}")
     scene, contact = record.scene, contact_of(record)
     name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
-    linear = linear_mode(name, scene.wavenumber, direction_of(record), contact)
+    linear = mode(name, scene.wavenumber, direction_of(record), contact)
     return Wave(linear, scene.wave.amplitude, contact, scene.wave.phase, others_of(record))
 
 
@@ -149,33 +153,17 @@ def traits(wave: Wave) -> frozenset[str]:
     return wave.others | catalogue.contact_traits(wave.contact, along_y=wave.mode.along_y)
 
 
-def linear_mode(name: ModeName, wavenumber: float, direction: float, contact: Contact) -> Mode:
-    """Return the mode of the linear lattice, in the closed form along y."""
-    if direction == ALONG_Y:
-        return mode(name, wavenumber, contact.secant_ratios)
-    return directions.mode(name, wavenumber, direction, contact)
-
-
-def _closed(formula: Callable[..., Trajectory]) -> Callable[[Wave, Floats], Trajectory]:
-    """A formula of mode, ratios, amplitude, tau and phase as a theory."""
-
-    def theory(wave: Wave, tau: Floats) -> Trajectory:
-        return formula(wave.mode, wave.ratios, wave.amplitude, tau, phase=wave.phase)
-
-    return theory
-
-
-def _second_order(wave: Wave, tau: Floats) -> Trajectory:
-    """The paper's order, in closed form along y."""
-    if wave.mode.along_y:
-        return second_order(wave.mode, wave.ratios, wave.amplitude, tau, phase=wave.phase)
-    return directions.trajectory(wave, tau)
+def second_order(wave: Wave, tau: Floats) -> Trajectory:
+    """Return p, q, φ of the paper's order, by its closed form where that holds the wave, else by the crystal's."""
+    if wave.contact.departures or not wave.mode.along_y:
+        return of_the_crystal(wave, tau)
+    return closed.second_order(wave.mode, wave.contact.closed, wave.amplitude, tau, phase=wave.phase)
 
 
 THEORIES: dict[str, Callable[[Wave, Floats], Trajectory]] = {
-    "second-order": _second_order,
-    "frequency-shift": _closed(shifted_second_order),
-    "three-mode": _closed(three_mode),
+    "second-order": second_order,
+    "frequency-shift": shifted_second_order,
+    "three-mode": three_mode,
     "hierarchy": hierarchy,
     "exact-lattice": partial(torus, rtol=1e-10),
 }
@@ -249,9 +237,9 @@ def last_orders(wave: Wave, tau: Floats) -> float:
 def drive_cancels(wave: Wave) -> bool:
     """Return True if the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
 
-    The two terms of the drive, αs²Q and (β/√3) sin ξ f, cancel there. What is left of them is to be compared with the
-    next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other directions
-    the second harmonic has three components, which do not vanish together.
+    Translation and rotation drive it with opposite signs there (`cancellation`). What is left is to be compared with
+    the next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other
+    directions the second harmonic has three components, which do not vanish together.
     """
     return (
         wave.mode.along_y and wave.mode.name == "TR" and wave.amplitude < 1 and cancellation(wave) < wave.amplitude**2
@@ -259,9 +247,11 @@ def drive_cancels(wave: Wave) -> bool:
 
 
 def cancellation(wave: Wave) -> float:
-    """|A − B|/(|A| + |B|) of the terms A = αs²Q, B = (β/√3) sin ξ f of the drive of TR; 0 where p vanishes."""
-    xi, constants = wave.mode.wavenumber, wave.ratios
-    by_translation = constants.alpha * np.sin(xi / 2) ** 2 * wave.mode.q
-    by_rotation = constants.beta / np.sqrt(3) * np.sin(xi) * wave.mode.f
-    both = abs(by_translation) + abs(by_rotation)
-    return float(abs(by_translation - by_rotation) / both) if both else 0.0
+    """Return |Σ G|/Σ|G| of the drives G of L by translation, by rotation, and by both; 0 where p vanishes."""
+    whole = wave.linear
+    shapes = [np.where(np.arange(6) < 3, whole.shape, 0), np.where(np.arange(6) < 3, 0, whole.shape)]
+    one, other = (whole._replace(shape=shape) for shape in shapes)
+    pairs = ((one, one), (one, other), (other, one), (other, other))
+    drives = [Mixed(wave.crystal, *pair).steady[wave.longitudinal] for pair in pairs]
+    size = sum(map(abs, [drives[0], drives[1] + drives[2], drives[3]]))
+    return float(abs(sum(drives)) / size) if size else 0.0

@@ -1,21 +1,20 @@
 """One contact of the crystal: what every theory here is told of the spheres, and what each derives from it.
 
 The paper's contact is Hertz–Mindlin's, with κ = g1/k1 = 2(1−ν)/(2−ν). `Contact` says how a lattice departs from it, and
-is the only description of one: the closed forms take its `Contact.ratios`, `analysis.theory.bloch.hexagonal` makes
-the crystal of it, `analysis.theory.lattice` takes all of it.
+is the only description of one: `analysis.theory.bloch.hexagonal` makes the crystal of it, `analysis.theory.lattice`
+takes all of it, and `analysis.second_harmonic` the paper's alone (`Contact.closed`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.second_harmonic import SOLID_SPHERE, Mode, Ratios, ratios
+from analysis.second_harmonic import SOLID_SPHERE, Ratios, ratios
 from analysis.theory.adhesion import LAWS as ADHESION_LAWS
 from analysis.theory.adhesion import Adhesion, Dmt, Jkr
-from analysis.theory.damping import restitution_viscosity
 
 Law = Literal["secant", "incremental", "potential"]
 LAWS: tuple[Law, ...] = get_args(Law)
@@ -29,7 +28,7 @@ class Contact:
     ----------
     poisson_ratio : ν of the spheres, in [−1, 0.5].
     law : of the shear force: "secant" (the paper; LAMMPS mindlin), "incremental" (LAMMPS mindlin/force) or "potential"
-        (conservative); see `analysis.theory.laws`.
+        (conservative); see `analysis.theory.bonds`.
     overlap_ratio : η = Δ0/2R in [0, 0.1]; 0 is the paper's geometry, 2.5e-4 its silica spheres in LAMMPS.
     prestress : F0/(F0 + F) in [0, 1], F the pull that parts a contact, which is the adhesive force in the DMT law: 0 if
         adhesion holds the lattice, 1 if compression does.
@@ -65,7 +64,9 @@ class Contact:
             raise ValueError(f"adhesion_law = 'jkr' needs prestress in [0, 1), not {self.prestress}: it adheres")
         if self.adhesion_law == "jkr" and self.law == "potential":
             raise ValueError("law = 'potential' needs adhesion_law = 'dmt', not 'jkr': it is derived for that")
-        _ = self.secant_ratios  # the closed form's own constants check ν, Ĩ, η and prestress
+        if not 0.0 <= self.prestress <= 1.0:
+            raise ValueError(f"prestress = {self.prestress} is outside [0, 1]")
+        ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)  # checks their ranges
         if self.law not in LAWS:
             raise ValueError(f"law = {self.law!r} is none of {LAWS}")
         if self.law == "potential" and self.overlap_ratio > 0:
@@ -84,7 +85,7 @@ class Contact:
     @cached_property
     def kappa(self) -> float:
         """κ = g1/k1 of the spheres, which sets the units; a contact without shear has none of its force."""
-        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * self.adhesion.expansion.excess
+        return 2 * (1 - self.poisson_ratio) / (2 - self.poisson_ratio) * self.adhesion.excess
 
     @cached_property
     def adhesion(self) -> Dmt | Jkr:
@@ -131,58 +132,39 @@ class Contact:
         """Viscosity at rest, in m/t0: that declared, or that of the restitution coefficient."""
         return self.viscosity if self.restitution is None else restitution_viscosity(self.restitution, self.kappa)
 
-    @cached_property
-    def secant_ratios(self) -> Ratios:
-        """Constants of the closed forms under the secant law; the modes of every law are theirs."""
-        return ratios(
-            self.poisson_ratio,
-            self.inertia,
-            self.overlap_ratio,
-            prestress=self.adhesion.load,
-            shear=self.shear,
-            rotation=self.rotation,
-            law=self.adhesion.expansion,
+    @property
+    def departures(self) -> tuple[str, ...]:
+        """Return what of the contact the closed form of the paper does not hold, by name; dashpots are left out."""
+        paper = {"law": "secant", "prestress": 0.0, "shear": True, "rotation": True, "adhesion_law": "dmt"}
+        return tuple(
+            f"{name} = {getattr(self, name)!r}" for name, value in paper.items() if getattr(self, name) != value
         )
 
     @cached_property
-    def ratios(self) -> Ratios:
-        """Constants with which `analysis.second_harmonic` gives the second harmonic of any mode, without damping.
+    def closed(self) -> Ratios:
+        """Constants of `analysis.second_harmonic`; raises ValueError for a contact that it does not hold."""
+        if self.departures:
+            raise ValueError(f"the closed form does not hold {', '.join(self.departures)}")
+        return ratios(self.poisson_ratio, self.inertia, self.overlap_ratio)
 
-            secant       α = (2κ−1)/(2κ+3),  β = 2κ/(2κ+3),   L: ε as in the paper
-            incremental  α = (κ−1)/(2κ+3),   β = κ/(2κ+3),    L: ε·(κ+3)/(2κ+3)
 
-        for contacts of the DMT law; the incremental law halves m of any (`analysis.second_harmonic.Expansion`).
-        γ keeps its value of the paper: no second harmonic depends on it. The modes are the same for any law. What
-        geometry, compression and missing shear change is the same for both laws: to second order they differ by
-        ½κ(xt − ∫x dt), where stretch x and slip t are linear.
+def restitution_viscosity(restitution: float, kappa: float) -> float:
+    """Return the viscosity in m/t0 of a Hertz contact at rest in which two spheres part with e times their speed.
 
-        Raises ValueError for the potential law, whose constants hold for one mode: `ratios_of`.
-        """
-        if self.law == "potential":
-            raise ValueError("law = 'potential' has no ratios for all modes, since it has a term in σ²; use ratios_of")
-        if self.law == "secant":
-            return self.secant_ratios
-        own = self.secant_ratios
-        less = 2 * own.law.shear * self.shear_stiffness / own.unit
-        return replace(
-            own, alpha=own.alpha - less, beta=own.beta - less, longitudinal=own.longitudinal - less, memory=less
-        )
+        c = √5 ζ √(m k1/3) = √5 ζ/√(6(κ+3)) m/t0,   ζ = −ln e/√(π² + ln² e)
 
-    def ratios_of(self, mode: Mode) -> Ratios:
-        """Return `ratios` for one mode, under any law.
+    The dashpot √5 ζ (m_eff f_N/δ)^{1/2} ∝ δ^{1/4} is LAMMPS's ``coeff_restitution``; at rest f_N/δ = (2/3)k1.
 
-            potential    α = −(κ+1)/(2κ+3),  β = −4κ/(2κ+3),  L: ε·(3κ+3)/(2κ+3),  and ζσ² beside −αdq² + (2/√3)βσdq in
-                         [eqp], ζ = 4κ/(2κ+3). In a mode σ = (Y/X)dq, so that term is in α: α − ζ(Y/X)²
+    Parameters
+    ----------
+    restitution : e in (0, 1].
+    kappa : κ of the spheres, which sets t0.
 
-        Raises ValueError for the potential law in another lattice than the paper's: without shear or rotation.
-        """
-        if self.law != "potential":
-            return self.ratios
-        departs = {"shear": not self.shear, "rotation": not self.rotation, "prestress": self.prestress > 0}
-        if other := [name for name, there in departs.items() if there]:
-            raise ValueError(f"law = 'potential' has ratios in the paper's lattice only, not with {', '.join(other)}")
-        kappa, unit = self.kappa, 2 * self.kappa + 3
-        alpha = -(kappa + 1) / unit
-        if mode.name != "L":
-            alpha -= 4 * kappa / unit * (mode.f / (mode.q * np.tan(mode.wavenumber / 2))) ** 2
-        return replace(self.secant_ratios, alpha=alpha, beta=-4 * kappa / unit, longitudinal=(3 * kappa + 3) / unit)
+    Raises ValueError for an e outside (0, 1].
+
+    Source: LAMMPS's `GranSubModDampingCoeffRestitution`, whose product of constants √(3/2)·2√(5/6) is √5; m_eff = m/2.
+    """
+    if not 0.0 < restitution <= 1.0:
+        raise ValueError(f"restitution = {restitution} is outside (0, 1]")
+    loss = -np.log(restitution)
+    return float(np.sqrt(5) * loss / np.hypot(np.pi, loss) / np.sqrt(6 * (kappa + 3)))

@@ -13,7 +13,7 @@ length, under compression, any shear law, with dashpots or without shear or rota
 circle is enough.
 
 In units of D0 the displacement to order n is y1 + a y2 + … + aⁿ⁻¹ yn. Order k holds the harmonics k, k−2, … of ϑ, so
-2n+1 points of phase are exact. Order 2 is `second_harmonic.second_order`, in any direction `directions.second_order`.
+2n+1 points of phase are exact. Order 2 is that of `analysis.theory.wave`.
 For TR and RT along y, p has even orders only, q and φ odd ones only: the relative error of p falls as aⁿ, that of q and
 φ (n odd) as aⁿ⁺¹.
 

@@ -4,8 +4,7 @@
 the units of `analysis.theory.contact`, and of (u, v, φ). Two waves a1 Re U1 exp i(k1·r − Ω1τ) + a2 Re U2 exp i(k2·r −
 Ω2τ) make, at k = k1 ± k2 and Ω = Ω1 ± Ω2, the field a1 a2 Re[X exp i k·r]: the forced wave, which runs with the two;
 the field from a start at rest, with the free waves at k; and, where the pair is **phase-matched**, |Ω| = Ω_j(k), the
-rate at which mode j grows. One wave with itself is half of a pair of equal ones: it makes
-`analysis.theory.directions.second_harmonic_amplitude`.
+rate at which mode j grows. One wave with itself is half of a pair of equal ones.
 
 Units: displacements and φ = Rθ in Δ0, per product a1 a2 of the amplitudes a = D0/Δ0; time in √(m/(2(g1+3k1))); wave
 vectors in 1/lattice constant, x along a close-packed row. Which drives vanish by symmetry says

@@ -87,7 +87,7 @@ def scales(network: Network, state: State) -> tuple[float, float]:
     acceleration = float(max(pull[:2].max(), (pull[2] * network.radius).max()))
     length = float(max(np.abs(motion[:2]).max(), (np.abs(motion[2]) * network.radius).max()))
     speed = float(max(np.abs(motion[3:5]).max(), (np.abs(motion[5]) * network.radius).max()))
-    stiffness = 1.5 * pairs.A * now.radius  # of a Hertz contact of that radius, above that of one that adheres
+    stiffness = 1.5 * pairs.A * now.radius  # A Hertz contact of that radius is stiffer than one that adheres
     for each in network.drives:
         lever = network.radius[each.spheres] if each.component == 2 else 1.0
         reached = float(

@@ -1,4 +1,4 @@
-"""What acts on a packing of spheres from outside: rigid walls, pushes and prescribed motions.
+"""Loads on a packing of spheres from outside: rigid walls, pushes and prescribed motions.
 
 A wall is a plane at rest. A sphere that reaches it touches it by the contact laws of `analysis.theory.network`, with
 

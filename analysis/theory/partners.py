@@ -29,9 +29,8 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from analysis.theory.bloch import frame, real_modes
+from analysis.theory.bloch import branch_index, frame, real_modes
 from analysis.theory.contact import Contact
-from analysis.theory.directions import branch_index
 from analysis.theory.mixing import Pair, Tone, detunings, growth_rates
 from analysis.theory.selection import forbidden
 from granular_lmp.crystal.sphere import Sphere

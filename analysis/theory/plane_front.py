@@ -26,9 +26,9 @@ import numpy as np
 
 from analysis.theory.chain_motion import peak
 
-SERIES = (0.9149, 0.0156, -0.0011)  # of cos 6kφ, from the table above
+SERIES = (0.9149, 0.0156, -0.0011)  # Coefficients of cos 6kφ, from the table above
 _CONTACTS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
-_STEP = 0.04  # of time, where a crest lasts 3: the speeds of the table change by less than 1e-4 at half of it
+_STEP = 0.04  # A crest lasts 3 units of time; at half the step the speeds of the table change by less than 1e-4
 _EVERY = 5  # steps between two records
 
 

@@ -21,7 +21,7 @@ second order: second harmonic, static field, and what crossing or spreading wave
 With a time step Δτ, of velocity Verlet, a mode has Ω' = (2/Δτ) arcsin(ΩΔτ/2) for Ω, and S = sin Ω'τ/(Ω cos(Ω'Δτ/2)):
 exact for y1, with O(Δτ²) of y2 left.
 
-When it breaks: as in `directions` (contacts open, long on a resonance).
+When it breaks: where contacts open, and for long on a resonance.
 """
 
 from dataclasses import dataclass
@@ -33,9 +33,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import SOLID_SPHERE
-from analysis.theory.bloch import BONDS, TANGENTS, unit
+from analysis.theory.bloch import BONDS, GAUGE, TANGENTS, real_modes, unit
 from analysis.theory.contact import Contact
-from analysis.theory.directions import Complexes, Floats, modes
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)  # Gauss's rule on [−1, 1]
 # ∫ from −1 to each point of the polynomial that is 1 there and 0 at the others: (to, of)
@@ -109,7 +111,8 @@ class Sheet:
     @cached_property
     def modes(self) -> tuple[Floats, Complexes]:
         """Frequencies (..., 3) and polarisations (..., mode, 3) of all wave vectors."""
-        return modes(self.wavevectors, Contact(self.poisson_ratio, inertia=self.inertia))
+        frequencies, shapes = real_modes(self.wavevectors, Contact(self.poisson_ratio, inertia=self.inertia))
+        return frequencies, shapes * GAUGE
 
     @cached_property
     def _projections(self) -> Complexes:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import second_harmonic as closed
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import PLANE, Crystal
 from analysis.theory.second_order import Mixed, Wave, second_order, started, wave
@@ -42,7 +43,7 @@ CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.se
     }.items()
     for key in keys.split()
 )
-# Of these, those that change the motion of a wave that fills the crystal; contacts that slide or open are on if true
+# Keys that change the motion of a wave that fills the crystal; contacts that slide or open are on if true
 MOTION = frozenset(
     {"source", "envelope.length", "envelope.width", "absorb.rows", "effects.sliding", "effects.contact_opening"}
 )
@@ -187,6 +188,15 @@ class Setting:
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
+    def papers(self) -> bool:
+        """True for a running wave along y in the paper's crystal, of which there is a closed form."""
+        scene, effects = self.scene, self.scene.effects
+        crystal = scene.packing.lattice == "hexagonal" and scene.sphere.contact_force == 0 and len(self.densities) == 1
+        contact = scene.sphere.adhesion_law == "dmt" and effects.shear_law == "secant"
+        turns = effects.shear is not False and effects.rotation is not False
+        return crystal and contact and turns and scene.wave.form == "running" and scene.direction == closed.ALONG_Y
+
+    @property
     def unit(self) -> float:
         """Return 1/m of one rad per row of the wave number."""
         return float(1 / (STACKING[self.scene.packing.lattice][0] * self.scene.sphere.lattice_constant))
@@ -254,6 +264,32 @@ def drift(crystal: Crystal, waves: Sequence[Wave]) -> float:
     own = [abs(float(frequency_shift(secant, each))) if each.frequency else 0.0 for each in waves]
     most = max(2 * sum(own) - each for each in own)
     return most * (1 if crystal.bonds.shear_law == "secant" else 2)
+
+
+class Signals(NamedTuple):
+    """First and second order of p, q, φ of the centre sphere of a scene, (T,) in D0, and by which theory."""
+
+    theory: str
+    first: tuple[Floats, Floats, Floats]
+    second: tuple[Floats, Floats, Floats]
+
+
+def signals(scene: Scene, tau: ArrayLike) -> Signals:
+    """Return what a scene's wave does to second order, by "closed form" where the paper's holds it, or by "crystal".
+
+    Raises ValueError for a scene that neither holds, by its keys.
+    """
+    setting, times = Setting(scene), np.asarray(tau, dtype=float)
+    crystal, _ = setting.start()
+    if not setting.papers:
+        return Signals("crystal", *setting.signals(times))
+    overlap_ratio = 1 - float(np.linalg.norm(crystal.bonds.apart[0])) / (2 * scene.sphere.radius)
+    constants = closed.ratios(scene.sphere.poisson_ratio, overlap_ratio=overlap_ratio)
+    wave, amplitude = closed.mode(scene.wave.mode, scene.wavenumber, constants), scene.wave.amplitude  # type: ignore[arg-type]
+    theta = scene.wave.phase - wave.frequency * times
+    second = closed.second_harmonic(wave, constants, amplitude, times, phase=scene.wave.phase)
+    first = wave.p * np.cos(theta), wave.q * np.cos(theta), -wave.f * np.sin(theta)
+    return Signals("closed form", first, (second, 0 * times, 0 * times))
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:

@@ -132,7 +132,7 @@ def started(crystal: Crystal, wavevector: ArrayLike, displacement: Complexes, ve
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What forces F e^{i(K·r − Ωt)} (..., B, 6) on the spheres of a crystal make, in the long run.
+    """The response of a crystal, in the long run, to forces F e^{i(K·r − Ωt)} (..., B, 6) on its spheres.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Mixed:
-    """What two waves make of each other at the sum of their wave vectors, or, for a reversed one, at the difference.
+    """Two waves, and the field that they make at the sum of their wave vectors or, for a reversed one, the difference.
 
     Amplitudes are those of the field Re[X e^{iK·r}] of Re(first)·Re(second), each product once: two waves (first,
     second) hold each twice, a wave with itself once, so that one wave makes ½ of ``Mixed(crystal, wave, wave)``. Waves

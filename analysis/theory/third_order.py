@@ -1,7 +1,7 @@
-"""What third order does to one wave of any crystal: its frequency shifts, and a third harmonic runs with it.
+"""Third order of one wave in any crystal: the shift of its frequency, and the third harmonic that runs with it.
 
-Third order is what the cubic part of the law does to the wave, and the quadratic part to the wave with what it has made
-to second order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of `analysis.theory.bonds.Bonds.cubic` and
+The cubic part of the law acts on the wave, and the quadratic part on the wave and the fields that it has made to second
+order, u₂ = ½Re X₂e^{2iα} + ½Re X₀. With the forces C and N of `analysis.theory.bonds.Bonds.cubic` and
 `quadratic`, for z = U e^{iα} these are
 
     G₁ = ¾C(z, z, z*) + ½N(X₂, z*) + N(X₀, z),      G₃ = ¼C(z, z, z) + ½N(X₂, z)
@@ -30,12 +30,24 @@ def frequency_shift(crystal: Crystal, wave: Wave) -> Floats:
     Raises ValueError for the incremental law, and where slip winds up.
     """
     doubled, static = _second(crystal, wave)
+    return shift_by(crystal, wave, doubled=doubled, static=static, cubic=True)
+
+
+def shift_by(
+    crystal: Crystal, wave: Wave, *, doubled: Wave | None = None, static: Wave | None = None, cubic: bool = False
+) -> Floats:
+    """Return the part of δω (...) that fields of second order, and the cubic forces if asked for, make.
+
+    Raises ValueError for the incremental law.
+    """
+    _refuse_incremental(crystal)
     bonds = crystal.bonds
-    one = bonds.strain(wave.shape, wave.wavevector)
-    back = bonds.strain(wave.reversed.shape, wave.reversed.wavevector)
-    ends = 0.75 * bonds.cubic(one, one, back)
-    ends = ends + bonds.quadratic(_strain(crystal, doubled), back, (doubled.frequency, -wave.frequency)).running
-    ends = ends + 2 * bonds.quadratic(_strain(crystal, static), one, (static.frequency, wave.frequency)).running
+    one, back = (bonds.strain(each.shape, each.wavevector) for each in (wave, wave.reversed))
+    ends = 0.75 * cubic * bonds.cubic(one, one, back)
+    if doubled:
+        ends = ends + bonds.quadratic(_strain(crystal, doubled), back, (doubled.frequency, -wave.frequency)).running
+    if static:
+        ends = ends + 2 * bonds.quadratic(_strain(crystal, static), one, (static.frequency, wave.frequency)).running
     force = bonds.gather(ends, wave.wavevector, len(crystal))
     # The dual of the wave itself: its shape, over its energy
     mass = crystal.mass * (np.arange(6)[None] == np.array(crystal.freedoms)[:, None]).any(axis=0)
@@ -58,13 +70,17 @@ def third_harmonic(crystal: Crystal, wave: Wave) -> Complexes:
 
 def _second(crystal: Crystal, wave: Wave) -> tuple[Wave, Wave]:
     """Return the second harmonic and the static field of waves, as waves."""
-    if crystal.bonds.shear_law != "secant":
-        raise ValueError(f"law = {crystal.bonds.shear_law!r} is not in the cubic forces; allowed: 'secant'")
+    _refuse_incremental(crystal)
     twice, still = Mixed(crystal, wave, wave), Mixed(crystal, wave, wave.reversed)
     return (
         Wave(twice.wavevector, twice.frequency, 0.5 * twice.forced()),
         Wave(still.wavevector, still.frequency, 0.5 * still.static()),
     )
+
+
+def _refuse_incremental(crystal: Crystal) -> None:
+    if crystal.bonds.shear_law != "secant":
+        raise ValueError(f"law = {crystal.bonds.shear_law!r} is not in the cubic forces; allowed: 'secant'")
 
 
 def _strain(crystal: Crystal, wave: Wave) -> Strain:

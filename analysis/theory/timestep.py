@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Ratios, doubled_frequency, nonlinearity, refuse_oblique, source, start_wave
+from analysis.second_harmonic import refuse_oblique
 from analysis.theory.contact import Contact
 from analysis.theory.lattice import accelerations, integrate, longest_step, on_torus, rhs, touching
 from analysis.theory.neighbours import Neighbours, at_ends, torus_neighbours, torus_shifts
@@ -86,12 +86,13 @@ def stepped(
 def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
     """p of the second harmonic in D0 at τ, (T,), as steps of `step` make it; `second_harmonic` for the step → 0.
 
-        p_{n+1} − 2p_n + p_{n−1} = h²[(ε/2) sin ξ Re(i g f_n²) − w̃² p_n],   f = e^{i phase}(cos Ω_hτ − ir sin Ω_hτ)
+        p_{n+1} − 2p_n + p_{n−1} = h²[Re(F f_n²) − w̃² p_n],   f = e^{i phase}(cos Ω_hτ − ir sin Ω_hτ)
 
-    with sin(Ω_h h/2) = Ωh/2. The start has the velocity of the exact wave, r = Ωh/sin(Ω_h h) times that of one of Ω_h
-    that runs one way. The incremental law adds up its force with the stiffness at the end of each step, half a step
-    late: its shear's part g_S of g then has a share of Ωh/2 in quadrature, less what that is at the start. By the
-    secant law g is larger by just g_S.
+    with sin(Ω_h h/2) = Ωh/2 and the force F on the free waves. The start has the velocity of the exact wave,
+    r = Ωh/sin(Ω_h h) times that of one of Ω_h that runs one way; what it leaves in the contacts pushes steadily. The
+    incremental law adds up its force with the stiffness at the end of each step, half a step late: its shear's part of
+    F then has a share of Ωh/2 in quadrature, less what that is at the start. By the secant law F is larger by just
+    that.
 
     Parameters
     ----------
@@ -99,20 +100,22 @@ def stepped_second_harmonic(wave: Wave, tau: Floats, step: float) -> Floats:
     tau : times, multiples of the step.
     step : h in τ.
     """
-    mode, ratios, phase = wave.mode, wave.ratios, wave.phase
-    angle = 2 * np.arcsin(mode.frequency * step / 2)
+    refuse_oblique(wave.mode)
+    frequency, free = wave.mode.frequency, wave.free_frequency
+    force, left = _forces(wave)
+    angle = 2 * np.arcsin(frequency * step / 2)
     turns = angle * np.arange(round(tau[-1] / step) + 1)
-    started = np.cos(turns) - 1j * mode.frequency * step / np.sin(angle) * np.sin(turns)
-    drive = _strength(wave, ratios) * np.real(1j * np.exp(2j * phase) * started**2)
+    started = np.cos(turns) - 1j * frequency * step / np.sin(angle) * np.sin(turns)
+    drive = np.real(force * started**2)
     if wave.contact.incremental:
-        of_shear = _strength(wave, replace(wave.contact, law="secant").ratios_of(mode)) - _strength(wave, ratios)
-        drive += of_shear * mode.frequency * step / 2 * (np.cos(2 * (phase - turns)) - np.cos(2 * phase))
+        secant, _ = _forces(replace(wave, contact=replace(wave.contact, law="secant")))
+        late = (secant - force) * frequency * step / 2
+        drive += np.imag(late * (np.exp(-2j * turns) - 1))
     drive[0] /= 2
-    free = doubled_frequency(mode, ratios)
     turn = 2 * np.arcsin(free * step / 2)
     p = _leapfrog(drive, turn) * step**2
-    slower = turn / (free * step)
-    return p[np.rint(tau / step).astype(int)] + start_wave(mode, ratios, wave.amplitude, slower * tau, 0, phase)
+    slower = turn / (free * step) * tau
+    return p[np.rint(tau / step).astype(int)] + left.real * slower**2 / 2 * np.sinc(free * slower / (2 * np.pi)) ** 2
 
 
 def _leapfrog(drive: Floats, turn: float) -> Floats:
@@ -121,9 +124,12 @@ def _leapfrog(drive: Floats, turn: float) -> Floats:
     return np.asarray((wheel * np.cumsum(drive / wheel)).imag / np.sin(turn))
 
 
-def _strength(wave: Wave, ratios: Ratios) -> float:
-    """(ε/2) sin ξ g, the drive of the second harmonic, in D0."""
-    return nonlinearity(ratios, wave.amplitude) / 2 * np.sin(wave.mode.wavenumber) * source(wave.mode, ratios)
+def _forces(wave: Wave) -> tuple[complex, complex]:
+    """Return the forces in D0 and t0 on the free waves of the second harmonic that run with 2ϑ, and that stay."""
+    running, left, _ = wave.doubled.shares
+    direction = wave.framed(wave.doubled.targets.shapes)[wave.longitudinal, 0]
+    scale = 0.5 * wave.amplitude * np.exp(2j * wave.phase) * direction
+    return complex(scale * running[wave.longitudinal]), complex(scale * left[wave.longitudinal])
 
 
 def _amplitudes(waves: Sequence[Wave]) -> Floats:

@@ -223,7 +223,7 @@ class _Side:
             here, next_one = (_plane(each, order) for each in rows.places[:2])
             on_site = here.conj().T @ rows.on_site[0] @ here
             ahead = here.conj().T @ rows.ahead[0] @ next_one
-            factor, shape, flux = _waves(mass, on_site, ahead, frequency)
+            factor, shape, flux = lattice_waves(mass, on_site, ahead, frequency)
             names = [_name(mass, on_site, ahead, frequency, order, *wave) for wave in zip(factor, shape.T, strict=True)]
             for each in np.flatnonzero(flux[:3]):
                 push = here @ (ahead.conj().T @ shape[:, each] / factor[each])
@@ -249,20 +249,26 @@ def _plane(places: Floats, order: int) -> Complexes:
     return np.kron(phases[:, None], np.eye(3))
 
 
-def _waves(mass: Floats, on_site: Complexes, ahead: Complexes, frequency: float) -> tuple[Complexes, Complexes, Floats]:
-    """Return λ (6,), s (3, 6) and J (6,) of the waves of a lattice, the three that leave to +n first."""
-    still, one, none = on_site - np.diag(frequency**2 * mass), np.eye(3), np.zeros((3, 3))
+def lattice_waves(
+    mass: Floats, on_site: Complexes, ahead: Complexes, frequency: float
+) -> tuple[Complexes, Complexes, Floats]:
+    """Return λ (2F,), s (F, 2F) and J (2F,) of the waves of a lattice of F freedoms, those that leave to +n first.
+
+    Raises ValueError at the edge of a band.
+    """
+    count = len(mass)
+    still, one, none = on_site - np.diag(frequency**2 * mass), np.eye(count), np.zeros((count, count))
     pencil = np.block([[none, one], [-ahead.conj().T, -still]]), np.block([[one, none], [none, ahead]])
     (above, below), vectors = eig(*pencil, homogeneous_eigvals=True)
     # A contact that leaves a freedom alone, as in a chain, has factors 0 and ∞
     factor = above / np.where(np.abs(below) > _FINITE * np.abs(above), below, _FINITE * np.abs(above))
     grows = np.abs(factor) > 1
-    shape = np.where(grows, vectors[3:], vectors[:3])
+    shape = np.where(grows, vectors[count:], vectors[:count])
     shape /= np.linalg.norm(shape, axis=0)
     runs = np.abs(np.abs(factor) - 1) < _RUNS
     flux = np.where(runs, -np.imag(np.sum(shape.conj() * (ahead @ shape), axis=0) * np.where(runs, factor, 0)), 0.0)
     onward = np.where(runs, flux > 0, ~grows)
-    if np.any(runs & (np.abs(flux) < _LEAST_FLUX * np.abs(ahead).max())) or np.count_nonzero(onward) != 3:
+    if np.any(runs & (np.abs(flux) < _LEAST_FLUX * np.abs(ahead).max())) or np.count_nonzero(onward) != count:
         raise ValueError(f"frequency = {frequency:.6g}: is at the edge of a band, where a wave carries no energy")
     order = np.argsort(~onward, kind="stable")
     return factor[order], shape[:, order], flux[order]

@@ -63,7 +63,7 @@ class Reached(NamedTuple):
 def reached(law: Law, strain: Strain) -> Reached:
     """Return how far contacts are deformed in complex fields, at any phase."""
     stretch, slip = np.abs(strain.stretch) ** 2, np.sum(np.abs(strain.slip) ** 2, axis=-1)
-    longest = np.sqrt((slip + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # of Re(s e^{iα}) over α
+    longest = np.sqrt((slip + np.abs(np.sum(strain.slip**2, axis=-1))) / 2)  # The largest |Re(s e^{iα})| over α
     energy = law.stiffness * stretch + law.shear * slip
     return Reached(
         opening=float(np.sqrt(np.max(stretch / law.reach**2))),

@@ -1,18 +1,34 @@
-"""The one wave that every theory of this folder takes: a linear mode of an amplitude, in the lattice of a contact."""
+"""One plane wave of the paper's crystal, as every theory of this folder takes it: a mode, an amplitude, a contact.
 
+`Wave.doubled` hands it to the theory of any crystal (`analysis.theory.second_order`). Here stand the answers in the
+paper's variables, in any direction and for any contact: p along k, q along ẑ × k, φ = Rθ, in units of D0. The second
+harmonic is Re[X e^{2iϑ}] beside the free waves that the start launches; where a mirror holds k it is longitudinal, and
+along y X = (ε/2)P̃1 is imaginary (`analysis.second_harmonic` has it in closed form).
+
+When it breaks: where contacts open; for long on a resonance; dashpots are left out.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from analysis.second_harmonic import Mode, ModeName, Ratios
-from analysis.second_harmonic import mode as mode_along_y
-from analysis.theory.bloch import frame, hexagonal, wavevector_of
+from analysis.second_harmonic import ALONG_Y, Mode, ModeName
+from analysis.theory import bloch, second_order
+from analysis.theory.bloch import branch_index, frame, hexagonal, in_plane, real_modes, wavevector_of
 from analysis.theory.contact import Contact
+from analysis.theory.crystal import Crystal, padded
+from analysis.theory.second_order import Mixed
 
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 # Forces that may be left, in units of the largest stiffness at the wave vector. Rounding leaves 1e-15; a contact of
 # another ν, inertia or geometry leaves as much as it differs by.
 RESIDUAL = 1e-9
+GRID = np.linspace(1e-3, np.pi - 1e-6, 65)  # ξ between which a resonance is looked for
 
 
 @dataclass(frozen=True)
@@ -21,7 +37,7 @@ class Wave:
 
     Attributes
     ----------
-    mode : `second_harmonic.mode` along y, `directions.mode` in any direction; it holds the wave vector.
+    mode : of `second_harmonic.mode` or `bloch.mode`; it holds the wave vector.
     amplitude : a = D0/Δ0.
     contact : the physics of every contact of the lattice.
     phase : rad, at row 0.
@@ -48,15 +64,53 @@ class Wave:
                 f"{left:.1e} of the forces, allowed is {RESIDUAL:.0e}; make the mode with the constants of the contact"
             )
 
-    @property
-    def ratios(self) -> Ratios:
-        """Constants of the closed forms, for this mode under the law of the contact."""
-        return self.contact.ratios_of(self.mode)
-
     @classmethod
-    def of_mode(cls, name: ModeName, wavenumber: float, amplitude: float, contact: Contact, phase: float = 0.0) -> Self:
-        """Return the wave along y of the mode of a name at ξ = wavenumber, rad per row."""
-        return cls(mode_along_y(name, wavenumber, contact.secant_ratios), amplitude, contact, phase)
+    def of_mode(
+        cls,
+        name: ModeName,
+        wavenumber: float,
+        amplitude: float,
+        contact: Contact,
+        phase: float = 0.0,
+        direction: float = ALONG_Y,
+    ) -> Self:
+        """Return the wave of the mode of a name at ξ = wavenumber, rad per row along y."""
+        return cls(bloch.mode(name, wavenumber, direction, contact), amplitude, contact, phase)
+
+    @property
+    def crystal(self) -> Crystal:
+        """Return the crystal of the contact."""
+        return hexagonal(self.contact)
+
+    @cached_property
+    def linear(self) -> second_order.Wave:
+        """Return the wave of the crystal, of amplitude and phase 1: the rest is a factor."""
+        mode = self.mode
+        shape = np.zeros((1, 6), dtype=complex)
+        shape[0, [0, 1, 5]] = [*(np.array([mode.p, mode.q]) @ frame(mode.direction)), 1j * mode.f]
+        k = padded(wavevector_of(mode.wavenumber, mode.direction))
+        return second_order.Wave(k, np.asarray(mode.frequency), shape)
+
+    @cached_property
+    def doubled(self) -> Mixed:
+        """Return the wave with itself: half of it, times a² and e^{2i phase}, is the second harmonic in Δ0."""
+        return Mixed(self.crystal, self.linear, self.linear)
+
+    def framed(self, field: NDArray[Any]) -> NDArray[Any]:
+        """Return p, q, φ (..., 3) of a field (..., 1, 6)."""
+        u = in_plane(field)
+        return np.concatenate([u[..., :2] @ frame(self.mode.direction).T, u[..., 2:]], axis=-1)
+
+    @property
+    def longitudinal(self) -> int:
+        """Return which branch at 2k the second harmonic is, where a mirror holds k: that which moves along k."""
+        along = self.framed(self.doubled.targets.shapes)[..., 0]
+        return int(np.argmax(np.abs(along)))
+
+    @property
+    def free_frequency(self) -> float:
+        """Return w̃ of the longitudinal waves at 2k, rad per τ."""
+        return float(self.doubled.targets.frequencies[self.longitudinal])
 
 
 def residual(mode: Mode, contact: Contact) -> float:
@@ -70,3 +124,97 @@ def residual(mode: Mode, contact: Contact) -> float:
     left = matrix @ shape - mode.frequency**2 * crystal.moving(crystal.mass) * shape
     forces = float(np.linalg.norm(left) / np.linalg.norm(matrix))
     return forces if contact.turns else float(np.hypot(forces, mode.f))
+
+
+def nonlinearity(contact: Contact, amplitude: float) -> float:
+    """Return ε = √3 D0(g2+3k2)/(g1+3k1), negative: contacts soften when pulled. The paper prints 3/2 for √3."""
+    law, kappa = contact.adhesion.law(contact.kappa), contact.kappa
+    return -np.sqrt(3) * amplitude * float(law.shear_growth + 1.5 * law.curvature) / (kappa + 3)
+
+
+def decay_rate(wave: Wave, viscosity: float) -> float:
+    """Return Γ of a linear wave ∝ e^{−Γτ}, per τ, if every contact has a dashpot of the viscosity c, in m/t0.
+
+        Γ = ½ c Σ (|x|² + |s|²)/(|u|² + Ĩ|φ|²)
+
+    over the three contacts of a sphere, with the stretch x and the slip s of `analysis.theory.bonds`; s is left out if
+    contacts do not resist shear. The wave keeps its shape and frequency to first order in c, and loses energy at 2Γ:
+    LAMMPS's ``damping velocity``. Of L along y it is 4c sin²(ξ/2).
+
+    Breaks where Γ is not small against the distance to the other modes: the error is of relative order Γ².
+    """
+    strain, _ = wave.doubled.strains
+    lost = np.sum(np.abs(strain.stretch) ** 2) + wave.contact.shear * np.sum(np.abs(strain.slip) ** 2)
+    mass = np.repeat([1.0, wave.contact.masses[2]], 3)
+    return float(viscosity / 2 * lost / np.sum(mass * np.abs(wave.linear.shape) ** 2))
+
+
+def generated(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
+    """Return A (...) of the wave p = −a A sin 2ϑ, in D0, that runs with the mode of a name along y.
+
+    It is ½ P̃1/i times ε/a: of the closed form, where it holds the contact. Infinite on resonance.
+    """
+    k = np.multiply.outer(np.asarray(wavenumbers, dtype=float), wavevector_of(1.0, ALONG_Y))
+    one = second_order.branch_of(hexagonal(contact), k, branch_index(name, k, contact))
+    return np.asarray(0.5 * Mixed(hexagonal(contact), one, one).forced()[..., 0, 1].imag)
+
+
+def second_harmonic(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
+    """Return p, q, φ of second order, in D0, from a lattice that has none at τ = 0, at k·r = ξ·row."""
+    turned = np.exp(1j * (wave.phase + wave.mode.wavenumber * row))
+    _, field = second_order.second_order(wave.crystal, [wave.linear.times(wave.amplitude * turned)], np.ravel(tau))
+    p, q, phi = np.real(wave.framed(field)).reshape(*np.shape(tau), 3).T / wave.amplitude
+    return p.T, q.T, phi.T
+
+
+def trajectory(wave: Wave, tau: ArrayLike, row: float = 0) -> tuple[Floats, Floats, Floats]:
+    """Return p, q, φ to second order, in D0: the mode and `second_harmonic`."""
+    mode, second = wave.mode, second_harmonic(wave, tau, row)
+    theta = mode.wavenumber * row + wave.phase - mode.frequency * np.asarray(tau, dtype=float)
+    first = mode.p * np.cos(theta), mode.q * np.cos(theta), -mode.f * np.sin(theta)
+    p, q, phi = (one + two for one, two in zip(first, second, strict=True))
+    return p, q, phi
+
+
+def resonance(contact: Contact) -> float | None:
+    """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if there is none."""
+
+    def detuning(wavenumbers: ArrayLike) -> Floats:
+        return 2 * _frequency("TR", wavenumbers, contact) - _frequency("L", 2 * np.asarray(wavenumbers), contact)
+
+    return _root(detuning)
+
+
+def antiresonance(contact: Contact) -> float | None:
+    """Return ξ where TR along y makes no second harmonic; None if there is none.
+
+    It is looked for in the share of the forces of second order that L at 2ξ gets, which has no pole.
+    """
+
+    def drive(wavenumbers: ArrayLike) -> Floats:
+        xi = np.asarray(wavenumbers, dtype=float)
+        return generated("TR", xi, contact) * (
+            _frequency("L", 2 * xi, contact) ** 2 - 4 * _frequency("TR", xi, contact) ** 2
+        )
+
+    return _root(drive)
+
+
+def _frequency(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
+    k = np.multiply.outer(np.asarray(wavenumbers, dtype=float), wavevector_of(1.0, ALONG_Y))
+    frequencies, _ = real_modes(k, contact)
+    return np.take_along_axis(frequencies, branch_index(name, k, contact)[..., None], axis=-1)[..., 0]
+
+
+def _root(function: Callable[[ArrayLike], Floats]) -> float | None:
+    """Return the least root between numbers of `GRID`, None if the function has one sign there."""
+    places = GRID
+    while True:
+        signs = np.signbit(function(places))
+        changes = np.flatnonzero(signs[1:] != signs[:-1])
+        if not changes.size:
+            return None
+        low, high = places[changes[0] : changes[0] + 2]
+        if high - low < 4e-15:
+            return float((low + high) / 2)
+        places = np.linspace(low, high, 17)

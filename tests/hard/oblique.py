@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from analysis.second_harmonic import ModeName
-from analysis.theory import directions, lattice
+from analysis.theory import bloch, lattice
 from analysis.theory.contact import Contact
 from analysis.theory.wave import Wave
 from granular_lmp import Record, Scene, build, run
@@ -48,7 +48,7 @@ def corner(
     )
     record, _ = made(wave, edits)
     contact = Contact(reference, overlap_ratio=ETA)
-    mode = directions.mode(name, wave.wavenumber, wave.direction, contact)
+    mode = bloch.mode(name, wave.wavenumber, wave.direction, contact)
     truth = lattice.torus(Wave(mode, wave.wave.amplitude, contact), record.tau, rtol=1e-9)  # error: 5e-8, of 1e-4
     found = np.stack([record.p, record.q, record.phi])
     return [

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from analysis.measure.sheets import fields_of, rest_of
 from analysis.theory.contact import Contact
-from analysis.theory.directions import modes
 from analysis.theory.mixing import Pair, Tone, mixed_wave
 from analysis.theory.quasilinear import component
 from analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
+from tests.polarisations import modes
 from tests.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative
 
 Floats = NDArray[np.float64]

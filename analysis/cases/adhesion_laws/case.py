@@ -16,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis import second_harmonic as closed
 from analysis.cases.spectrum.case import one_crystal
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
@@ -24,11 +23,12 @@ from analysis.plotting import SILICA, letter, parser, show, start
 from analysis.theory.adhesion import Adhesion
 from analysis.theory.choice import wave_of
 from analysis.theory.contact import Contact
+from analysis.theory.wave import antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 COLOURS: Final[dict[Adhesion, str]] = {"dmt": "black", "jkr": "tab:red"}
-# Of a contact that nothing presses: k1Δ0 in πwRc, and Δ0 in that of the DMT law
+# A contact that nothing presses has these k1Δ0 in πwRc, and Δ0 in that of the DMT law
 UNITS: Final[dict[Adhesion, tuple[float, float]]] = {"dmt": (3.0, 1.0), "jkr": (1.8, 3 ** (-1 / 3))}
 
 
@@ -77,10 +77,10 @@ def table(groups: Mapping[Adhesion, Sequence[Record]]) -> str:
         lines.append(f"{law:5}{kappa:10.6f}{len(off):6}{np.median(off):19.1e}{off.max():10.1e}")
     lines.append(f"\n{'law':5}{'':15}{'from the runs':>21}{'theory':>12}{'difference':>12}")
     for law, records in groups.items():
-        constants = wave_of(records[0]).ratios
+        contact = wave_of(records[0]).contact
         found = {
-            "resonance": (locate_resonance(records), closed.resonance(constants)),
-            "antiresonance": (locate_antiresonance(map(point, records)), closed.antiresonance(constants) or np.nan),
+            "resonance": (locate_resonance(records), resonance(contact) or np.nan),
+            "antiresonance": (locate_antiresonance(map(point, records)), antiresonance(contact) or np.nan),
         }
         for name, ((place, error), expected) in found.items():
             lines.append(f"{law:5}{name:15}{place:11.6f} ±{error:8.1e}{expected:12.6f}{place - expected:12.1e}")
@@ -93,7 +93,7 @@ def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     (forces, spectrum), (ratios, pressed) = figure.subplots(2, 2)
     _draw_forces(forces)
     for law, records in groups.items():
-        _draw_spectrum(spectrum, law, [point(record) for record in records], wave_of(records[0]).ratios)
+        _draw_spectrum(spectrum, law, [point(record) for record in records], wave_of(records[0]).contact)
     spectrum.set(xlabel=r"wave number $\xi$ (rad per row)", xlim=(0, np.pi), ylim=(3e-6, 300))
     spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", title="second harmonic of TR waves")
     spectrum.legend(frameon=False, fontsize="small", loc="upper left")
@@ -120,9 +120,9 @@ def _draw_forces(axes: Axes) -> None:
     axes.legend(frameon=False, fontsize="small")
 
 
-def _draw_spectrum(axes: Axes, law: Adhesion, points: Sequence[Point], constants: closed.Ratios) -> None:
+def _draw_spectrum(axes: Axes, law: Adhesion, points: Sequence[Point], contact: Contact) -> None:
     grid = np.linspace(0.02, np.pi - 0.02, 4000)
-    curve = [abs(closed.generated_amplitude(closed.mode("TR", float(xi), constants), constants)) / 2 for xi in grid]
+    curve = np.abs(generated("TR", grid, contact) / nonlinearity(contact, 1.0))
     axes.semilogy(grid, curve, color=COLOURS[law], linewidth=1, label=f"{law.upper()}, theory")
     marks = {"markersize": 4, "color": COLOURS[law], "markerfacecolor": "white", "label": f"{law.upper()}, LAMMPS"}
     axes.semilogy([each.wavenumber for each in points], [abs(each.value) for each in points], "o", **marks)
@@ -131,8 +131,8 @@ def _draw_spectrum(axes: Axes, law: Adhesion, points: Sequence[Point], constants
 def _draw_places(axes: Axes, over: Floats, contacts: Mapping[Adhesion, Sequence[Contact]]) -> None:
     for law, these in contacts.items():
         places = {
-            ("resonance", "-"): [closed.resonance(each.ratios) for each in these],
-            ("antiresonance", "--"): [closed.antiresonance(each.ratios) or np.nan for each in these],
+            ("resonance", "-"): [resonance(each) or np.nan for each in these],
+            ("antiresonance", "--"): [antiresonance(each) or np.nan for each in these],
         }
         for (name, dashes), values in places.items():
             axes.plot(over, values, dashes, color=COLOURS[law], label=f"{law.upper()}, {name}")

@@ -17,7 +17,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis import second_harmonic as closed
 from analysis.measure.disordered import (
     Key,
     Value,
@@ -37,6 +36,7 @@ from analysis.measure.disordered import (
 from analysis.measure.runs import sweep
 from analysis.plotting import COLOURS, parser, show, start
 from analysis.theory.born import long_wave, scattered
+from analysis.theory.wave import resonance as perfect_resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -334,10 +334,9 @@ def _shapes(axes: Axes, found: Found) -> None:
         )
         fit = resonance(shape, found.amplitude)
         xi, waves = np.linspace(min(shape), max(shape), 100), next(iter(shape.values()))
-        constants = waves.contact.secant_ratios
-        place = closed.resonance(constants) or np.nan
+        place = perfect_resonance(waves.contact) or np.nan
         stretched = place + (xi - place - fit.shift.value) / fit.width.value
-        line = [perfect_strength(float(each), constants, found.amplitude, waves.tau) for each in stretched]
+        line = [perfect_strength(float(each), waves.contact, found.amplitude, waves.tau) for each in stretched]
         axes.plot(xi, 1e3 * fit.height.value * np.array(line), color=colour, linewidth=1)
     axes.set(xlabel=r"wave number $\xi$ (rad per row)", ylabel=r"second harmonic ($10^{-3} D_0$)", ylim=(0, None))
     axes.legend(frameon=False, fontsize="small")

@@ -1,4 +1,4 @@
-"""A driven row of a run, beside the steady waves of `analysis.theory.driven`.
+"""A driven row of a run, beside the steady waves of `analysis.cases.driven.waves`.
 
     granular-analysis driven RUN [-o FILE]
 
@@ -7,17 +7,17 @@ run of form "driven" with snapshots of all spheres, in rows that the slowest of 
 no echo of the far end is heard. It prints median deviations over those rows and draws the amplitudes over the rows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from analysis.cases.driven.waves import beat_length, driven_amplitudes, slowest, static
 from analysis.measure.rows import AIRY, Rows, amplitudes_at, echo, load_form
 from analysis.plotting import parser, show, start
 from analysis.theory.choice import wave_of
-from analysis.theory.driven import beat_length, driven_amplitudes, slowest, static
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
@@ -55,10 +55,10 @@ def compare(record: Record, rows: Rows) -> Comparison:
     Raises ValueError, in one line, for a run that is too short or too coarse in time for that.
     """
     scene, wave = record.scene, wave_of(record)
-    linear, constants = wave.mode, wave.ratios
+    linear = wave.mode
     period = 2 * np.pi / linear.frequency
     first, last = _window(rows.tau, scene.envelope.ramp, period)
-    tau, velocity = rows.tau[first:], slowest(linear, constants)
+    tau, velocity = rows.tau[first:], slowest(wave)
     distance = np.arange(rows.count - 1)
     # Airy's front of the slowest wave, at the pace of that wave; then the echo of the held end, at the fastest
     reached = scene.envelope.ramp + (distance + AIRY * np.cbrt(distance)) / velocity < tau[0]
@@ -71,7 +71,7 @@ def compare(record: Record, rows: Rows) -> Comparison:
             f"too short a run or strip: {len(n)} of {FEWEST_ROWS} rows are reached by the slowest wave ({velocity:.3g} "
             f"rows per tau, ramp {scene.envelope.ramp:g}) at tau = {tau[0]:.4g} and hear no echo until {last:.4g}"
         )
-    fundamental, second = driven_amplitudes(linear, constants, wave.amplitude, n, wave.phase)
+    fundamental, second = driven_amplitudes(wave, n)
     harmonics = linear.frequency * np.arange(1, 4)
     means, p = amplitudes_at(tau, rows.p[first:, n], harmonics)
     if linear.name == "L":
@@ -79,13 +79,13 @@ def compare(record: Record, rows: Rows) -> Comparison:
     else:
         run = {"q": amplitudes_at(tau, rows.q[first:, n], harmonics)[1][0]}
         theory = {"q": fundamental[1]}
-        if constants.rotation:
+        if wave.contact.turns:
             run["phi"] = amplitudes_at(tau, rows.phi[first:, n], harmonics)[1][0]
             theory["phi"] = fundamental[2]
     run["p at 2Ω"], theory["p at 2Ω"] = p[1], second
     # Quiet ends do not absorb a steady push, and the held end hinders it
-    if not quiet and (linear.name == "L" or not constants.memory):
-        run["mean p"], theory["mean p"] = means + 0j, static(linear, constants, wave.amplitude, n) + 0j
+    if not quiet and (linear.name == "L" or not wave.contact.incremental):
+        run["mean p"], theory["mean p"] = means + 0j, static(wave, n) + 0j
     return Comparison(wave, n, run, theory)
 
 
@@ -118,7 +118,7 @@ def draw(found: Comparison) -> Figure:
         upper.plot(all_rows, _theory(found, name, all_rows), color=LINES[name], linewidth=1.0)
         upper.plot(found.n, np.abs(found.run[name]), "o", color=LINES[name], markersize=4, label=LABELS[name])
         lower.semilogy(found.n, np.abs(found.run[name] - theory), "o-", color=LINES[name], markersize=3, linewidth=0.5)
-    beat = beat_length(found.wave.mode, found.wave.ratios)
+    beat = beat_length(found.wave)
     second = "free wave above the cutoff" if np.isnan(beat) else f"beat length {beat:.4g} rows"
     for axes, title in zip(panels[0], ("(a) fundamental", f"(b) second order; {second}"), strict=True):
         axes.set_title(title, fontsize="medium", loc="right")
@@ -142,8 +142,8 @@ def draw(found: Comparison) -> Figure:
 def _theory(found: Comparison, name: str, rows: NDArray[np.intp]) -> Floats:
     wave = found.wave
     if name == "mean p":
-        return np.abs(static(wave.mode, wave.ratios, wave.amplitude, rows))
-    fundamental, second = driven_amplitudes(wave.mode, wave.ratios, wave.amplitude, rows)
+        return np.abs(static(wave, rows))
+    fundamental, second = driven_amplitudes(replace(wave, phase=0.0), rows)
     return np.abs(second if name == "p at 2Ω" else fundamental[["p", "q", "phi"].index(name)])
 
 

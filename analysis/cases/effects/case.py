@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 from analysis.measure.runs import sweep
 from analysis.measure.signals import measured_amplitude
 from analysis.plotting import parser, save, start
-from analysis.second_harmonic import generated_amplitude, mode, nonlinearity
 from analysis.theory.catalogue import OBLIQUE, missing
 from analysis.theory.choice import holding, traits_of, trajectory, wave_of
 from analysis.theory.contact import Contact
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, generated, nonlinearity
 from granular_lmp.runs.record import Record
 
 # Told apart by marker and dashes without colour.
@@ -53,7 +52,7 @@ def name(contact: Contact) -> str:
 
 def strength(p: NDArray[np.float64], wave: Wave) -> float:
     """Root mean square of p, in |ε| D0."""
-    return float(np.sqrt(np.mean(p**2)) / abs(nonlinearity(wave.ratios, wave.amplitude)))
+    return float(np.sqrt(np.mean(p**2)) / abs(nonlinearity(wave.contact, wave.amplitude)))
 
 
 def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
@@ -61,15 +60,14 @@ def amplitudes(records: Sequence[Record]) -> tuple[list[float], list[float]]:
     waves = [wave_of(record) for record in records]
     found = [measured_amplitude(record, wave)[0] for record, wave in zip(records, waves, strict=True)]
     there = [(wave, value) for wave, value in zip(waves, found, strict=True) if value is not None]
-    scale = [abs(nonlinearity(wave.ratios, wave.amplitude)) for wave, _ in there]
+    scale = [abs(nonlinearity(wave.contact, wave.amplitude)) for wave, _ in there]
     return [w.mode.wavenumber for w, _ in there], [abs(v) / s for (_, v), s in zip(there, scale, strict=True)]
 
 
-def curve(wave: Wave) -> tuple[NDArray[np.float64], list[float]]:
-    """The closed form of `amplitudes`: |P̃1|/2 over the zone, in the physics of one wave."""
+def curve(wave: Wave) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return `amplitudes` by theory, |P̃1|/2 over the zone, in the physics of one wave."""
     xis = np.linspace(0.02, np.pi - 0.02, 1500)
-    modes = (mode(wave.mode.name, float(xi), wave.ratios) for xi in xis)
-    return xis, [abs(generated_amplitude(each, wave.ratios)) / 2 for each in modes]
+    return xis, np.abs(generated(wave.mode.name, xis, wave.contact) / nonlinearity(wave.contact, 1.0))
 
 
 def deviations(records: Sequence[Record]) -> list[float]:

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from analysis.plotting import COLOURS, parser, save, spheres, start
-from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, resonance
+from analysis.second_harmonic import Ratios, antiresonance, dispersion, generated_amplitude, mode, ratios, resonance
 
 WAVENUMBERS = np.linspace(1e-3, np.pi, 1201)
 PAPER = (0.802, 1.475, 2.127)  # rad per row, of the paper's three runs
@@ -84,8 +84,9 @@ def _amplitudes(axes: Axes, name: str, constants: Ratios) -> None:
 def main(argv: list[str] | None = None) -> int:
     """Command line; returns the exit status."""
     contact, output = spheres(parser(__doc__, "figures/figure2.png"), argv)
-    print(table(contact.ratios))
-    save(draw(contact.ratios), output)
+    constants = ratios(contact.poisson_ratio)
+    print(table(constants))
+    save(draw(constants), output)
     return 0
 
 

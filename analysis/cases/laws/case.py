@@ -1,8 +1,8 @@
-"""Three shear laws and the second harmonic that each gives: `analysis.theory.laws`.
+"""Three shear laws (`analysis.theory.bonds`) and the second harmonic that each gives.
 
     granular-analysis laws [-o FILE] [--poisson-ratio NU]
 
-Above stands the amplitude of the generated wave for TR, closed form (lines) and exact lattice (circles); below,
+Above stands the amplitude of the generated wave for TR, by theory (lines) and exact lattice (circles); below,
 p(τ) of the exact lattice at a wave number next to the antiresonance of the secant law, where the laws differ most.
 """
 
@@ -12,15 +12,12 @@ from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from analysis import second_harmonic as sh
 from analysis.plotting import SILICA, parser, save, spheres, start
-from analysis.second_harmonic import Mode
 from analysis.theory.contact import LAWS, Contact, Law
 from analysis.theory.lattice import torus
-from analysis.theory.laws import antiresonance, generated_amplitude, second_harmonic
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance, second_harmonic
 
 Floats = NDArray[np.float64]
 AMPLITUDE = 0.2  # D0/Δ0 of the paper's simulations
@@ -54,43 +51,45 @@ def _exact(wavenumber: float, contact: Contact) -> Floats:
     return np.stack(torus(Wave.of_mode("TR", wavenumber, AMPLITUDE, contact), TAU))
 
 
-def lattice_amplitude(mode: Mode, contact: Contact) -> float:
-    """|P̃1| per ε as the exact lattice shows it: |`generated_amplitude`| × rms p (lattice)/rms p (`second_harmonic`).
+def amplitude(wavenumber: ArrayLike, contact: Contact) -> Floats:
+    """Return |P̃1|/2 per ε of the secant law, of the wave that TR generates."""
+    paper = Contact(contact.poisson_ratio)
+    return np.abs(generated("TR", wavenumber, contact) / nonlinearity(paper, 1.0))
+
+
+def lattice_amplitude(wavenumber: float, contact: Contact) -> float:
+    """Return `amplitude` as the exact lattice shows it: times rms p (lattice)/rms p (`second_harmonic`).
 
     At a = 0.005 and τ ≤ 60, in the row and at the phase where ϑ = −Ωτ.
     """
-    wave, tau = Wave(mode, SMALL, contact), TAU[TAU <= 60]
-    exact, theory = torus(wave, tau)[0], second_harmonic(wave, tau)
-    return abs(generated_amplitude(mode, contact)) * float(np.linalg.norm(exact) / np.linalg.norm(theory))
+    wave, tau = Wave.of_mode("TR", wavenumber, SMALL, contact), TAU[TAU <= 60]
+    exact, theory = torus(wave, tau)[0], second_harmonic(wave, tau)[0]
+    return float(amplitude(wavenumber, contact) * np.linalg.norm(exact) / np.linalg.norm(theory))
 
 
 def table(poisson_ratio: float) -> str:
-    """Return a line for each law: its antiresonance, and |P̃1|/2 in closed form and in the exact lattice."""
-    mode = sh.mode("TR", PAPER, sh.ratios(poisson_ratio))
+    """Return a line for each law: its antiresonance, and |P̃1|/2 by theory and in the exact lattice."""
     lines = [f"{'law':12}{'antiresonance':>14}{f'at {PAPER}':>12}{'lattice':>12}"]
     for law in LAWS:
         contact = Contact(poisson_ratio, law=law)
         zero = antiresonance(contact)
-        closed, exact = abs(generated_amplitude(mode, contact)) / 2, lattice_amplitude(mode, contact) / 2
-        lines.append(f"{law:12}{'-' if zero is None else f'{zero:.4f}':>14}{closed:12.4e}{exact:12.4e}")
+        made, exact = float(amplitude(PAPER, contact)), lattice_amplitude(PAPER, contact)
+        lines.append(f"{law:12}{'-' if zero is None else f'{zero:.4f}':>14}{made:12.4e}{exact:12.4e}")
     return "\n".join(lines)
 
 
 def draw(poisson_ratio: float) -> Figure:
     """Return the figure for one Poisson's ratio (−1 to 0.5)."""
-    constants = sh.ratios(poisson_ratio)
-    resonance = sh.resonance(constants)
+    pole = resonance(Contact(poisson_ratio)) or np.nan
     times = np.linspace(0, TAU[-1], 1201)
     figure = Figure(figsize=(7.0, 7.0), layout="constrained")
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
     for law in LAWS:
         contact = Contact(poisson_ratio, law=law)
         zero = antiresonance(contact)
-        # Real fields have half the amplitude of complex ones.
         grid = np.union1d(np.linspace(0.02, np.pi - 1e-3, 1200), [] if zero is None else [zero])
-        curve = [abs(generated_amplitude(sh.mode("TR", xi, constants), contact)) / 2 for xi in grid]
-        above.semilogy(grid, curve, label=law, **LINES[law])
-        dots = [lattice_amplitude(sh.mode("TR", xi, constants), contact) / 2 for xi in CIRCLES]
+        above.semilogy(grid, amplitude(grid, contact), label=law, **LINES[law])
+        dots = [lattice_amplitude(xi, contact) for xi in CIRCLES]
         above.semilogy(CIRCLES, dots, "o", color=LINES[law]["color"], markersize=5, markerfacecolor="white")
         if zero is not None:
             side, align = (8, "left") if zero < 2.4 else (-8, "right")
@@ -104,10 +103,8 @@ def draw(poisson_ratio: float) -> Figure:
             )
         p = torus(Wave.of_mode("TR", NEAR_ANTIRESONANCE, AMPLITUDE, contact), times)[0]
         below.plot(times, 1e3 * p, label=rf"{law}, max {1e3 * np.max(np.abs(p)):.2g}", **LINES[law])
-    above.axvline(resonance, color="0.6", linewidth=0.8, zorder=0)
-    above.annotate(
-        f"resonance (all laws), {resonance:.3f}", (resonance, 1.3e1), (7, 0), textcoords="offset points", fontsize=9
-    )
+    above.axvline(pole, color="0.6", linewidth=0.8, zorder=0)
+    above.annotate(f"resonance (all laws), {pole:.3f}", (pole, 1.3e1), (7, 0), textcoords="offset points", fontsize=9)
     above.plot([], [], "o", color="black", markerfacecolor="white", label=f"exact lattice, $a$ = {SMALL:g}")
     above.set(
         xlim=(0, np.pi),

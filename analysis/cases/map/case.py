@@ -3,11 +3,11 @@
     granular-analysis map [-o FILE] [--poisson-ratio NU] [--overlap-ratio ETA [--prestress SHARE]]
 
 One panel per branch of the fundamental, in ascending frequency. Colour: the forced amplitude (|u|² + |v|² + |φ|²)^½
-of `directions.second_harmonic_amplitude`, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a
-real wave raises half of it). Lines: the resonances, where 2Ω(k) is the frequency of a branch at 2k.
+of the second harmonic, per unit ε D0 and for a fundamental of unit amplitude (complex fields; a real wave raises half
+of it). Lines: the resonances, where 2Ω(k) is the frequency of a branch at 2k.
 
 How to read it. On a resonance the forced amplitude has no bound: there the second harmonic grows with time until it
-is as large as the fundamental (`directions.second_order` holds until then). It also diverges at Γ, for the acoustic
+is as large as the fundamental (second order holds until then). It also diverges at Γ, for the acoustic
 branches, which have no dispersion there. Where a resonance line crosses Γ–M or Γ–K the target may have the wrong
 parity, and nothing resonates. A weakly coupled resonance shows as its line alone (middle branch with upper, ν = 0.17:
 its share of the amplitude passes 1 only within 0.01/a of the line). At K the middle and the upper branch touch: next
@@ -31,10 +31,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
+from numpy.typing import NDArray
 
 from analysis.plotting import parser, save, spheres, start
+from analysis.theory.bloch import branch_index, hexagonal, real_modes
 from analysis.theory.contact import Contact
-from analysis.theory.directions import Floats, branch_index, modes, second_harmonic_amplitude
+from analysis.theory.second_order import Mixed, branch_of
+from analysis.theory.wave import nonlinearity
 
 POINTS = 400  # per axis; even, so that Γ, where the amplitude is 0/0, falls between grid points
 COLOURS = (1e-3, 1e1)  # values past them lie at resonances, at Γ and at zeros
@@ -45,7 +48,7 @@ EDGE = 2.0 * np.pi / np.sqrt(3.0)  # |ΓM|, which is ξ = π
 HALO = [patheffects.withStroke(linewidth=1.8, foreground="white")]
 
 
-def wave_vectors(points: int) -> Floats:
+def wave_vectors(points: int) -> NDArray[np.float64]:
     """Return the centres of points × points cells of the rectangle around the zone, (ky, kx, 2), in 1/a."""
     centres = (np.arange(points) + 0.5) / points * 2.0 - 1.0
     return np.stack(np.meshgrid(CORNER * centres, EDGE * centres), axis=-1)
@@ -66,31 +69,35 @@ def lattice_in_words(contact: Contact) -> str:
     return ", ".join(words)
 
 
+def amplitudes(wavevector: NDArray[np.float64], branch: int, contact: Contact) -> NDArray[np.float64]:
+    """Return the size (...) of the second harmonic of complex fields, in |ε| D0."""
+    one = branch_of(hexagonal(contact), wavevector, branch)
+    forced = Mixed(hexagonal(contact), one, one).forced()[..., 0, :]
+    return np.asarray(np.linalg.norm(forced, axis=-1) / -nonlinearity(contact, 1.0))
+
+
 def table(contact: Contact) -> str:
     """Return the amplitude of each branch half-way from Γ to M and to K."""
     halves = np.array([[0.0, EDGE / 2], [CORNER / 2, 0.0]])
     lines = [f"{'branch':8}{'Γ-M':>12}{'Γ-K':>12}"]
     for branch, word in enumerate(BRANCHES):
-        amplitude = np.linalg.norm(second_harmonic_amplitude(halves, branch, contact), axis=-1)
-        lines.append(f"{word:8}" + "".join(f"{each:12.4e}" for each in amplitude))
+        lines.append(f"{word:8}" + "".join(f"{each:12.4e}" for each in amplitudes(halves, branch, contact)))
     return "\n".join(lines)
 
 
 def draw(contact: Contact) -> Figure:
     """Return the figure of the three maps for contacts of the secant law."""
     k = wave_vectors(POINTS)
-    fundamental, _ = modes(k, contact)
-    doubled, _ = modes(2.0 * k, contact)
+    (fundamental, _), (doubled, _) = (real_modes(each, contact) for each in (k, 2.0 * k))
     figure = Figure(figsize=(11.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 3, sharex=True, sharey=True)
     angles = np.deg2rad(np.arange(0, 360, 60))
     zone = CORNER * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     targets: set[int] = set()
     for branch, panel in enumerate(panels):
-        amplitude = np.linalg.norm(second_harmonic_amplitude(k, branch, contact), axis=-1)
         outline = panel.add_patch(Polygon(zone, fill=False, edgecolor="black", linewidth=1.0, zorder=3))
         image = panel.imshow(
-            amplitude,
+            amplitudes(k, branch, contact),
             norm=LogNorm(*COLOURS),
             cmap="viridis",
             origin="lower",

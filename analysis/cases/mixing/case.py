@@ -28,9 +28,8 @@ from matplotlib.patches import Polygon
 
 from analysis.cases.map.case import BRANCHES, CORNER, EDGE, wave_vectors
 from analysis.plotting import SILICA, parser, save, start
-from analysis.theory.bloch import wavevector_of
+from analysis.theory.bloch import branch_index, wavevector_of
 from analysis.theory.contact import Contact
-from analysis.theory.directions import branch_index
 from analysis.theory.mixing import Floats, Pair, Tone, detunings, growth_rates
 
 POINTS = 240  # per axis; even, so that Γ, where all of a static wave is 0/0, falls between grid points

@@ -21,12 +21,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis import second_harmonic as closed
 from analysis.measure.runs import sweep
 from analysis.measure.spectrum import Point, extrapolated, locate_antiresonance, locate_resonance, point, refusal
 from analysis.plotting import COLOURS, parser, save, start, write
 from analysis.theory.choice import wave_of
-from analysis.theory.wave import Wave
+from analysis.theory.wave import Wave, antiresonance, generated, nonlinearity, resonance
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -63,9 +62,9 @@ def table(points: Sequence[Point], records: Sequence[Record]) -> str:
         lines.append(f"{name:4}{amplitude:9g}{len(off):6}{np.median(off):19.1e}{off.max():10.1e}{error:24.1e}")
     amplitudes = [amplitude for name, amplitude in families(points) if name == "TR"]
     if amplitudes:
-        constants = _wave(records, "TR").ratios
+        contact = _wave(records, "TR").contact
         lines.append(f"\n{'':13}{'D0/Delta0':>10}{'from the runs':>21}{'theory':>12}{'difference':>12}")
-        zero, pole = partial(closed.antiresonance, constants), partial(closed.resonance, constants)
+        zero, pole = partial(antiresonance, contact), partial(resonance, contact)
     for amplitude in amplitudes:
         runs = [record for record in records if record.scene.wave.amplitude == amplitude]
         these = family(points, "TR", amplitude)
@@ -146,9 +145,8 @@ def draw(points: Sequence[Point], records: Sequence[Record]) -> Figure:
 
 
 def _theory(axes: Axes, wave: Wave) -> None:
-    name, constants = wave.mode.name, wave.ratios
-    xis = np.linspace(0.02, np.pi - 0.02, 4000)
-    theory = [abs(closed.generated_amplitude(closed.mode(name, float(xi), constants), constants)) / 2 for xi in xis]
+    name, xis = wave.mode.name, np.linspace(0.02, np.pi - 0.02, 4000)
+    theory = np.abs(generated(name, xis, wave.contact) / nonlinearity(wave.contact, 1.0))
     axes.semilogy(xis, theory, color=COLOURS[name], linewidth=1, label="theory")
     axes.set_title(f"{name}, {TITLES[name]}", fontsize="medium")
 

@@ -1,4 +1,4 @@
-"""A standing wave in a run, such as a transient grating leaves, beside the closed form of `analysis.theory.standing`.
+"""A standing wave in a run, such as a transient grating leaves, beside theory.
 
     granular-analysis standing RUN [-o FILE]
 
@@ -22,13 +22,38 @@ from analysis.measure.norms import relative_error
 from analysis.measure.rows import Rows, echo, load_form
 from analysis.plotting import letter, parser, show, start
 from analysis.theory.choice import wave_of
-from analysis.theory.standing import standing
+from analysis.theory.second_order import Mixed, started
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
 HARMONIC = "second harmonic"
 COLOURS = ("tab:blue", "tab:orange", "tab:green")
+
+
+def standing(wave: Wave, tau: ArrayLike, row: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return p, q, φ in D0, to second order, of a standing wave along y that is let go at rest at τ = 0.
+
+        q = Q cos θ cos Ωτ,  φ = −f sin θ cos Ωτ (TR, RT)  or  p = cos θ cos Ωτ (L),    θ = ξn + phase
+
+    Two waves of half the amplitude, ±Ω, each make a second harmonic of their own, and one of frequency 0 of each other.
+    p_SH = Re[X e^{2iθ}] vanishes where cos θ = 0 and where sin θ = 0, at the nodes *and* the antinodes of the
+    fundamental. Relative errors of p (TR, RT), q and φ fall as a².
+
+    Parameters
+    ----------
+    wave : the running wave of twice the amplitude of either, along y.
+    tau, row : times and rows n, of shapes that broadcast.
+    """
+    times, mode = np.asarray(tau, dtype=float), wave.mode
+    theta = mode.wavenumber * np.asarray(row, dtype=float) + wave.phase
+    one = wave.linear
+    both = started(wave.crystal, one.wavevector, one.shape, 0 * one.shape)
+    pairs = [Mixed(wave.crystal, first, second) for first in both for second in both]
+    field = 0.5 * wave.amplitude * np.sum([each.signal(times) for each in pairs], axis=0)
+    swing = np.cos(mode.frequency * times)
+    p = mode.p * np.cos(theta) * swing + np.real(wave.framed(field)[..., 0] * np.exp(2j * theta))
+    return p, mode.q * np.cos(theta) * swing, -mode.f * np.sin(theta) * swing
 
 
 @dataclass(frozen=True)
@@ -43,7 +68,7 @@ class Comparison:
     def theory(self, tau: ArrayLike, n: ArrayLike) -> dict[str, Floats]:
         """p, q, φ, and the second harmonic, of `standing`."""
         wave = self.wave
-        p, q, phi = standing(wave.mode, wave.ratios, wave.amplitude, tau, n, wave.phase)
+        p, q, phi = standing(wave, tau, n)
         return {"p": p, "q": q, "phi": phi, HARMONIC: p - self._linear(tau, n)}
 
     def measured(self) -> dict[str, Floats]:
