@@ -29,7 +29,7 @@ from granular_lmp.scene.monitors import PlacedMonitor, check_groups, placed_moni
 from granular_lmp.scene.places import place_of, spheres_at
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.sources import PlacedSource, longest_steps, placed
-from granular_lmp.scene.start import refuse_motion, state_in
+from granular_lmp.scene.start import state_in
 from granular_lmp.scene.strikers import struck
 from granular_lmp.step_rules import COARSEST, StepRule, refuse_step
 from granular_lmp.units import AnyUnits
@@ -208,7 +208,6 @@ def prepare(scene: Scene) -> Problem:
     if problem.mode is None:
         _ = problem.recorded
         problem.collisions.refuse()
-        _refuse_sheared(problem)
     else:
         _refuse_echo(problem)
     refuse_step(scene.time, problem.step_rules)
@@ -238,14 +237,6 @@ def _refuse_echo(problem: Problem) -> None:
             f"may bring the echo of the {scene.shape.edge} to the centre at tau = {echo:.4g}; must be at most that, or "
             "set time.allow_echo = true"
         )
-
-
-def _refuse_sheared(problem: Problem) -> None:
-    """Raise a SceneError if a state displaces spheres whose contacts rub."""
-    everyone = np.ones(len(problem.crystal), dtype=bool)
-    if problem.on["shear"]:
-        why = "whose contacts rub: a state lacks their shear at rest"
-        refuse_motion(problem.state, [0, 1], problem.crystal, everyone, why)
 
 
 def _check_strikes(problem: Problem) -> None:

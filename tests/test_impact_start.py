@@ -1,6 +1,7 @@
 """The state in which an impact begins: its file, its units, what it may not move."""
 
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from granular_lmp import ImpactRecord, ImpactScene, Scene, run, run_impact
 from granular_lmp.cli import main
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.problem import prepare
 from granular_lmp.scene.schema import declared_keys
 from granular_lmp.scene.start import Start
@@ -174,11 +177,6 @@ def test_numbers_that_are_no_state_are_refused_by_name(state: Any, message: str)
             "a displacement of 1e+04 m: must be at most 1e+06 times sphere.radius = 0.005",
         ),
         (CHAIN, [2, 0, 0, 1e-3, 0, 0, 0], "spheres [2, 0] and [3, 0]: overlap by 0.1 of the diameter; at most 0.05"),
-        (
-            SHEET.with_values({"effects.friction": 0.1}),
-            [2, 3, 0, 1e-6, 0, 0, 0],
-            "uy_m = 1e-06: must be 0 for a sphere whose contacts rub",
-        ),
     ],
 )
 def test_a_state_moves_only_what_can_move(scene: ImpactScene, state: list[float], message: str) -> None:
@@ -186,6 +184,36 @@ def test_a_state_moves_only_what_can_move(scene: ImpactScene, state: list[float]
     mover = [[0, 0, 0, 0, 0, 1.0, 0]]
     with pytest.raises(SceneError, match=re.escape(message)):
         prepare(with_state(scene, [*mover, state]))
+
+
+@pytest.mark.parametrize("sides", ["free", "wall"])
+def test_contacts_that_rub_begin_with_the_shear_of_the_state(sides: str, tmp_path: Path) -> None:
+    """The forces at the beginning are (4/3) E* √Rc δ^{3/2} and 8 G* √(Rc δ) times the shear displacement from rest."""
+    sheet = SHEET.with_values({"effects.friction": 1e3, "packing.sides": sides})
+    deck = deck_of(prepare(with_state(sheet, [[4, 3, 3e-6, 2e-6, 0.0, 0.3, 0.0]])))
+    deck.write(tmp_path / "deck")
+    dump = "dump force all custom 1 dump.force id fx fy c_u[1] c_u[2]\ndump_modify force sort id format float %.17g"
+    text = deck.input_text[: deck.input_text.index("# --- at a checkpoint")]
+    (tmp_path / "deck" / "in.force").write_text(f"{text}\n{dump}\nrun 0\n")
+    subprocess.run([*lmp_command(1), "-in", "in.force", "-screen", "none"], cwd=tmp_path / "deck", check=True)
+    ((_, _, found),) = read_snapshots(tmp_path / "deck" / "dump.force")
+    force, moved = found[:, 1:3], found[:, 3:5]
+    units, material = deck.problem.units, deck.problem.scene.material
+    modulus = units.number(material.youngs_modulus, mass=1, length=-1, time=-2)
+    nu, places = material.poisson_ratio, deck.problem.crystal.positions[:, :2] + moved
+    normal, shear = modulus / (2 * (1 - nu**2)), modulus / (4 * (2 - nu) * (1 + nu))
+    expected = np.zeros_like(force)
+    for i, j in zip(*np.triu_indices(len(places), 1), strict=True):
+        between = places[i] - places[j]
+        if (overlap := 2 - np.hypot(*between)) <= 0:
+            continue
+        along, slip = between / np.hypot(*between), moved[i] - moved[j]
+        slip = slip - (slip @ along) * along
+        push = 4 / 3 * normal * np.sqrt(0.5) * overlap**1.5 * along - 8 * shear * np.sqrt(0.5 * overlap) * slip
+        expected[i] += push
+        expected[j] -= push
+    np.testing.assert_allclose(force, expected, rtol=0, atol=1e-11 * np.abs(expected).max())
+    assert np.abs(moved[:, 0]).max() == pytest.approx(3e-6 / material.radius)
 
 
 def test_errors_and_words_name_what_is_fastest_or_presses() -> None:

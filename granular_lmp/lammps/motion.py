@@ -1,6 +1,7 @@
 """The motion of the spheres of a deck that are not held, and what acts on them from outside."""
 
 from granular_lmp.effects import selection
+from granular_lmp.lammps import start
 from granular_lmp.problem import Problem
 
 
@@ -23,7 +24,7 @@ def motion(problem: Problem) -> list[str]:
     turns, tracks = problem.on["rotation"], problem.on["tracking"]
     return [
         "# --- motion of the spheres that are not held",
-        *(["fix          plane all enforce2d"] if problem.scene.loose else []),
+        *([start.PLANE] if problem.scene.loose else []),
         f"fix          move mobile nve{'/sphere' if turns else ''}{' update dipole' if tracks else ''}",
         *_frozen(problem),
         *selection.lines("motion", problem),

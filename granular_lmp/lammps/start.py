@@ -12,7 +12,7 @@ from granular_lmp.scene.initial_fields import initial_fields
 
 STEP = "timestep     $(v_step:%.17g)"
 _REFERENCE = "compute      u all displace/atom"
-_PLANE = "fix          plane all enforce2d"
+PLANE = "fix          plane all enforce2d"
 
 
 def field(problem: Problem) -> str:
@@ -101,7 +101,7 @@ def preload(problem: Problem) -> list[str]:
         f"variable     to_uy atom {uy}/v_slow",
         "velocity     all set v_to_ux v_to_uy NULL units box",
         *selection.lines("preload", problem),
-        _PLANE,
+        *([] if problem.scene.loose else [PLANE]),  # else with the motion, which a continued run repeats too
         "fix          move mobile nve/noforce",
         "thermo_style custom step",
         "run          1 post no",
@@ -115,7 +115,7 @@ def reference(problem: Problem, checkpoint: str = "") -> list[str]:
     """Return the lines that count displacements from rest: LAMMPS finds the places of a checkpoint by the name u."""
     if problem.scene.loose:
         return ["# --- displacements count from the places at rest", _REFERENCE]
-    return [_REFERENCE, _PLANE, STEP]
+    return [_REFERENCE, PLANE, STEP]
 
 
 def kept_field(problem: Problem, checkpoint: str) -> list[str]:
