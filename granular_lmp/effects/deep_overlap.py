@@ -5,16 +5,15 @@ stiffer than one of the stiffest pair, or with a wall, at that overlap.
 """
 
 from math import inf
-from typing import Any
 
 from granular_lmp.effects.effect import Case, Effect, Finding
-from granular_lmp.effects.guard import Guard
+from granular_lmp.effects.guard import Guard, Prepared
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO
 from granular_lmp.step_rules import LONGEST_STEP
 
 
-def deepest(problem: Any) -> list[str]:
+def deepest(problem: Prepared) -> list[str]:
     """Return the lines of v_deepest, the deepest overlap of spheres and walls in units of the scene."""
     softest, walls = float(problem.collisions.coefficients.min(initial=1.0)), problem.planes
     length = problem.units.number(problem.scale.length, length=1)  # ℓ, and m ℓ/t0² too
@@ -35,7 +34,7 @@ def deepest(problem: Any) -> list[str]:
     return [*lines, f"variable     deepest equal {depth}"]
 
 
-def overlap(problem: Any) -> list[str]:
+def overlap(problem: Prepared) -> list[str]:
     """Return the lines of the deepest overlap in diameters."""
     smallest = float(problem.crystal.arrays["radius"].min())
     length = problem.units.number(problem.scale.length, length=1)
@@ -45,7 +44,7 @@ def overlap(problem: Any) -> list[str]:
     ]
 
 
-def omega_dt(problem: Any) -> list[str]:
+def omega_dt(problem: Prepared) -> list[str]:
     """Return the lines of the step in units of 1/ω of the stiffest contact."""
     return [
         *deepest(problem),

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import cos, pi
-from typing import Protocol
+from typing import Any, Protocol
 
 import ase
 
@@ -41,6 +41,8 @@ class Prepared(Protocol):
     def units(self) -> AnyUnits: ...
     @property
     def scale(self) -> Scale: ...
+    @property
+    def collisions(self) -> Any: ...  # `granular_lmp.collisions.Collisions`
     @property
     def planes(self) -> Mapping[str, float]: ...
 

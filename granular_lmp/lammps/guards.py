@@ -9,7 +9,6 @@ the record (`_inside`). The guards are defined with their effects (`granular_lmp
 """
 
 from math import pi
-from typing import Any
 
 from granular_lmp.crystal.modes import highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
@@ -60,7 +59,7 @@ def fastest(scene: Scene) -> float:
     return max(2 * max(own), top * swiftness(scene))
 
 
-def look_interval(problem: Any) -> int:
+def look_interval(problem: Problem) -> int:
     """Return the steps between two looks, a whole number of them in the run: `LOOKS` per period of `fastest`.
 
     Where spheres meet there are `LOOKS_IN_COLLISION` in the shortest collision, a whole number of them in a sample.

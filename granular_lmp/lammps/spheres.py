@@ -1,7 +1,5 @@
 """The spheres of a deck at rest: the data file, and the block that reads it or makes a large sheet of it."""
 
-from typing import Any
-
 import ase
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +35,7 @@ def _box(problem: Problem) -> NDArray[np.float64]:
     return np.column_stack([low, high])
 
 
-def _densities(problem: Any) -> NDArray[np.float64]:
+def _densities(problem: Problem) -> NDArray[np.float64]:
     if problem.scene.loose:
         return np.asarray(problem.collisions.mass / (4 / 3 * np.pi * problem.crystal.arrays["radius"] ** 3))
     densities = problem.crystal.arrays.get("density", np.full(len(problem.crystal), problem.scene.sphere.density))
