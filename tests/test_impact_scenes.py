@@ -117,7 +117,6 @@ def test_spheres_at_rest_have_their_own_scale() -> None:
         (CHAIN_SCENE, "sphere.work_of_adhesion", 0.05, "sphere.work_of_adhesion = 0.05: must be 0 or left out"),
         (CHAIN_SCENE, "packing.columns", 3, "packing.columns = 3 and packing.sides"),
         (CHAIN_SCENE, "effects.friction", 0.3, "effects.friction = 0.3: must be 0 in a chain"),
-        (CHAIN_SCENE, "effects.rotation", False, "effects.rotation = false: must be left out"),
         (CHAIN_SCENE, "disorder.vacancies", 0.1, "disorder.vacancies = 0.1: must be 0 in a chain"),
         (CHAIN_SCENE, "striker.1.direction", "x", "striker 1: direction = 'x': must be \"y\""),
         (CHAIN_SCENE, "striker.1.velocity", 0.0, "striker.1.velocity = 0.0: must be a number in [1e-9, 10000], m/s"),

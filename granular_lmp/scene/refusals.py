@@ -111,13 +111,6 @@ def friction_in_a_chain(scene: Declared) -> str:
     return f"effects.friction = {scene.effects.friction!r}: must be 0 in a chain, where nothing is sheared"
 
 
-@_line("physics")
-def rotation_without_friction(scene: Declared) -> str:
-    if scene.effects.rotation or scene.effects.friction:
-        return ""
-    return "effects.rotation = false: must be left out where effects.friction = 0.0, as nothing turns a sphere"
-
-
 @_line("not built")
 def inclusion_that_adheres(scene: Declared) -> str:
     found = (

@@ -50,7 +50,6 @@ REFUSALS: dict[str, str] = {
     r"effects.friction = .*in a chain": PHYSICS,
     r"packing.contact_force = .*in a sheet": NOT_BUILT,
     r"radius = .*in a sheet": NOT_BUILT,
-    r"effects.rotation = false: .*effects.friction = 0": NOT_BUILT,
 }
 
 
