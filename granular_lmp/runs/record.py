@@ -6,7 +6,6 @@ y) and Rθ, in D0. Of a scene without a wave ``dump.particles`` holds the sphere
 course of the run. Post-processing scripts may import only this module and `granular_lmp.crystal.sphere`.
 """
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from granular_lmp.card import HasCard
 from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
-from granular_lmp.errors import RunFolderError, one_line
+from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs import energy, kinds, tables
@@ -140,24 +139,9 @@ class Record(HasCard):
     @classmethod
     def _of_trajectory(cls, folder: Path, scene: Scene, info: dict[str, Any], *, whole: bool) -> Self:
         """Return the record of a run folder with a trajectory; `whole` if ``run.json`` says how long it is."""
-        try:
-            text = (folder / TRAJECTORY).read_text(encoding="utf-8")
-            if not text.endswith("\n"):
-                raise ValueError("its last line is cut off")
-            lines = list(csv.reader(text.splitlines()))
-            if lines[0] != HEADER:
-                raise ValueError(f"header {lines[0]}, expected {HEADER}")
-            tau, *signals = np.array(lines[1:], dtype=float).reshape(-1, len(HEADER)).T
-            if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
-                raise ValueError("tau must be finite, not negative, and ascend")
-            if not len(tau) and whole:
-                raise ValueError("it holds no record")
-            if len(tau) != info.get("samples") and whole:
-                raise ValueError(f"{len(tau)} records, and {STATUS} says {info.get('samples')}")
-        except (OSError, ValueError, IndexError, csv.Error) as error:
-            raise RunFolderError(f"{folder / TRAJECTORY}: cannot be read: {one_line(error)}") from error
+        text, columns = tables.read_trajectory(folder / TRAJECTORY, HEADER, info.get("samples", 0) if whole else None)
         refuse_other_extrapolation(folder / TRAJECTORY, text, info)
-        record = cls(tau, dict(zip(HEADER[1:], signals, strict=True)), scene, info, folder)
+        record = cls(columns.pop("tau"), columns, scene, info, folder)
         if (folder / DUMP).is_file():
             dumped, ended = cls.from_dump(folder, scene), info["status"] == "finished"
             refuse_other_trajectory(folder / TRAJECTORY, record.columns, dumped.columns, whole=ended)
@@ -236,6 +220,16 @@ class Record(HasCard):
     def spheres(self) -> NDArray[np.int64]:
         """Indices of the recorded spheres, ascending, (n,); of a scene with a wave that of the centre sphere."""
         return np.asarray(self.problem.recorded)
+
+    @property
+    def row(self) -> NDArray[np.int64]:
+        """Row of each recorded sphere, (n,), counted from 0."""
+        return np.asarray(self.problem.crystal.arrays["row"][self.spheres])
+
+    @property
+    def column(self) -> NDArray[np.int64]:
+        """Column of each recorded sphere, (n,), counted from 0."""
+        return np.asarray(self.problem.crystal.arrays["column"][self.spheres])
 
     @property
     def rest(self) -> Floats:

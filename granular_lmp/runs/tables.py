@@ -5,6 +5,7 @@ time: tau, row, column, u, v, their rates u_t and v_t, and where spheres turn ph
 monitor.
 """
 
+import csv
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.errors import PackageMissingError
-from granular_lmp.lammps.outputs import csv_text, replace_text
+from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
+from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
 from granular_lmp.runs.kinds import unit_of
 
 Columns = dict[str, NDArray[Any]]
@@ -33,9 +34,9 @@ def columns(record: Any) -> Columns:
     """Return columns of one length by name, dimensionless."""
     if "displacement" not in record.signals:
         return {"tau": record.tau} | dict(record.signals)
-    arrays, count = record.problem.crystal.arrays, len(record.spheres)
-    found = {"tau": np.repeat(record.tau, count)}
-    found |= {name: np.tile(arrays[name][record.spheres], len(record.tau)) for name in ("row", "column")}
+    row, column = record.row, record.column
+    found = {"tau": np.repeat(record.tau, len(row))}
+    found |= {name: np.tile(places, len(record.tau)) for name, places in (("row", row), ("column", column))}
     for names, values in ((("u", "v"), record.displacement), (("u_t", "v_t"), record.velocity)):
         found |= {name: values[..., axis].ravel() for axis, name in enumerate(names)}
     return found | ({"phi_t": record.spin.ravel()} if "spin" in record.signals else {})
@@ -68,6 +69,34 @@ def write_csv(named: Columns, path: Path) -> None:
     replace_text(path, csv_text(named, zip(*(values.tolist() for values in named.values()), strict=True)))
 
 
+def read_trajectory(path: Path, header: list[str], samples: int | None) -> tuple[str, dict[str, NDArray[np.float64]]]:
+    """Return the text and the columns of a table over tau; `samples` is the number of its lines, if that is known.
+
+    Raises
+    ------
+    RunFolderError
+        If it is missing or malformed, or has another number of lines.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        if not text.endswith("\n"):
+            raise ValueError("its last line is cut off")
+        lines = list(csv.reader(text.splitlines()))
+        if lines[0] != header:
+            raise ValueError(f"header {lines[0]}, expected {header}")
+        columns = np.array(lines[1:], dtype=float).reshape(-1, len(header)).T
+        tau = columns[0]
+        if not (np.isfinite(tau).all() and (tau >= 0).all() and (np.diff(tau) > 0).all()):
+            raise ValueError("tau must be finite, not negative, and ascend")
+        if not len(tau) and samples is not None:
+            raise ValueError("it holds no record")
+        if samples not in (None, len(tau)):
+            raise ValueError(f"{len(tau)} records, and {STATUS} says {samples}")
+    except (OSError, ValueError, IndexError, csv.Error) as error:
+        raise RunFolderError(f"{path}: cannot be read: {one_line(error)}") from error
+    return text, dict(zip(header, columns, strict=True))
+
+
 def to_pandas(record: Any) -> Any:
     """Return a ``pandas.DataFrame`` of `columns`; of the centre sphere tau is the index."""
     frame = optional_package("pandas").DataFrame(columns(record))
@@ -88,9 +117,7 @@ def to_xarray(record: Any) -> Any:
     }
     coordinates: dict[str, Any] = {"tau": ("tau", record.tau, said["tau"])}
     if "displacement" in signals:
-        arrays = record.problem.crystal.arrays
-        coordinates |= {name: ("sphere", arrays[name][record.spheres]) for name in ("row", "column")}
-        coordinates["axis"] = ["x", "y"]
+        coordinates |= {"row": ("sphere", record.row), "column": ("sphere", record.column), "axis": ["x", "y"]}
     length = "l_m" if scene.wave is None else "D0_m"
     scales = {length: unit_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
     origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
