@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy.extrapolation import combined
 from granular_lmp.lammps.binary_dump import BinarySnapshot, binary_snapshots, write_binary
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, SNAPSHOTS
-from granular_lmp.runs.kinds import in_snapshots
 from granular_lmp.runs.monitors import ContactForces, MonitorRecord
 from granular_lmp.runs.record import Record
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 
@@ -85,7 +85,7 @@ def _everyone(scene: Scene) -> bool:
 
 def _moved(scene: Scene) -> Integers:
     """Return the spheres of which sources or the drive prescribe the motion."""
-    atoms, _ = in_snapshots(scene)
+    atoms = crystal_of(scene).atoms
     moved = [spheres_at(each.rows, each.spheres, atoms, "source") for each in scene.source if each.motion]
     if scene.wave is not None and scene.wave.form == "driven":
         moved.append(np.flatnonzero(atoms.arrays["row"] == 0))

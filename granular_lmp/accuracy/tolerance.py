@@ -30,7 +30,6 @@ from granular_lmp.runs.continuation import read_unfinished
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.kinds import in_deck
 from granular_lmp.runs.manifest import wall_seconds
 from granular_lmp.runs.options import Options, Progress, options_of
 from granular_lmp.runs.readouts import readouts_of
@@ -108,10 +107,9 @@ def run(
     """
     folder = absolute(folder)
     options = Options(launcher, ranks, force, progress, kernel)
-    scene, deck = in_deck(what)
-    if deck or scene.time.tolerance is None:
+    if isinstance(what, Deck) or what.time.tolerance is None:
         return launch.launch(what, folder, options, _budget)
-    return _to_tolerance(scene, folder, options)
+    return _to_tolerance(what, folder, options)
 
 
 def run_impact(what: Scene | Deck, folder: str | Path, options: Options | None = None) -> Record:

@@ -23,10 +23,9 @@ from granular_lmp.lammps.guard_results import first_decks
 from granular_lmp.lammps.monitors import monitor_files
 from granular_lmp.lammps.outputs import CONTACTS, LOG, SCENE, SNAPSHOTS, read_log, writable, write_files
 from granular_lmp.lammps.variables import said_variables
-from granular_lmp.problem import Problem
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
-from granular_lmp.runs.kinds import prepare
 from granular_lmp.runs.loop import execute
 from granular_lmp.runs.manifest import description, wall_seconds
 from granular_lmp.runs.phases import collected

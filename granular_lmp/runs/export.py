@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import writable
 from granular_lmp.runs.h5md import write_h5md
-from granular_lmp.runs.kinds import force_of, unit_of
 from granular_lmp.runs.monitors import MonitorRecord
 from granular_lmp.runs.record import Record
+from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.snapshots import Snapshots
 from granular_lmp.runs.tables import write_csv
 
@@ -26,7 +26,7 @@ def si_columns_of_monitor(monitor: MonitorRecord) -> dict[str, NDArray[np.float6
     Of motion ``t_s``, ``u_m``, ``v_m``, ``theta_rad``, ``u_t_m_s``, ``v_t_m_s``, ``theta_t_rad_s``; of contacts
     ``normal_N``, ``shear_N``, ``overlap_m``, and ``rolling_Nm`` where contacts resist rolling; of flux ``flux_W``.
     """
-    sphere, unit, scale = monitor.scene.sphere, unit_of(monitor.scene), monitor.scene.scale
+    sphere, unit, scale = monitor.scene.sphere, length_of(monitor.scene), monitor.scene.scale
     time, force = scale.time, force_of(monitor.scene)
     units = {
         "tau": ("t_s", time),
@@ -53,7 +53,7 @@ def write_extxyz(particles: Snapshots, path: Path) -> None:
     """
     scene, rest = particles.scene, particles.rest
     sphere, crystal = scene.sphere, particles.crystal
-    unit = unit_of(scene)
+    unit = length_of(scene)
     lattice = " ".join(repr(float(x)) for x in np.asarray(crystal.cell).ravel())
     origin = " ".join(repr(float(x)) for x in crystal.get_celldisp().ravel())
     periodic = " ".join("T" if each else "F" for each in crystal.pbc)

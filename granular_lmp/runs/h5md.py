@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from granular_lmp import __version__
-from granular_lmp.runs.kinds import unit_of
 from granular_lmp.runs.record import Record, optional_package
+from granular_lmp.runs.scales import length_of
 from granular_lmp.scene.scene import Scene
 
 NANO = 1e-9  # m in a nm, s in a ns: MDAnalysis knows no larger unit
@@ -48,7 +48,7 @@ def write_h5md(record: Record, path: Path) -> None:
     snapshots, h5py = record.snapshots(), optional_package("h5py")
     scene, crystal = snapshots.scene, snapshots.crystal
     radius, time = scene.sphere.radius / NANO, scene.scale.time / NANO
-    unit = unit_of(scene) / NANO
+    unit = length_of(scene) / NANO
     corner = crystal.get_celldisp().ravel()
     place = (crystal.positions - corner) * radius
     frames, count = len(snapshots), len(place)
@@ -98,7 +98,7 @@ def _describe(file: Any, scene: Scene, status: str, origin: np.ndarray) -> None:
         {
             "scene": scene.to_toml(),
             "status": status,
-            "D0_m": unit_of(scene),
+            "D0_m": length_of(scene),
             "Delta0_m": scene.scale.length,
             "t0_s": scene.scale.time,
             "R_m": scene.sphere.radius,

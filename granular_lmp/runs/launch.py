@@ -16,7 +16,6 @@ from granular_lmp.problem import prepare
 from granular_lmp.runs.directory import absolute
 from granular_lmp.runs.folder import clear, locked
 from granular_lmp.runs.formats import scene_of
-from granular_lmp.runs.kinds import in_deck
 from granular_lmp.runs.loop import begin, proceed
 from granular_lmp.runs.options import Options, Progress
 from granular_lmp.runs.phases import collected, phase
@@ -39,9 +38,7 @@ def launch(what: Scene | Deck, folder: str | Path, options: Options, judge: Judg
     folder = absolute(folder)
     with collected() as seconds:
         with phase("build"):
-            scene, given = in_deck(what)
-            deck = given or deck_of(prepare(scene))
-            edits = deck.edits() if given else []
+            deck, edits = (what, what.edits()) if isinstance(what, Deck) else (deck_of(prepare(what)), [])
         kernel = _kernel_of(deck) if options.kernel else None
         return begin(Simulation(deck, edits, judge), folder, options, seconds, kernel)
 

@@ -31,10 +31,11 @@ from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.binary_dump import binary_snapshots
 from granular_lmp.lammps.monitors import CONTACT_COLUMNS, ROLLING_COLUMNS
 from granular_lmp.lammps.outputs import MONITOR, MONITOR_CONTACTS, read_snapshots
-from granular_lmp.runs import kinds
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.scales import force_of, length_of
 from granular_lmp.runs.seal import refuse_changed_record
 from granular_lmp.runs.snapshots import dimensionless, finest, step_of
+from granular_lmp.scene.at_rest import crystal_of
 from granular_lmp.scene.monitors import Monitor, row_step
 from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
@@ -127,7 +128,7 @@ class MonitorRecord:
     @cached_property
     def crystal(self) -> ase.Atoms:
         """All spheres at rest; lengths in radii."""
-        return kinds.in_snapshots(self.scene)[0]
+        return crystal_of(self.scene).atoms
 
     @cached_property
     def spheres(self) -> Integers:
@@ -235,7 +236,7 @@ class MonitorRecord:
         sign = np.where(first == i, -1.0, 1.0)  # the vector leads to the first, and the force is on the first
         vector = np.full((len(unknown), len(keys), 2), np.nan)
         vector[time, pair] = sign[:, None] * table[:, 5:7] / units.number(sphere.radius, length=1)
-        force = units.number(kinds.force_of(self.scene), mass=1, length=1, time=-2)
+        force = units.number(force_of(self.scene), mass=1, length=1, time=-2)
         normal, shear, rolling = np.zeros((3, len(unknown), len(keys)))
         normal[unknown] = shear[unknown] = rolling[unknown] = np.nan
         normal[time, pair] = table[:, 2] / force
@@ -303,7 +304,7 @@ class MonitorRecord:
     @property
     def watt(self) -> float:
         """The unit of power k1 D0²/t0, in W."""
-        return kinds.force_of(self.scene) * kinds.unit_of(self.scene) / self.scene.scale.time
+        return force_of(self.scene) * length_of(self.scene) / self.scene.scale.time
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return what the monitor is for as columns of one length, dimensionless, time by time.

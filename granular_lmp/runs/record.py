@@ -21,7 +21,7 @@ from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
 from granular_lmp.problem import prepare
-from granular_lmp.runs import energy, kinds, tables
+from granular_lmp.runs import energy, tables
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
     refuse_other_physics,
@@ -387,7 +387,8 @@ class Record(HasCard):
 
     def __repr__(self) -> str:
         end = f"tau 0..{self.tau[-1]:g}" if len(self.tau) else "empty"
-        return f"<Record {self.scene.name}: {kinds.words(self.scene)}, {end}>"
+        words = self.scene.words if self.scene.wave is None else self.scene.wave_label
+        return f"<Record {self.scene.name}: {words}, {end}>"
 
 
 def load(folder: str | Path, *, unfinished: bool = False) -> Record:

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import PER_SAMPLE, SNAPSHOTS, SnapshotPlace, read_snapshot, whole_snapshots
-from granular_lmp.runs import kinds
 from granular_lmp.runs.formats import scene_of
+from granular_lmp.runs.scales import length_of
 from granular_lmp.runs.seal import refuse_changed_record
-from granular_lmp.scene.at_rest import sphere_count
+from granular_lmp.scene.at_rest import crystal_of, sphere_count
+from granular_lmp.scene.places import spheres_at
 from granular_lmp.scene.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -61,7 +62,7 @@ def dimensionless(columns: dict[str, Floats], scene: Scene) -> tuple[Floats, Flo
     As in `Spheres`; the columns are in the units of the deck.
     """
     still, units = np.zeros(columns["id"].shape), scene.units
-    displacement = units.number(kinds.unit_of(scene), length=1)
+    displacement = units.number(length_of(scene), length=1)
     velocity = displacement / units.number(scene.scale.time, time=1)
     radius = units.number(scene.sphere.radius, length=1)
     untracked = still + (np.nan if "omegaz" in columns else 0.0)
@@ -140,19 +141,18 @@ class Snapshots:
         return cls(path, scene, whole)
 
     @cached_property
-    def _at_rest(self) -> tuple[ase.Atoms, NDArray[np.int64]]:
-        return kinds.in_snapshots(self.scene)
-
-    @property
     def spheres(self) -> NDArray[np.int64]:
         """Indices of the spheres in the crystal of the scene: all, unless a scene without a wave records others."""
-        return self._at_rest[1]
+        output, atoms = self.scene.output, crystal_of(self.scene).atoms
+        if self.scene.wave is not None or output.everyone:
+            return np.arange(len(atoms))
+        return spheres_at(output.rows, output.spheres, atoms, "recorded sphere")
 
     @cached_property
     def crystal(self) -> ase.Atoms:
         """The spheres at rest; lengths in radii."""
-        atoms, spheres = self._at_rest
-        return atoms if len(spheres) == len(atoms) else atoms[spheres]
+        atoms = crystal_of(self.scene).atoms
+        return atoms if len(self.spheres) == len(atoms) else atoms[self.spheres]
 
     @property
     def rest(self) -> NDArray[np.float64]:

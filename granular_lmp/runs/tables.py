@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.errors import PackageMissingError, RunFolderError, one_line
 from granular_lmp.lammps.outputs import STATUS, csv_text, replace_text
-from granular_lmp.runs.kinds import unit_of
+from granular_lmp.runs.scales import length_of
 
 Columns = dict[str, NDArray[Any]]
 # Unit and meaning of each signal
@@ -49,7 +49,7 @@ def si(record: Any) -> Columns:
     ``ux_m``, ``uy_m``, ``vx_m_s``, ``vy_m_s``, and where spheres turn ``spin_rad_s``.
     """
     scale, radius = record.scale, record.scene.sphere.radius
-    unit = unit_of(record.scene)
+    unit = length_of(record.scene)
     units = {  # by column: name, factor, divisor
         "tau": ("t_s", scale.time, 1.0),
         **{"p": ("p_m", unit, 1.0), "q": ("q_m", unit, 1.0), "phi": ("theta_rad", unit, radius)},
@@ -119,7 +119,7 @@ def to_xarray(record: Any) -> Any:
     if "displacement" in signals:
         coordinates |= {"row": ("sphere", record.row), "column": ("sphere", record.column), "axis": ["x", "y"]}
     length = "l_m" if scene.wave is None else "D0_m"
-    scales = {length: unit_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
+    scales = {length: length_of(scene), "t0_s": scene.scale.time, "R_m": scene.sphere.radius}
     origin = {"scene": scene.to_toml(), "status": str(record.info.get("status", ""))}
     return optional_package("xarray").Dataset(variables, coordinates, scales | origin)
 

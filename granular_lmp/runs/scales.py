@@ -1,0 +1,18 @@
+"""The units of displacements and forces in a record: those of the wave, or of the impact where there is none.
+
+Times are in t0 of the scene (`granular_lmp.crystal.scale`) everywhere.
+"""
+
+from granular_lmp.scene.scene import Scene
+
+
+def length_of(scene: Scene) -> float:
+    """Return the unit of displacements, m: D0 of a wave, else the length ℓ of the scale."""
+    return scene.scale.length if scene.wave is None else scene.displacement_amplitude
+
+
+def force_of(scene: Scene) -> float:
+    """Return the unit of forces, N: k1 D0 of a wave, else m ℓ/t0²."""
+    if scene.wave is None:
+        return scene.scale.mass * scene.scale.length / scene.scale.time**2
+    return scene.sphere.normal_stiffness * scene.displacement_amplitude
