@@ -8,7 +8,7 @@ free it grows: the table has the wave number, the branches, the frequency, and t
 its amplitude D0 per a = D0/Δ0; where symmetry forbids growth it says why. Where a branch gets no force between two
 waves that give it some, the table says antiresonance. All stands in a CSV file beside the figure.
 
-Below the table stands how far second order holds for the wave of the scene, in a lattice of one sphere a cell.
+Below the table stands how far second order holds for the wave of the scene.
 
 Branches of a lattice with one sphere a cell are L, TR and RT, of others 1, 2, … by frequency. Amplitudes are the root
 mean square over the spheres of a cell.
@@ -27,8 +27,8 @@ from analysis.plotting import parser, save, start, write
 from analysis.theory.bloch import frame
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.phase_matching import COUNT, Match, matches, zone_edge
-from analysis.theory.scenes import NAMES, Setting, named_branch
-from analysis.theory.validity import validity
+from analysis.theory.scenes import NAMES, Setting, drift, named_branch
+from analysis.theory.validity import together, validity
 from granular_lmp.runs.record import GranularError, Scene
 
 Floats = NDArray[np.float64]
@@ -81,18 +81,23 @@ def table(found: Sequence[Row], several: bool) -> str:
 
 
 def outlook(setting: Setting, crystal: Crystal) -> str:
-    """Return how far second order holds for the wave of the scene; "" in a crystal of other waves."""
+    """Return how far second order holds for the wave of the scene."""
+    scene, a = setting.scene, setting.scene.wave.amplitude
+    said = f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = "
     if len(crystal) > 1:
-        return ""
-    scene = setting.scene
-    said = validity(crystal, setting.mode().times(scene.displacement_amplitude))
-    a = scene.wave.amplitude
-    drift = "" if np.isnan(said.drift) else f", which third order turns by {said.drift:.2g} rad a period"
-    slides = f" and slide below a friction of {said.friction:.2g}" if said.friction > SILENT else ""
-    return (
-        f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = {a / said.opening:.3g}"
-        f"{slides}; the forced second harmonic is {said.second:.2g} of the wave{drift}"
-    )
+        _, waves = setting.start()
+        far, turned = (
+            together(crystal, waves),
+            drift(crystal, waves) * 2 * np.pi / max(each.frequency for each in waves),
+        )
+        slides = f", none slides above a friction of {far.friction:.2g}" if far.friction > SILENT else ""
+        return (
+            f"{said}{a / far.opening:.3g} or above{slides}; third order turns waves by up to {turned:.2g} rad a period"
+        )
+    alone = validity(crystal, setting.mode().times(scene.displacement_amplitude))
+    turns = "" if np.isnan(alone.drift) else f", which third order turns by {alone.drift:.2g} rad a period"
+    slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""
+    return f"{said}{a / alone.opening:.3g}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}"
 
 
 def as_csv(found: Sequence[Row]) -> str:

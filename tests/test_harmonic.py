@@ -18,6 +18,7 @@ from analysis.measure.coherent import project
 from analysis.measure.harmonic import PHASES, by_cell, by_network, by_runs, by_theory, over_phases
 from analysis.measure.snapshot import first_snapshot
 from analysis.second_harmonic import second_harmonic
+from analysis.theory import cell as cell_module
 from analysis.theory.choice import wave_of
 from granular_lmp import Record, Scene, run
 
@@ -119,6 +120,14 @@ def test_a_cell_of_a_perfect_crystal_has_its_theory_for_long(tmp_path: Path) -> 
     cell, theory = by_cell(record, tau), by_theory(record.scene, tau)
     # The wave vector fits the cell of the run, which rests 1e-10 strained, and phases turn by 1e2
     np.testing.assert_allclose(cell.amplitudes, theory.amplitudes, rtol=0, atol=1e-6 * np.abs(theory.amplitudes).max())
+
+
+def test_a_cell_takes_any_number_of_moments_at_once(phases: list[Record], monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for at_once in (1, 1000, 10**9):
+        monkeypatch.setattr(cell_module, "_BATCH", at_once)
+        found.append(by_cell(phases[0], [0.0, 2.0]).amplitudes)
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0, atol=1e-12 * np.abs(found[0]).max())
 
 
 def test_contacts_that_open_and_dashpots_are_not_in_a_cell(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import contacts, start
 from analysis.theory.quasilinear import Sheet, evolve
 from analysis.theory.second_order import Mixed, Wave, duhamel, second_order, wave, wound_up
-from analysis.theory.validity import validity
+from analysis.theory.validity import reached, together, validity
 from analysis.theory.wave import Wave as Plane
 from tests.exact_space import Packing
 
@@ -384,6 +384,51 @@ def test_slip_winds_up_where_two_waves_of_one_frequency_are_out_of_phase() -> No
     assert np.all(alone.creep == 0)
 
 
+@pytest.mark.parametrize("law", ["secant", "incremental"])
+def test_one_wave_winds_up_nothing_in_the_plane_with_one_sphere_a_cell(law: bonds.ShearLaw) -> None:
+    """Its shape is real, φ but for i, so that stretch and slip of every contact are in phase."""
+    random = np.random.default_rng(5)
+    for vectors in (TRIANGULAR[:, :2], A * np.eye(2)):
+        crystal = Crystal.of(vectors, np.zeros((1, 2)), R, DENSITY, [SILICA], shear_law=law)
+        for k, branch in product(random.uniform(-3, 3, (6, 2)) / A, range(3)):
+            one = wave(crystal, k, branch)
+            np.testing.assert_allclose((one.shape * [1, 1, 1, 1, 1, 1j]).imag, 0, atol=1e-12)
+            assert not Mixed(crystal, one, one.reversed).winds
+
+
+@pytest.mark.parametrize("law", ["secant", "incremental"])
+def test_layers_wind_up_in_oblique_waves_and_not_in_longitudinal_ones_along_y(law: bonds.ShearLaw) -> None:
+    crystal = Crystal.of(*ROWS, R, DENSITY * np.array([1.0, 2.0]), [SILICA], shear_law=law)
+    for branch in (1, 3):
+        upright = wave(crystal, [0, 0.9 / A], branch)
+        assert not Mixed(crystal, upright, upright.reversed).winds
+    oblique = wave(crystal, [0.5 / A, 0.9 / A], 1)
+    pair = Mixed(crystal, oblique, oblique.reversed)
+    assert pair.winds
+    late = np.array([2e6, 4e6])
+    drift = (pair.signal(late[1]) - pair.signal(late[0])) / 2e6
+    np.testing.assert_allclose(drift, pair.creep, atol=1e-2 * np.abs(pair.creep).max())
+    # Of the order of δ/R where the slip alone has a history, of order 1 where its force has one
+    share = np.abs(pair.creep).max() * D * 2 * np.pi / oblique.frequency
+    assert (1e-7 < share < 1e-4) if law == "secant" else (1e-3 < share < 1)
+
+
+@pytest.mark.parametrize("vectors", [TRIANGULAR[:, :2], A * np.eye(2)])
+def test_a_wave_at_the_edge_of_the_zone_has_the_second_harmonic_of_its_neighbours(vectors: np.ndarray) -> None:
+    """There 2k is a reciprocal vector, at which translations have no frequency."""
+    crystal = Crystal.of(vectors, np.zeros((1, 2)), R, DENSITY, [SILICA])
+    edge = crystal.reciprocal[1, :2] / 2
+    time = np.linspace(0, 40, 9) / crystal.highest
+    for branch in range(3):
+        waves = [wave(crystal, share * edge, branch) for share in (1.0, 1 - 1e-8, 0.8)]
+        at, beside, far = (Mixed(crystal, each, each) for each in waves)
+        assert np.count_nonzero(at.targets.frequencies < 1e-7 * crystal.highest) == 2
+        for name in ("signal", "forced"):
+            one, other, whole = (getattr(each, name)(*[time][: name == "signal"]) for each in (at, beside, far))
+            scale = max(np.abs(whole).max(), 1e-6 / D)
+            np.testing.assert_allclose(np.abs(one), np.abs(other), rtol=0, atol=1e-5 * scale)
+
+
 def test_a_layer_on_a_wall_creeps_by_rolling() -> None:
     crystal = Crystal.of(TRIANGULAR, np.zeros((1, 3)), R, DENSITY, [SILICA], walls=[FLOOR])
     one = wave(crystal, [0, 0.9 / A, 0], 0)
@@ -517,6 +562,20 @@ def test_contacts_open_and_slide_where_the_network_says() -> None:
         slid.append(np.max(np.abs(now.shear) / (now.repulsion + 2 * state.pairs.F)))
     assert said.opening == pytest.approx(max(opened), rel=3e-3)
     assert said.friction == pytest.approx(max(slid), rel=3e-3)
+
+
+def test_several_waves_reach_no_farther_than_is_said_of_them_together() -> None:
+    crystal = Crystal.of(*ROWS, R, DENSITY * np.array([1.0, 2.0]), [SILICA])
+    waves = [wave(crystal, [0.3 / A, 0.8 / A], branch).times(size * D) for branch, size in ((0, 0.1), (3, 0.05j))]
+    said = together(crystal, waves)
+    strains = [crystal.bonds.strain(each.shape, each.wavevector) for each in waves]
+    for turn in np.exp(1j * np.linspace(0, 2 * np.pi, 24)):
+        both = bonds.Strain(*(one + turn * other for one, other in zip(*strains, strict=True)))
+        now = reached(crystal.bonds.law, both)
+        assert now.opening <= said.opening * (1 + 1e-12)
+        assert now.friction <= said.friction * (1 + 1e-12)
+    alone = together(crystal, waves[:1])
+    assert alone.opening == pytest.approx(validity(crystal, waves[0]).opening)
 
 
 def test_what_is_said_of_validity_grows_with_its_order() -> None:

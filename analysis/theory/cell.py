@@ -150,7 +150,8 @@ def second_order(
     here = cell.strain(start[:1])
     far, left = reached(cell.bonds.law, here), cell.forces(cell.bonds.products(here, here)[1])
     running, winding = [left[:0]], [left[:0]]
-    for times in np.array_split(course.points, 1 + len(course.points) * len(cell.bonds.first) // _BATCH):
+    at_once = max(_BATCH // len(cell.bonds.first), 1)
+    for times in np.split(course.points, range(at_once, len(course.points), at_once)):
         here, onward = map(cell.strain, course.motion(moved, times))
         running.append(cell.forces(cell.bonds.products(here, here)[0]))
         winding.append(cell.forces(cell.bonds.winding(here, onward, -0.5)))

@@ -217,11 +217,15 @@ class Mixed:
         return first, second
 
     @cached_property
+    def _ends(self) -> Quadratic:
+        """Return F, F₀ and F_w (..., C, 2, 6) at the ends of the contacts."""
+        return self.crystal.bonds.quadratic(*self.strains, (self.first.frequency, self.second.frequency))
+
+    @cached_property
     def forces(self) -> Quadratic:
         """Return F, F₀ and F_w (..., B, 6) on the spheres."""
-        bonds, frequencies = self.crystal.bonds, (self.first.frequency, self.second.frequency)
-        ends = bonds.quadratic(*self.strains, frequencies)
-        return Quadratic(*(bonds.gather(each, self.wavevector, len(self.crystal)) for each in ends))
+        bonds = self.crystal.bonds
+        return Quadratic(*(bonds.gather(each, self.wavevector, len(self.crystal)) for each in self._ends))
 
     @cached_property
     def shares(self) -> Quadratic:
@@ -231,7 +235,7 @@ class Mixed:
     @cached_property
     def winds(self) -> NDArray[np.bool_]:
         """True (...) where contacts gather slip in proportion to time, so that nothing is steady."""
-        size = sum(np.abs(each).max(axis=(-2, -1)) for each in self.forces[:2])
+        size = sum(np.abs(each).max(axis=(-3, -2, -1)) for each in self._ends[:2])  # those on spheres may cancel
         wound = np.abs(self.forces.winding).max(axis=(-2, -1))
         still = np.abs(self.frequency) < RIGID * self.crystal.highest
         return still & (wound > _IN_PHASE * self.crystal.highest * size)

@@ -13,6 +13,7 @@ All numbers are of the wave with its amplitude A, to leading order in it.
 Second order ends where any of the first three is near 1, and misses the wave itself by drift times the periods.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,15 @@ def reached(law: Law, strain: Strain) -> Reached:
         energy=float(energy.sum()),
         squared=float(np.sum(energy * (stretch + slip) / law.reach**2)),
     )
+
+
+def together(crystal: Crystal, waves: Sequence[Wave]) -> Reached:
+    """Return how far contacts are deformed at most in waves with their amplitudes, whatever their phases."""
+    strains = [crystal.bonds.strain(each.shape, each.wavevector) for each in waves]
+    slip = np.zeros_like(strains[0].slip)
+    slip[..., 0] = np.sum([np.linalg.norm(each.slip, axis=-1) for each in strains], axis=0)
+    stretch = np.sum([np.abs(each.stretch) for each in strains], axis=0)
+    return reached(crystal.bonds.law, strains[0]._replace(stretch=stretch, slip=slip))
 
 
 def validity(crystal: Crystal, wave: Wave) -> Validity:
