@@ -15,7 +15,7 @@ readout P·Y of the answer is that of K oscillators of the frequencies ω_l, dri
 are evaluated at Chebyshev points in time, which are as many as the highest frequency in the integrand asks for, so
 that integrals over time are exact to rounding, too.
 
-Units are those of the network. Good values: any N up to 1e5 / (ωt/100), where the polynomials take a gigabyte or two.
+Units are those of the network. Good values: N ωt up to 5e6, for which 3 GB are needed.
 
 When it breaks: where contacts open or slide, where the second order is not small (`Second.reached` says how near
 contacts come to opening), and in a network that is not at rest or not stable. Dashpots are refused.
