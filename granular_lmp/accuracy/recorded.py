@@ -179,7 +179,8 @@ def _snapshots(stream: TextIO) -> Iterator[tuple[list[str], Floats, list[list[st
     """Yield the head, the numbers and the words of each line of the snapshots of a text dump."""
     while head := list(islice(stream, _HEAD)):
         words = [line.split() for line in islice(stream, int(head[3]))]
-        yield head, np.array(words, dtype=float).reshape(len(words), -1), words
+        columns = len(head[-1].split()) - 2  # of contacts a moment may have none
+        yield head, np.array(words, dtype=float).reshape(len(words), columns), words
 
 
 def _by_key(table: Floats, keys: int) -> dict[tuple[int, ...], Floats]:

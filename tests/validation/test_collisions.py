@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from granular_lmp import Scene
+from granular_lmp import run as run_scene
 from granular_lmp.cli import main
 from granular_lmp.errors import LammpsError, RunFolderError, SceneError
 from granular_lmp.lammps.contact import TANGENTIAL_LAWS
@@ -22,8 +24,8 @@ from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.runs.folder import locked
 from granular_lmp.runs.routes import run_input
 from granular_lmp.scene.shipped import SHIPPED
-from granular_lmp.studies.collide import Result, run
-from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, Collision, deck_text
+from granular_lmp.studies.collide import Result, _peak, run
+from granular_lmp.studies.collision import COLLISION_COLUMNS, COLLISION_DUMP, RECORDS, Collision, deck_text
 
 SHIPPED_COLLISIONS = sorted(path.stem for path in (SHIPPED / "collisions").glob("*.toml"))
 PAGE = Path(__file__).parents[2] / "docs" / "collisions.md"
@@ -397,3 +399,79 @@ def test_the_command_says_what_the_library_says(tmp_path: Path, capsys: pytest.C
     assert (tmp_path / "run" / "in.test7").read_text() == deck_text(Collision.load(tmp_path / "run" / "scene.toml"))
     assert main(words) == 2
     assert "is there already" in capsys.readouterr().err
+
+
+# --- a collision as a scene -------------------------------------------------------------------------------------------
+
+
+def as_scene(collision: Collision) -> Scene:
+    """The scene of two spheres that meet along y: the normal +x of the collision is +y there, its tangent +y is −x."""
+    sphere, law, impact = collision.sphere, collision.contact, collision.collision
+    along, spins = impact.tangential_velocity, (impact.spin, impact.partner_spin)
+    flat = along == 0 and spins == (0, 0)
+    start = [[0, 0, 0, 0, -along, impact.normal_velocity, spins[0]], [1, 0, 0, 0, 0, -impact.normal_velocity, spins[1]]]
+    made = Scene.from_dict(
+        {
+            "name": "two_spheres",
+            "sphere": {
+                name: getattr(sphere, name) for name in ("radius", "youngs_modulus", "poisson_ratio", "density")
+            },
+            "packing": {"lattice": "chain" if flat else "square", "rows": 2, "columns": 1},
+            "effects": {"friction": law.friction, "shear_law": law.shear, "restitution": law.restitution},
+            "start": {"state": start},
+            "monitor": [{"name": "contact", "rows": [0, 1], "what": "contacts"}],
+            "time": {"duration": 1.0, "sample": 1.0, "timestep": 0.01},
+        }
+    )
+    step = collision.elastic_contact_time / impact.steps / made.scale.time
+    every = impact.steps // RECORDS
+    records = ceil(impact.duration * impact.steps / every)
+    # A step that is longer by less than the slack of a sample, so that rounding makes none shorter
+    times = {"sample": every * step, "duration": records * every * step, "timestep": step * (1 + 1e-12)}
+    return made.with_values({f"time.{name}": value for name, value in times.items()})
+
+
+OBLIQUE = {"collision.tangential_velocity": 0.3, "collision.spin": 3.0, "collision.partner_spin": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("test1_glass", {}),
+        ("test1_limestone", {"contact.restitution": 0.8}),
+        ("test7", OBLIQUE),
+        ("test7", OBLIQUE | {"contact.shear": "incremental", "contact.restitution": 0.9, "contact.shear_damping": 1.0}),
+    ],
+)
+def test_two_spheres_of_a_scene_collide_as_those_of_the_command(
+    name: str, changes: dict[str, Any], tmp_path: Path
+) -> None:
+    collision = Collision.load(name).with_values({"contact.normal": "hertz"} | changes)
+    result = run(collision, tmp_path / "collision")
+    record = run_scene(as_scene(collision), tmp_path / "scene")
+    contacts, scale = record.monitor("contact").contacts, record.scale
+    newton = scale.mass * scale.length / scale.time**2
+    assert len(record.tau) == len(result.time)
+    np.testing.assert_allclose(record.tau * scale.time, result.time, rtol=1e-12)
+    known = {
+        "along": (record.velocity[..., 1] * scale.velocity, result.velocity[..., 0]),
+        "across": (-record.velocity[..., 0] * scale.velocity, result.velocity[..., 1]),
+        "spin": (record.spin * scale.velocity / collision.sphere.radius, result.spin),
+    }
+    if collision.contact.restitution == 1:  # a monitor evaluates dashpots with the velocity of the whole step
+        known["force"] = contacts.normal[:, 0] * newton, result.normal_force
+    for found, expected in known.values():  # positions are in other units and directions, and differ by their rounding
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max() + 1e-300)
+    touching = ~np.isnan(contacts.overlap[:, 0])
+    overlap = contacts.overlap[touching, 0] * scale.length
+    np.testing.assert_allclose(overlap, result.overlap[touching], rtol=0, atol=1e-8 * result.largest_overlap)
+
+
+def test_a_collision_to_a_tolerance_has_the_force_of_hertz(tmp_path: Path) -> None:
+    collision = Collision.load("test1_glass")
+    scene = as_scene(collision).with_values({"time.tolerance": 1e-6, "time.sample": 0.05, "time.duration": 4.0})
+    record = run_scene(scene, tmp_path / "run")
+    force = record.monitor("contact").contacts.normal[:, 0] * record.scale.mass * record.scale.length
+    # A parabola through three of 50 records of the contact misses the peak by up to 1e-5
+    assert relative(_peak(force / record.scale.time**2), hertz(collision)[1]) < 2e-5
+    assert force[-1] == 0.0  # the spheres have parted: moments without a contact are part of the answer
