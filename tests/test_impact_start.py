@@ -17,7 +17,7 @@ from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.installation import lmp_command
 from granular_lmp.lammps.outputs import read_snapshots
 from granular_lmp.problem import prepare
-from granular_lmp.scene.schema import declared_keys
+from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import leads
 

@@ -175,7 +175,7 @@ def _lines(problem: "Problem", found: "Forecast") -> "Iterator[tuple[str, str]]"
 
 def _defaults(scene: "Scene") -> dict[str, object]:
     """Return key → default for keys that a scene leaves out, and whose default depends on whether it has a wave."""
-    from granular_lmp.scene.schema import declared_keys
+    from granular_lmp.scene.records import declared_keys
 
     found: dict[str, object] = {}
     for table, kind in scene.sections.items():

@@ -8,21 +8,17 @@ from typing import Any, ClassVar, Self
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.files import file_text, toml_tables
+from granular_lmp.scene.records import DeclaredKey, declared_keys, plain, record, said, toml_lines
 from granular_lmp.scene.schema import (
-    DeclaredKey,
     Rules,
     checked_description,
     checked_name,
     cut,
-    declared_keys,
     default_name,
     head_lines,
-    plain,
     plain_value,
-    record,
     refuse_unknown,
     shown,
-    toml_lines,
     unknown_key,
 )
 
@@ -105,7 +101,12 @@ class Document:
             if not (bare and key == cls.lacking)
         }
         records |= {key: cls._records(key, tables.get(key, ()), bare) for key in cls.repeated}
-        return cls(name=name, description=checked_description(tables), **cls.solved(records))
+        return cls.made({"name": name, "description": checked_description(tables)} | cls.solved(records))
+
+    @classmethod
+    def made(cls, values: Mapping[str, Any]) -> Self:
+        """Return the document of its fields."""
+        return cls(**values)
 
     @classmethod
     def is_bare(cls, tables: Mapping[str, Any]) -> bool:
@@ -207,6 +208,25 @@ class Document:
                     inner.pop(other.rpartition(".")[2], None)
             inner[name] = value
         return self.from_dict(tables)
+
+    def replace(self, **tables: Any) -> Self:
+        """Return a copy with other tables, each a record, or a sequence of records: ``scene.replace(striker=())``.
+
+        ``None`` or an empty sequence leaves a table out. `with_values` changes single values.
+
+        Raises
+        ------
+        SceneError
+            If there is no such table, or a value is not allowed.
+        """
+        kept = {key: value for key, value in self.given().items() if key not in tables}
+        return self.from_dict(kept | self.told(tables))
+
+    @classmethod
+    def told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables of records as nested plain values, without those that say nothing."""
+        plain_tables = {key: said(table) for key, table in tables.items()}
+        return {key: table for key, table in plain_tables.items() if table not in (None, {}, [])}
 
     def value(self, key: str) -> Any:
         """Return the value of a dotted key, as `with_values` takes it; None if no field of the scene holds it."""

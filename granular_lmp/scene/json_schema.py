@@ -11,6 +11,7 @@ from typing import Any
 from granular_lmp.errors import SceneError
 from granular_lmp.scene import samples
 from granular_lmp.scene.document import Document, note
+from granular_lmp.scene.records import declared_keys
 from granular_lmp.scene.refusals import NEEDS_WAVE
 from granular_lmp.scene.scene import Scene
 from granular_lmp.scene.schema import (
@@ -20,7 +21,6 @@ from granular_lmp.scene.schema import (
     ArrayRule,
     NameRule,
     Rule,
-    declared_keys,
     toml,
 )
 

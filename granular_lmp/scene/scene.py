@@ -58,7 +58,7 @@ from granular_lmp.units import AnyUnits, units_of
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, init=False)
 class Scene(HasCard, Document):
     """One simulation: spheres, packing and its imperfections, wave and its envelope, time, effects and output.
 
@@ -75,7 +75,14 @@ class Scene(HasCard, Document):
 
     Notes
     -----
-    A scene is frozen: `with_values` returns a changed copy.
+    A scene is frozen: `with_values` returns a copy with other values, `replace` one with other tables::
+
+        Scene(
+            sphere=Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0),
+            packing=Packing(rows=201),
+            wave=Wave(mode="TR", wavenumber=0.802, amplitude=0.2),
+            time=Time(duration=120.0),
+        )
     """
 
     sections = {
@@ -120,6 +127,37 @@ class Scene(HasCard, Document):
     striker: tuple[Striker, ...] = ()
 
     # --- reading and writing ---
+
+    def __init__(
+        self,
+        *,
+        sphere: Sphere,
+        packing: Packing,
+        time: Time,
+        name: str = "scene",
+        description: str = "",
+        wave: Wave | None = None,
+        envelope: Envelope | None = None,
+        effects: Effects | None = None,
+        output: Output | None = None,
+        absorb: Absorb | None = None,
+        disorder: Disorder | None = None,
+        start: Start | None = None,
+        inclusion: Sequence[Inclusion] = (),
+        source: Sequence[Source] = (),
+        monitor: Sequence[Monitor] = (),
+        striker: Sequence[Striker] = (),
+    ) -> None:
+        tables = {key: table for key, table in locals().items() if key != "self"}
+        self.__dict__.update(self.from_dict(self.told(tables)).__dict__)
+
+    @classmethod
+    def made(cls, values: Mapping[str, Any]) -> Self:
+        """Return the scene of its fields, whose combination is checked here."""
+        scene = object.__new__(cls)
+        scene.__dict__.update({item.name: _default(item) for item in fields(cls)} | dict(values))
+        scene.__post_init__()
+        return scene
 
     @classmethod
     def load(cls, source: str | Path) -> Self:

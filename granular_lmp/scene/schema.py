@@ -7,10 +7,9 @@ writing and the error messages.
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, replace
 from decimal import Decimal
 from difflib import get_close_matches
-from functools import cache
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ LONGEST_NAME = 200  # characters; file systems allow 255, and in.NAME.resume.par
 LONGEST_PART = 40  # characters of a name that is a part of file names
 NAME_PATTERN = f"[A-Za-z0-9_]{{1,{LONGEST_PART}}}"
 LONGEST_DESCRIPTION = 200  # characters: two lines of a terminal
-MOST_IN_LINE = 20  # arrays in an array
 _JSON = json.JSONEncoder(ensure_ascii=False)
 
 
@@ -257,53 +255,6 @@ def short(value: float) -> str:
     return mantissa + (f"e{int(exponent)}" if e else "")
 
 
-def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bare: bool = False) -> Any:
-    """Return the record of type `kind` from the TOML table `name` with every value checked.
-
-    `bare` is true for a scene without ``[wave]``.
-
-    Raises
-    ------
-    SceneError
-        If the table or a key is missing, a key is unknown, or a value is out of range; the message names it.
-    """
-    keys = declared_keys(kind, rules, bare=bare)
-    names = [key.name for key in keys]
-    if table is None:
-        if any(key.default is MISSING for key in keys):
-            raise SceneError(f"{name}: missing table; it holds {', '.join(names)}")
-        table = {}
-    if not isinstance(table, Mapping):
-        raise SceneError(f"{name} = {shown(table)}: must be a table that holds {', '.join(names)}")
-    refuse_unknown(table, names, f"{name}.")
-    values = {}
-    for key in keys:
-        if key.name not in table and key.default is MISSING:
-            raise SceneError(f"{name}.{key.name}: missing key; must be {key.rule.allowed}")
-        given = key.name in table
-        values[key.name] = key.rule.value(table[key.name], f"{name}.{key.name}") if given else key.default
-    return kind(**values)
-
-
-def plain(record: Any, rules: Rules | None = None, *, bare: bool = False) -> dict[str, Any]:
-    """Return the declared values of a record by name."""
-    return {key.name: getattr(record, key.name) for key in declared_keys(type(record), rules, bare=bare)}
-
-
-def toml_lines(kind: type, values: Mapping[str, Any], rules: Rules | None = None, *, bare: bool = False) -> list[str]:
-    """Return a line ``key = value  # note`` for each of the values, which belong to a record of type `kind`."""
-    notes = {key.name: key.rule.note for key in declared_keys(kind, rules, bare=bare)}
-    lines = ((f"{name} = {_in_lines(value)}", notes[name]) for name, value in values.items())
-    return [f"{line:30} # {note}" if note else line for line, note in lines]
-
-
-def _in_lines(value: Any) -> str:
-    """Return a value as TOML, arrays in an array one to a line where there are many."""
-    if isinstance(value, list | tuple) and len(value) > MOST_IN_LINE and isinstance(value[0], list | tuple):
-        return "[\n" + "".join(f"    {toml(each)},\n" for each in value) + "]"
-    return toml(value)
-
-
 def head_lines(name: str, description: str) -> list[str]:
     """Return the lines of a scene file before its first table."""
     return [f"name = {toml(name)}", *([f"description = {toml(description)}"] if description else [])]
@@ -380,31 +331,3 @@ def shown(value: Any) -> str:
 def cut(text: str) -> str:
     """Return the first 60 characters of a text."""
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-@dataclass(frozen=True)
-class DeclaredKey:
-    """A key of a table: its name, its rule, and its default, `MISSING` where it must be given."""
-
-    name: str
-    rule: Rule
-    default: Any
-
-
-def declared_keys(kind: type, rules: Rules | None = None, *, bare: bool = False) -> list[DeclaredKey]:
-    """Return the keys of a record that a scene file holds; `bare` is true for a scene without ``[wave]``."""
-    known = ((item, (rules or {}).get(item.name) or item.metadata.get("rule")) for item in _fields(kind))
-    found = (_declared(item, rule, bare) for item, rule in known if rule is not None)
-    return [key for key in found if key is not None]
-
-
-def _declared(item: "Field[Any]", rule: Rule, bare: bool) -> DeclaredKey | None:
-    other = rule.bare
-    if other is None or not (bare or other.only):
-        return DeclaredKey(item.name, rule, item.default)
-    if not bare or other.rule is None:
-        return None
-    return DeclaredKey(item.name, other.rule, other.default)
-
-
-_fields = cache(fields)  # kept by kind of record, which are few; a scene asks for them a hundred times

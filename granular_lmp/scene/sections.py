@@ -17,6 +17,7 @@ from granular_lmp.crystal.modes import MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
+from granular_lmp.scene.records import remembering
 from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
 
@@ -29,6 +30,7 @@ LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
 
+@remembering
 @dataclass(frozen=True)
 class Packing:
     """Packing of a lattice: rows along y, columns along x, and what each of its faces is.
@@ -216,6 +218,7 @@ def refuse_step_beside_tolerance(tables: Mapping[str, Any]) -> None:
         )
 
 
+@remembering
 @dataclass(frozen=True)
 class Time(Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
@@ -253,6 +256,7 @@ class Time(Sampled):
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
 
 
+@remembering
 @dataclass(frozen=True)
 class Effects:
     """Effects in the deck, each true, false or "auto", and the coefficients that some of them need.
@@ -315,6 +319,7 @@ def _recorded(rule: ArrayRule) -> Any:
     return places_field(replace(rule, bare=Bare(rule, (), only=True)))
 
 
+@remembering
 @dataclass(frozen=True)
 class Output(AtPlaces):
     """Output of a run in addition to the record of the centre sphere; without ``[wave]`` the spheres that are recorded.

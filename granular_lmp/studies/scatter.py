@@ -249,7 +249,7 @@ def _as_tone(scene: Scene, frequency: float) -> Scene:
     ramp = max(1.0, burst.cycles * period / 2)
     tone = replace(burst, signal="tone", cycles=Source.cycles, frequency=frequency, hertz=None, ramp=ramp)
     duration = scene.time.duration + 2 * PERIODS * period
-    return replace(scene, source=(tone,)).with_values({"time.duration": duration})
+    return scene.replace(source=(tone,)).with_values({"time.duration": duration})
 
 
 @dataclass(frozen=True, eq=False)
