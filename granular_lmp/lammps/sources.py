@@ -15,6 +15,7 @@ Samples are four vectors of numbers, the coefficients of a cubic polynomial in e
 keeps such a list as it was read, and a variable names the entry. A deck needs no file beside its own two.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from granular_lmp.errors import SceneError
@@ -25,20 +26,6 @@ from granular_lmp.scene.samples import pieces
 from granular_lmp.scene.signals import SAMPLES
 from granular_lmp.scene.sources import ROTATION, TORQUE, PlacedSource, Source
 
-_RISE = "v_<s>^3*(10-15*v_<s>+6*v_<s>^2)"
-_CARRIER = "cos(v_Omega<t>*v_<time>-<phase>)"
-# The time since the beginning as a share of the ramp or of the burst; y of a Ricker wavelet, −12 at t = 0, where the
-# signal is 71 e^{-36} = 2e-14 of its largest value
-_SHARE, _OFF_PEAK = "ternary(v_<time><<length>,<begun>v_<time>/<length>,1.0)", "v_Omega<t>*v_<time>-12.0"
-# By signal the variable s, and the signal over it
-FORMULAS = {
-    "tone": (_SHARE, f"{_RISE}*{_CARRIER}"),
-    "burst": (_SHARE, f"sin(PI*v_<s>)^2*{_CARRIER}"),
-    "chirp": (_SHARE, "sin(PI*v_<s>)^2*cos(v_Omega<t>*v_<time>*(1+$(0.5*(<sweep>-1):%.17g)*v_<s>)-<phase>)"),
-    "step": (_SHARE, _RISE),
-    "ricker": (_OFF_PEAK, "(1-0.5*v_<s>^2)*exp(-0.25*v_<s>^2)"),
-    SAMPLES: ("", "(v_c0_<t>[v_<i>]+v_<s>*(v_c1_<t>[v_<i>]+v_<s>*(v_c2_<t>[v_<i>]+v_<s>*v_c3_<t>[v_<i>])))"),
-}
 # LAMMPS evaluates a variable anew wherever it is named, at every step: what is constant stands there as a number
 _STEP = "$(v_step/v_t0:%.17g)"
 _NUMBERS_A_LINE = 5
@@ -63,18 +50,7 @@ class _Signal:
     late: float = 0.0
 
     def at(self, time: str, name: str, s: str) -> list[str]:
-        """Return the lines that define s and the signal `name` at a time."""
-        if self.intervals:
-            return self._of_samples(time, name, s)
-        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
-        known = {"<s>": s + self.tag, "<t>": self.tag, "<time>": time, "<begun>": begun}
-        constants = {"<length>": self.length, "<phase>": self.phase, "<sweep>": self.sweep}
-        share, text = (_filled(each, known | constants) for each in self.formula)
-        return [_line(s + self.tag, share), _line(name + self.tag, f"{self.unit}*{text}")]
-
-    @property
-    def formula(self) -> tuple[str, str]:
-        """The variable s and the signal over it, with slots.
+        """Return the lines that define s and the signal `name` at a time.
 
         Raises
         ------
@@ -83,14 +59,26 @@ class _Signal:
         """
         if self.kind not in FORMULAS:
             raise SceneError(f'signal = "{self.kind}": has no formula in a deck; must be one of {", ".join(FORMULAS)}')
-        return FORMULAS[self.kind]
+        if self.intervals:
+            return self._of_samples(time, name, s)
+        share, text = FORMULAS[self.kind](self, time, f"v_{s}{self.tag}")
+        return [_line(s + self.tag, share), _line(name + self.tag, f"{self.unit}*{text}")]
+
+    def share(self, time: str) -> str:
+        """Return the time since the beginning as a share of the ramp or of the burst."""
+        begun = "" if time == "tau" else f"(v_{time}>0)*"  # the time of the run itself is never negative
+        return f"ternary(v_{time}<{self.length},{begun}v_{time}/{self.length},1.0)"
+
+    def carrier(self, time: str, faster: str = "") -> str:
+        """Return cos(Ωt − phase), or with Ω times a factor."""
+        return f"cos(v_Omega{self.tag}*v_{time}{faster}-{self.phase})"
 
     def _of_samples(self, time: str, name: str, s: str) -> list[str]:
         """Return the lines for the interval i, 1 before the first sample, the way s through it, and the signal."""
         steps, i = {"was": "(step-1)", "next": "(step+1)"}.get(name, "step"), s.replace("s", "i", 1) + self.tag
         way = f"{steps}*$(v_pace{self.tag}:%.17g)" + (f"-{self.late!r}" if self.late else "")
         inside = f"({way}>=0)*(1+floor({way}))" if self.late or time != self.now else f"1+floor({way})"
-        text = _filled(self.formula[1], {"<i>": i, "<s>": s + self.tag, "<t>": self.tag})
+        _, text = _samples(self, i, f"v_{s}{self.tag}")
         return [
             _line(i, f"1+ternary({way}<{self.intervals},{inside},{self.intervals + 1})"),
             _line(s + self.tag, f"({way})%1" if self.late else f"{way}%1"),
@@ -102,20 +90,58 @@ class _Signal:
 
         `step` is the step in the units of the times.
         """
-        name, sign, speed = ("next", "+", "v_next<t>-v_swing<t>") if ahead else ("was", "-", "v_swing<t>-v_was<t>")
+        name, sign, tag = ("next", "+", self.tag) if ahead else ("was", "-", self.tag)
+        later, sooner = (f"v_next{tag}", f"v_swing{tag}") if ahead else (f"v_swing{tag}", f"v_was{tag}")
         return [
             *self.at(self.now, "swing", "s"),
             *([] if self.intervals else [_line(self.beside, f"v_{self.now}{sign}{step}")]),
             *self.at(self.beside, name, f"s_{name}"),
-            _line(f"speed{self.tag}", f"({speed.replace('<t>', self.tag)})/v_step"),
+            _line(f"speed{tag}", f"({later}-{sooner})/v_step"),
         ]
 
 
-def _filled(text: str, values: dict[str, str]) -> str:
-    """Return a formula with its slots filled."""
-    for slot, value in values.items():
-        text = text.replace(slot, value)
-    return text
+# --- the variable s of each signal at a time, and the signal over it
+
+
+def _rise(s: str) -> str:
+    return f"{s}^3*(10-15*{s}+6*{s}^2)"
+
+
+def _tone(signal: _Signal, time: str, s: str) -> tuple[str, str]:
+    return signal.share(time), f"{_rise(s)}*{signal.carrier(time)}"
+
+
+def _burst(signal: _Signal, time: str, s: str) -> tuple[str, str]:
+    return signal.share(time), f"sin(PI*{s})^2*{signal.carrier(time)}"
+
+
+def _chirp(signal: _Signal, time: str, s: str) -> tuple[str, str]:
+    return signal.share(time), f"sin(PI*{s})^2*{signal.carrier(time, f'*(1+$(0.5*({signal.sweep}-1):%.17g)*{s})')}"
+
+
+def _step(signal: _Signal, time: str, s: str) -> tuple[str, str]:
+    return signal.share(time), _rise(s)
+
+
+def _ricker(signal: _Signal, time: str, s: str) -> tuple[str, str]:
+    """Here s is y of the wavelet, −12 at t = 0, where the signal is 71 e^{-36} = 2e-14 of its largest value."""
+    return f"v_Omega{signal.tag}*v_{time}-12.0", f"(1-0.5*{s}^2)*exp(-0.25*{s}^2)"
+
+
+def _samples(signal: _Signal, i: str, s: str) -> tuple[str, str]:
+    """Here the interval i stands for the time, and s is the way through it."""
+    c0, c1, c2, c3 = (f"v_c{order}_{signal.tag}[v_{i}]" for order in range(4))
+    return "", f"({c0}+{s}*({c1}+{s}*({c2}+{s}*{c3})))"
+
+
+FORMULAS: dict[str, Callable[[_Signal, str, str], tuple[str, str]]] = {
+    "tone": _tone,
+    "burst": _burst,
+    "chirp": _chirp,
+    "step": _step,
+    "ricker": _ricker,
+    SAMPLES: _samples,
+}
 
 
 def _line(name: str, expression: str, comment: str = "") -> str:
@@ -163,7 +189,7 @@ def _source(tag: str, placed: PlacedSource, problem: Problem) -> list[str]:
         signal = replace(signal, intervals=intervals, late=source.delay / interval)
         head += [*_tables(tag, source), _line(f"pace{tag}", f"v_step/v_t0/{interval!r}", "samples in a step")]
     else:
-        pitch = any("Omega" in each for each in signal.formula)
+        pitch = any("Omega" in line for line in signal.at(signal.now, "push", "s"))
         head += [_line(f"Omega{tag}", repr(placed.frequency), "rad per tau")] if pitch else []
         head += [_line(f"t{tag}", f"step*{_STEP}-{source.delay!r}", "tau since it began")]
     if source.motion == ROTATION:
