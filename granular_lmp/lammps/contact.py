@@ -18,14 +18,8 @@ https://docs.lammps.org/pair_granular.html, https://docs.lammps.org/fix_wall_gra
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import combinations_with_replacement
-from typing import Any
 
-from granular_lmp.crystal.contacts import equivalent
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.effects.openings import at_rest_lines
-from granular_lmp.effects.selection import EFFECTS
-from granular_lmp.problem import Problem
 from granular_lmp.units import AnyUnits
 
 NORMAL_LAWS = ("dmt", "hertz", "jkr")
@@ -33,45 +27,6 @@ NORMAL_LAWS = ("dmt", "hertz", "jkr")
 # "secant" with a shear displacement that shrinks with the contact radius on unloading.
 _MINDLIN = {"secant": "mindlin", "incremental": "mindlin/force", "rescaled": "mindlin_rescale"}
 TANGENTIAL_LAWS = (*_MINDLIN, "none")
-
-
-def contacts(problem: Problem) -> list[str]:
-    """Return the block of the contact law of all effects together, between spheres and with walls."""
-    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.scene.loose else "${friction}"}
-    for effect in EFFECTS:
-        law |= effect.law(problem.scene, problem.on[effect.name])
-    materials = problem.materials
-    laws = {
-        (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
-        for m, n in combinations_with_replacement(range(len(materials)), 2)
-    }
-    words = "damping and nu" if problem.scene.loose else "damping, nu and half the work of adhesion"
-    return [
-        f"# --- contacts: normal law with E, {words}; tangential law with friction",
-        pairs(laws),
-        *_walls(problem, law),
-        *at_rest_lines(problem),
-    ]
-
-
-def _walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
-    """Return the lines of the rigid walls that spheres of each material touch."""
-    if not problem.planes:
-        return []
-    to_deck = problem.units.number(problem.scene.material.radius, length=1)
-    planes = {name: place * to_deck for name, place in problem.planes.items()}
-    groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
-    walls = [
-        wall(
-            model(rigid(each), problem.units, **law),
-            f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}",
-            name=f"{name}{m}",
-            group=f"material{m}",
-        )
-        for name, place in planes.items()
-        for m, each in enumerate(problem.materials, 1)
-    ]
-    return groups + walls
 
 
 def model(

@@ -14,8 +14,9 @@ import ase
 from granular_lmp.card import HasCard
 from granular_lmp.effects import openings
 from granular_lmp.lammps import (
-    contact,
+    ends,
     guards,
+    laws,
     monitors,
     motion,
     recording,
@@ -39,14 +40,14 @@ BLOCKS = (
     Block(variables.variables),
     Block(variables.units),
     Block(spheres.spheres, again=spheres.restarted),
-    Block(contact.contacts),
+    Block(laws.contacts),
     Block(openings.begin, again=False),
     Block(start.preload, again=start.reference),
     Block(start.begin, again=start.kept_field),
     Block(strikes.strikers, again=False),
     Block(sources.driven_row),
     Block(sources.sources),
-    Block(motion.loads),
+    Block(ends.loads),
     Block(motion.motion),
     Block(guards.guards, again=guards.guards),
     Block(recording.record, again=recording.record),

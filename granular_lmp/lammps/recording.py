@@ -4,8 +4,8 @@ from granular_lmp.crystal.lattices import centre
 from granular_lmp.effects import selection
 from granular_lmp.lammps.checkpoints import minutes_between
 from granular_lmp.lammps.datafile import id_ranges
+from granular_lmp.lammps.ends import boundary
 from granular_lmp.lammps.outputs import CHECKPOINTS
-from granular_lmp.lammps.spheres import boundary
 from granular_lmp.problem import Problem
 
 # OVITO knows these names

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from granular_lmp.effects import selection
 from granular_lmp.lammps import replicated, start
 from granular_lmp.lammps.datafile import DataFile
+from granular_lmp.lammps.ends import boundary
 from granular_lmp.problem import Problem
 
 
@@ -93,12 +94,3 @@ def _neighbours(problem: Problem) -> list[str]:
     if problem.scene.loose:
         return ["neighbor     0.2 bin", start.STEP]
     return [f"neighbor     {problem.units.number(problem.scene.sphere.radius / 10, length=1)!r} bin"]
-
-
-def boundary(problem: Problem) -> str:
-    """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
-    if problem.scene.loose:
-        return f"{'p' if problem.crystal.pbc[0] else 'm'} m p"
-    shape = problem.scene.shape
-    faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
-    return " ".join("p" if periodic else "m" if free else "f" for periodic, free in faces) + " p"

@@ -1,0 +1,63 @@
+"""The ends of a deck: the faces of its box, rigid walls, held spheres, and forces on free ends.
+
+Quiet ends are an effect (`granular_lmp.effects.quiet_ends`).
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from granular_lmp.lammps.contact import model, rigid, wall
+from granular_lmp.problem import Problem
+
+
+def boundary(problem: Problem) -> str:
+    """Return the words for the faces of the box: the box follows spheres at a free face, which may fly."""
+    if problem.scene.loose:
+        return f"{'p' if problem.crystal.pbc[0] else 'm'} m p"
+    shape = problem.scene.shape
+    faces = (shape.along_x, "sides" in shape.free), (shape.along_y, {"first", "last"} & {*shape.free})
+    return " ".join("p" if periodic else "m" if free else "f" for periodic, free in faces) + " p"
+
+
+def walls(problem: Problem, law: Mapping[str, Any]) -> list[str]:
+    """Return the lines of the rigid walls that spheres of each material touch, by the law of their contacts."""
+    if not problem.planes:
+        return []
+    to_deck = problem.units.number(problem.scene.material.radius, length=1)
+    planes = {name: place * to_deck for name, place in problem.planes.items()}
+    groups = [f"group        material{m + 1} type {2 * m + 1} {2 * m + 2}" for m in range(len(problem.materials))]
+    return groups + [
+        wall(
+            model(rigid(each), problem.units, **law),
+            f"{name[0]}plane {f'{place!r} NULL' if name.endswith('lo') else f'NULL {place!r}'}",
+            name=f"{name}{m}",
+            group=f"material{m}",
+        )
+        for name, place in planes.items()
+        for m, each in enumerate(problem.materials, 1)
+    ]
+
+
+def held(problem: Problem) -> list[str]:
+    """Return the lines that freeze held spheres which other spheres hit with dashpots."""
+    if not (problem.scene.loose and problem.on["damping"] and problem.crystal.arrays["fixed"].any()):
+        return []
+    return [
+        "# dashpots then take the mass of a held sphere as infinite; with its own mass too much would come back",
+        "group        held subtract all mobile",
+        "fix          held held freeze",
+    ]
+
+
+def loads(problem: Problem) -> list[str]:
+    """Return the block of the constant forces on free ends of a chain that is pressed together, [] without any."""
+    units, scale = problem.units, problem.scale
+    mass, time = units.number(scale.mass, mass=1), units.number(scale.time, time=1)
+    lines = ["# --- constant forces on free ends, which press the chain together"]
+    for number, (sphere, force) in enumerate(problem.loads.items(), 1):
+        of_deck = units.number(force * scale.length, length=1) * mass / time**2
+        lines += [
+            f"group        end{number} id {sphere + 1}",
+            f"fix          load{number} end{number} addforce 0.0 {of_deck!r} 0.0",
+        ]
+    return lines if problem.loads else []

@@ -1,0 +1,30 @@
+"""The block of a deck with the law of its contacts, which all effects write together."""
+
+from itertools import combinations_with_replacement
+from typing import Any
+
+from granular_lmp.crystal.contacts import equivalent
+from granular_lmp.effects.openings import at_rest_lines
+from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.lammps.contact import model, pairs
+from granular_lmp.lammps.ends import walls
+from granular_lmp.problem import Problem
+
+
+def contacts(problem: Problem) -> list[str]:
+    """Return the block of the contacts between spheres and with walls."""
+    law: dict[str, Any] = {"friction": problem.scene.effects.friction if problem.scene.loose else "${friction}"}
+    for effect in EFFECTS:
+        law |= effect.law(problem.scene, problem.on[effect.name])
+    materials = problem.materials
+    laws = {
+        (m, n): model(equivalent(materials[m], materials[n]), problem.units, **law)
+        for m, n in combinations_with_replacement(range(len(materials)), 2)
+    }
+    words = "damping and nu" if problem.scene.loose else "damping, nu and half the work of adhesion"
+    return [
+        f"# --- contacts: normal law with E, {words}; tangential law with friction",
+        pairs(laws),
+        *walls(problem, law),
+        *at_rest_lines(problem),
+    ]
