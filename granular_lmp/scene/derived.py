@@ -1,0 +1,272 @@
+"""What follows from the tables of a scene: the spheres at rest, units, shape, wave vector, words, and echo times."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property, partial
+from typing import Any
+
+from granular_lmp.crystal.disorder import Disorder, Inclusion
+from granular_lmp.crystal.lattices import LATTICES, Lattice, Shape
+from granular_lmp.crystal.scale import Scale
+from granular_lmp.crystal.sphere import Sphere
+from granular_lmp.crystal.wavevector import WaveVector
+from granular_lmp.scene import remarks, words
+from granular_lmp.scene.document import Document
+from granular_lmp.scene.files import assignment as assignment
+from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
+from granular_lmp.scene.monitors import Monitor
+from granular_lmp.scene.sections import (
+    Absorb,
+    Effects,
+    Envelope,
+    Output,
+    Packing,
+    Time,
+    Wave,
+)
+from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
+from granular_lmp.scene.sources import Source, echo_at
+from granular_lmp.scene.start import Start
+from granular_lmp.scene.strikers import Striker, scale_of, stretch
+from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
+from granular_lmp.units import AnyUnits, units_of
+
+DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
+
+
+class Derived(Document):
+    """The values of a scene that are not declared (`granular_lmp.scene.scene.Scene`)."""
+
+    material: Sphere
+    packing: Packing
+    time: Time
+    wave: Wave
+    envelope: Envelope
+    effects: Effects
+    output: Output
+    absorb: Absorb
+    disorder: Disorder
+    inclusion: tuple[Inclusion, ...]
+    source: tuple[Source, ...]
+    monitor: tuple[Monitor, ...]
+    start: Start
+    striker: tuple[Striker, ...]
+
+    @cached_property
+    def sphere(self) -> Sphere:
+        """The spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+        return at_rest(self.material, self.packing, self.effects)
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Units of the scene: m, Δ0 and t0 of the spheres at rest; without a wave those of the impact."""
+        return scale_of(self.striker, self.start, self.material) if self.bare else Scale.of(self.sphere)
+
+    @property
+    def loose(self) -> bool:
+        """True if spheres just touch, or are pressed together from outside, so that they part without a pull."""
+        return self.bare
+
+    @property
+    def units(self) -> AnyUnits:
+        """Units of the deck."""
+        scale = self.scale
+        return units_of(self.material.radius, scale.time, scale.mass, loose=self.loose)
+
+    @property
+    def displacement_amplitude(self) -> float:
+        """D0 = a Δ0, m: the amplitude of the wave's displacement."""
+        return self.wave.amplitude * self.scale.length
+
+    @property
+    def lattice(self) -> Lattice:
+        """Lattice of the packing."""
+        return LATTICES[self.packing.lattice]
+
+    @property
+    def declared_vector(self) -> WaveVector:
+        """Wave vector as declared."""
+        return self.wave.vector(self.lattice)
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Rows, columns and faces of the packing with every "auto" decided."""
+        packing = self.packing
+        if self.bare:
+            size, faces = (int(packing.rows), int(packing.columns)), (packing.first, packing.last, packing.sides)
+            return Shape(*size, "fixed", self.lattice, *faces)
+        return decide(
+            packing.rows,
+            packing.columns,
+            packing.ends,
+            self.declared_vector,
+            self.time.duration,
+            room=self._room,
+            driven=self.wave.form == "driven",
+            lattice=self.lattice,
+            first=packing.first,
+            last=packing.last,
+            sides=packing.sides,
+        )
+
+    @property
+    def _room(self) -> Room:
+        """Room for the envelope: with its offset between walls, with the distance it travels in a periodic cell."""
+        envelope, (x, y) = self.envelope, self.declared_vector.unit
+        rows, columns = (DEVIATIONS * deviation for deviation in envelope.spread(self.declared_vector))
+        way = FASTEST_ROWS_PER_TAU * self.time.duration if envelope.length else 0.0
+        way *= 2 if self.wave.form == "standing" else 1  # its two halves run apart and must not meet again
+        return Room(
+            strip=rows + 2 * abs(envelope.offset),
+            rows=rows + way * abs(y),
+            columns=columns + way * abs(x) * self.lattice.row_spacing,
+            along=envelope.length > 0,
+        )
+
+    @cached_property
+    def vector(self) -> WaveVector:
+        """Wave vector that is used: the nearest one of the cell along the axes on which it is periodic.
+
+        That of a crystal at rest is as declared, as no wave has to fit the cell.
+        """
+        if self.wave.form == "none":
+            return self.declared_vector
+        shape = self.shape
+        return self.declared_vector.snapped(
+            shape.rows if shape.along_y else None, shape.columns if shape.along_x else None
+        )
+
+    @property
+    def wavenumber(self) -> float:
+        """Wave number ξ that is used, rad per row."""
+        return self.vector.wavenumber
+
+    @property
+    def direction(self) -> float:
+        """Direction that is used, degrees from x towards y."""
+        return self.vector.direction
+
+    @property
+    def used(self) -> dict[str, Any]:
+        """Values that run in place of declared ones, which a periodic cell or a sample rounds, by dotted key."""
+        if self.bare:
+            return remarks.used_step(self.time)
+        hertz = partial(hertz_of, self.vector, self.sphere, self.effects.physics, self.wave.mode, self.lattice)
+        return remarks.used_vector(self.declared_vector, self.vector, hertz) | remarks.used_step(self.time)
+
+    @property
+    def perfect(self) -> bool:
+        """True if all spheres are equal and all are there: every contact at rest is that of the infinite lattice.
+
+        Spheres at a face have fewer of them.
+        """
+        return not self.inclusion and not self._random
+
+    @property
+    def _random(self) -> bool:
+        return any((self.disorder.radius, self.disorder.density, self.disorder.vacancies))
+
+    @property
+    def imperfections(self) -> str:
+        """Imperfections in words, "" in a perfect lattice."""
+        return words.imperfections(self.disorder, self.inclusion)
+
+    @property
+    def layered(self) -> bool:
+        """True if the spheres of a row are equal and none is at a side: a plane wave along y moves them alike."""
+        alike = not self._random and all(each.rows for each in self.inclusion)
+        return not self.lattice.sheet or self.shape.along_x and alike
+
+    @property
+    def plane_along_y(self) -> bool:
+        """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
+        return self.perfect and self.starts_along_y and self.shape.infinite
+
+    @property
+    def starts_along_y(self) -> bool:
+        """True if the wave starts as a running plane wave along y."""
+        running = self.wave.form == "running" and not self.envelope.finite
+        running = running and not self.struck and not self.source
+        return running and self.vector.axis == "y" and self.vector.per_row > 0
+
+    @property
+    def uniform_rows(self) -> bool:
+        """True if all spheres of a row move alike, so that the fewest columns stand for any number."""
+        whole = all(each.rows for each in (*self.source, *self.striker, *self.start.at()))
+        whole = whole and not self.start.noise
+        return self.layered and self.vector.axis == "y" and self.envelope.width == 0 and whole
+
+    @property
+    def along(self) -> str:
+        """Direction of the wave in words: "y", "x", "-y", or "49.1066 degrees"."""
+        return {0.0: "x", 90.0: "y", -90.0: "-y", 180.0: "-x"}.get(self.direction, f"{self.direction:.6g} degrees")
+
+    @property
+    def wave_label(self) -> str:
+        """Shortest name of the wave, for a repr: "TR xi=0.802 a=0.2"."""
+        along = "" if self.along == "y" else f" along {self.along}"
+        return f"{self.shaken}{self.wave.words} xi={self.wavenumber:g}{along} a={self.wave.amplitude:g}"
+
+    @property
+    def struck(self) -> bool:
+        """True if strikers or a state move spheres at the beginning, beside the wave."""
+        return bool(self.striker or self.start.moves)
+
+    @property
+    def strike(self) -> float:
+        """Bound of the stretch and slip that strikers and a state make, Δ0 (`granular_lmp.scene.strikers.stretch`)."""
+        return stretch(self.striker, self.start, self.sphere) if self.struck else 0.0
+
+    @property
+    def shaken(self) -> str:
+        """Count of sources and strikers, before the wave that is their unit or beside them; "" without any."""
+        return words.shaken(self.source, self.striker, self.start, self.wave)
+
+    @property
+    def wave_words(self) -> str:
+        """Name of the wave for titles: "TR wave along y, xi = 0.802 rad per row, D0 = 0.2 Delta0"."""
+        return (
+            f"{self.shaken}{self.wave.words} {self.envelope.kind} along {self.along}, "
+            f"xi = {self.wavenumber!r} rad per row, D0 = {self.wave.amplitude!r} Delta0"
+        )
+
+    @property
+    def words(self) -> str:
+        """Return the scene in words, for titles: its wave, or size and strikers."""
+        return words.of_impact(self) if self.bare else self.wave_words
+
+    def remarks(self) -> list[str]:
+        """Return a sentence for each change that made the scene fit."""
+        if self.bare:
+            return remarks.on_step(self.time)
+        said = remarks.on_packing(self.packing, self.shape) + remarks.on_vector(self.wave, self.shape, self.vector)
+        if self.wave.frequency is not None:
+            found = wavenumbers_of(self.wave, self.sphere, self.effects, self.lattice)
+            said = remarks.on_frequency(self.wave, found) + said
+        return said + remarks.on_step(self.time)
+
+    @property
+    def echo_time(self) -> float:
+        """Time τ at which the echo of the faces reaches the centre sphere; infinite if there is none."""
+        row, column = self.shape.centre_row, self.shape.columns // 2
+        return self.echo_at((row, row), (column, column))
+
+    def echo_at(self, rows: Sequence[int], columns: Sequence[int]) -> float:
+        """Return the time τ at which the echo of the faces reaches a block of spheres in a perfect lattice.
+
+        `rows` and `columns` are those of the block, (first, last).
+        """
+        pushed = (*self.source, *self.striker, *self.start.at())
+        return echo_at((rows, columns), pushed, self.shape, form=self.wave.form, quiet=self.absorb.rows != 0)
+
+
+def at_rest(material: Sphere, packing: Packing, effects: Effects) -> Sphere:
+    """Return the spheres of the lattice at rest: as declared, pressed together, adhesive or not."""
+    adhesion = 0.0 if effects.adhesion is False else material.work_of_adhesion
+    return replace(material, work_of_adhesion=adhesion, contact_force=packing.contact_force)
+
+
+def wavenumbers_of(wave: Wave, sphere: Sphere, effects: Effects, lattice: Lattice) -> tuple[float, ...]:
+    """Return where the declared frequency is that of the mode, ascending, rad per row."""
+    assert wave.frequency is not None
+    return wavenumbers_at(wave.frequency, sphere, effects.physics, wave.mode, wave.degrees, lattice)
