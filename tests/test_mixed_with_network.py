@@ -133,6 +133,11 @@ STRIKES: dict[str, tuple[Scene, dict[str, Any], float]] = {
         {"effects.friction": 0.3, "effects.shear_law": "secant", "start.state": [[4, 3, 0.0, 0.0, 0.1, 0.2, 40.0]]},
         1e-3,
     ),
+    "a displaced state with friction": (
+        SHEET,
+        {"effects.friction": 0.3, "effects.shear_law": "secant", "start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]},
+        1e-3,
+    ),
     "a displaced state": (SHEET, {"start.state": [[4, 3, 1e-6, 2e-6, 0.1, 0.2, 0.0]]}, 1e-5),
     "two spheres collide": (CHAIN, {"packing.rows": 2, "packing.last": "free", "packing.contact_force": 0.0}, 1e-4),
 }

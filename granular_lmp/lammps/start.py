@@ -75,8 +75,11 @@ def _preloads(problem: Problem) -> bool:
 
 
 def _sum(problem: Problem, of_wave: str, of_state: str) -> str:
-    """Return the sum of a field of the wave and one of the state, of those that the scene has."""
-    if problem.scene.wave is None:
+    """Return the sum of a field of the wave and one of the state, of those that the scene begins with.
+
+    The field of a driven row says where it will move; a preload would shear its contacts as if it had moved at once.
+    """
+    if not _waves(problem):
         return of_state
     return of_wave + (f"+{of_state}" if problem.scene.start.moves else "")
 
