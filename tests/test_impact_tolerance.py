@@ -20,9 +20,8 @@ from granular_lmp.accuracy.collisions import estimate, order
 from granular_lmp.accuracy.ladder import RUNGS, plan, planned
 from granular_lmp.accuracy.richardson import combined_record
 from granular_lmp.cli import main
-from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import prepare
-from granular_lmp.runs.options import Options
 from granular_lmp.runs.record import read_status, write_status
 from granular_lmp.studies.sweep import sweep
 
@@ -200,27 +199,6 @@ def test_the_folder_holds_the_answer_and_its_runs(tmp_path: Path) -> None:
     with pytest.raises(RunFolderError, match="is there already"):
         run_impact(scene, tmp_path / "run")
     assert planned(prepare(scene)).scene.time.steps_per_sample == per_sample << RUNGS - 1
-
-
-def test_a_stopped_run_to_a_tolerance_is_continued(tmp_path: Path, fast_looks: None) -> None:
-    scene = SHEET.with_values({"effects.friction": 0.2, "time.duration": 40.0, "output.checkpoint": 3e-5})
-    whole = run_impact(scene, tmp_path / "whole")
-
-    def stop(step: int, steps: int) -> None:
-        if steps / 2 < step < steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted, match="continue with: granular-lmp resume"):
-        run_impact(scene, tmp_path / "cut", Options(progress=stop))
-    first = min((tmp_path / "cut").glob("*_per_sample"), key=lambda path: int(path.name.split("_")[0]))
-    written = (first / "run.json").stat().st_mtime_ns
-    record = resume(tmp_path / "cut")
-    assert (first / "run.json").stat().st_mtime_ns == written  # what was finished is not run again
-    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
-    assert dumps[0] == dumps[1]
-    assert record.info["error_estimate"] == whole.info["error_estimate"]
-    with pytest.raises(RunFolderError, match="the run is finished"):
-        resume(tmp_path / "cut")
 
 
 def test_a_run_that_was_stopped_in_its_first_checkpoint_begins_anew(tmp_path: Path) -> None:

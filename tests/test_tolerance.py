@@ -30,10 +30,9 @@ from granular_lmp.accuracy.ladder import (
 from granular_lmp.accuracy.noise import counted
 from granular_lmp.accuracy.richardson import combined_record, judge
 from granular_lmp.accuracy.rounding import floor, linear_signals, rounding
-from granular_lmp.accuracy.tolerance import refine, resume
-from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError, ToleranceError
+from granular_lmp.accuracy.tolerance import refine
+from granular_lmp.errors import RunFolderError, SceneError, ToleranceError
 from granular_lmp.problem import largest_step, prepare
-from granular_lmp.runs import routes
 from granular_lmp.runs.record import read_status
 from granular_lmp.step_rules import COARSEST
 from tests.conftest import PAPER
@@ -139,40 +138,6 @@ def test_the_rounding_of_what_a_mirror_makes_zero_is_no_signal(tmp_path: Path) -
     assert np.max(np.abs(record.q)) > 0
     assert record.info["error_estimate"]["q"] is None
     assert record.info["error_budget"][2]["q"] is None
-
-
-# Long enough for the display to come in between, when it looks a thousand times a second
-LONG = periodic("TR", 16, 2, 0.2, time_tolerance=1e-4, time_duration=900.0)
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """The trajectory of LONG, run without a stop."""
-    folder = tmp_path_factory.mktemp("whole") / "run"
-    run(LONG, folder)
-    return (folder / "trajectory.csv").read_bytes()
-
-
-@pytest.mark.parametrize(("share", "begun"), [(0.01, 1), (0.2, 2)], ids=["in the first run", "in the second"])
-def test_an_interrupted_scene_resumes_to_the_same_bytes(
-    share: float, begun: int, whole: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(routes, "_POLL", 1e-3)
-
-    def stop(step: int, steps: int) -> None:
-        if step > share * steps:
-            raise KeyboardInterrupt
-
-    with pytest.raises(RunInterrupted):
-        run(LONG, tmp_path / "cut", progress=stop)
-    assert read_status(tmp_path / "cut")["status"] == "interrupted"
-    runs = [read_status(folder)["status"] for folder in (tmp_path / "cut").glob("*_per_sample")]
-    assert sorted(runs) == ["finished"] * (begun - 1) + ["interrupted"]
-    record = resume(tmp_path / "cut")
-    assert record.info["status"] == "finished"
-    assert (tmp_path / "cut/trajectory.csv").read_bytes() == whole
-    with pytest.raises(RunFolderError, match="nothing to resume"):
-        resume(tmp_path / "cut")
 
 
 def test_a_folder_that_is_there_is_run_again_only_by_force(tmp_path: Path) -> None:

@@ -1,0 +1,202 @@
+"""Stopped runs of every kind of scene: continued from a checkpoint to the same bytes, on either route."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, resume, run
+from granular_lmp.cli import main
+from granular_lmp.errors import RunFolderError, RunInterrupted, SceneError
+from granular_lmp.lammps.checkpoints import SPEED, checkpoint_steps
+from granular_lmp.lammps.deck import deck_of
+from granular_lmp.lammps.guards import look_interval
+from granular_lmp.lammps.outputs import CHECKPOINTS
+from granular_lmp.problem import prepare
+from granular_lmp.runs.record import read_status, write_status
+from tests.conftest import PAPER
+
+# 1200 steps; a checkpoint at each 125 of them
+SHEET = Scene.load("point_impact").with_values(
+    {
+        "packing.rows": 8,
+        "packing.columns": 9,
+        "striker.1.spheres": [[0, 4]],
+        "time.duration": 60.0,
+        "output.checkpoint": 5e-5,
+    }
+)
+RUBS = {"effects.friction": 0.3}
+DAMPED = {**RUBS, "effects.restitution": 0.8}
+CHAIN = Scene.load("solitary_chain").with_values(
+    {"packing.rows": 10, "packing.last": "free", "time.duration": 200.0, "output.checkpoint": 3e-5}
+)
+
+
+WAVE = PAPER.with_values(
+    {"packing.rows": 201, "time.duration": 75.0, "time.allow_echo": True, "output.checkpoint": 603 * 100 / SPEED / 60}
+)
+SCENES = {
+    "wave": WAVE,
+    "imperfect": WAVE.with_values({"disorder.density": 0.1, "disorder.seed": 2, "packing.columns": 4}),
+    "sheet": SHEET,
+    "secant": SHEET.with_values({**RUBS, "effects.shear_law": "secant"}),
+    "walls": SHEET.with_values({**RUBS, "packing.last": "wall", "packing.sides": "wall", "effects.restitution": 0.8}),
+    "held": SHEET.with_values(
+        {**RUBS, "packing.last": "held", "packing.sides": "periodic", "effects.restitution": 0.8}
+    ),
+    "slides": SHEET.with_values({"effects.friction": 0.02, "packing.last": "wall"}),
+    # Spheres fly off, and the box of the dump follows them
+    "chain": CHAIN,
+    # Constant forces on free ends; displacements that count from rest, not from the state at the beginning
+    "pressed": CHAIN.with_values({"packing.contact_force": 30.0}),
+    "state": Scene.load("breather").with_values({"time.duration": 100.0, "output.checkpoint": 1e-5}),
+}
+# Runs to a tolerance, long enough to be stopped in the second of them
+TOLERANCES = {
+    "wave": PAPER.with_values(
+        {"packing.rows": 16, "packing.ends": "periodic", "wave.wavenumber": np.pi / 4, "time.duration": 900.0}
+        | {"time.tolerance": 1e-4, "wave.amplitude": 0.2}
+    ),
+    "sheet": SHEET.with_values(
+        {"packing.rows": 7, "packing.columns": 7, "striker.1.spheres": [[0, 3]], "time.duration": 40.0}
+        | {"effects.friction": 0.2, "time.sample": 1.0, "time.tolerance": 1e-3, "output.checkpoint": 3e-5}
+    ),
+}
+
+
+def recorded(folder: Path) -> dict[str, bytes]:
+    """What a run recorded, by file."""
+    names = ("dump.centre", "dump.particles", "trajectory.csv")
+    return {name: (folder / name).read_bytes() for name in names if (folder / name).is_file()}
+
+
+def stop(step: int, steps: int) -> None:
+    if steps / 3 < step < steps:
+        raise KeyboardInterrupt
+
+
+def stopped(scene: Scene, folder: Path, launcher: str = "module", ranks: int = 1) -> None:
+    with pytest.raises(RunInterrupted, match="continue with: granular-lmp resume"):
+        run(scene, folder, launcher=launcher, ranks=ranks, progress=stop)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_stopped_run_is_continued_to_the_same_bytes(name: str, tmp_path: Path, fast_looks: None) -> None:
+    scene = SCENES[name]
+    whole = run(scene, tmp_path / "whole")
+    stopped(scene, tmp_path / "cut")
+    before = len(Record.load(tmp_path / "cut", unfinished=True).tau)
+    assert before < len(whole.tau)
+    record = resume(tmp_path / "cut")
+    assert recorded(tmp_path / "whole") == recorded(tmp_path / "cut") != {}
+    if scene.wave is None:  # the looks of a wave fall on other steps after a stop
+        assert record.info["guards"] == whole.info["guards"]
+    assert record.info["status"] == "finished"
+    assert Record.load(tmp_path / "cut").tau.tolist() == whole.tau.tolist()
+    assert not any((tmp_path / "cut" / name).exists() for name in CHECKPOINTS)
+    with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
+        resume(tmp_path / "cut")
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Record]:
+    """Runs to a tolerance that nobody stopped."""
+    return {name: run(scene, tmp_path_factory.mktemp(name) / "whole") for name, scene in TOLERANCES.items()}
+
+
+@pytest.mark.parametrize("name", TOLERANCES)
+@pytest.mark.parametrize(("share", "begun"), [(0.02, 1), (0.5, 2)], ids=["in the first run", "later"])
+def test_stopped_runs_to_a_tolerance_are_continued_to_the_same_bytes(
+    name: str, share: float, begun: int, answers: dict[str, Record], tmp_path: Path, fast_looks: None
+) -> None:
+    scene, whole = TOLERANCES[name], answers[name]
+    assert whole.folder is not None
+
+    def late(step: int, steps: int) -> None:
+        if step > share * steps:
+            raise KeyboardInterrupt
+
+    with pytest.raises(RunInterrupted, match="continue with: granular-lmp resume"):
+        run(scene, tmp_path / "cut", progress=late)
+    assert read_status(tmp_path / "cut")["status"] == "interrupted"
+    there = {folder: read_status(folder)["status"] for folder in (tmp_path / "cut").glob("*_per_sample")}
+    done = [folder for folder, status in there.items() if status == "finished"]
+    assert len(done) >= begun - 1
+    assert len(there) == len(done) + 1
+    written = {folder: (folder / "run.json").stat().st_mtime_ns for folder in done}
+    record = resume(tmp_path / "cut")
+    assert all((folder / "run.json").stat().st_mtime_ns == time for folder, time in written.items())
+    assert recorded(whole.folder) == recorded(tmp_path / "cut") != {}
+    assert record.info["error_estimate"] == whole.info["error_estimate"]
+    with pytest.raises(RunFolderError, match="the run is finished"):
+        resume(tmp_path / "cut")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_program_continues_on_its_ranks(ranks: int, tmp_path: Path, fast_looks: None) -> None:
+    # Half the minutes on two ranks are as many steps
+    scene = SHEET.with_values({**RUBS, "output.checkpoint": 5e-5 / ranks, "time.duration": 200.0})
+    whole = run(scene, tmp_path / "whole", launcher="lmp", ranks=ranks)
+    stopped(scene, tmp_path / "cut", "lmp", ranks)
+    record = resume(tmp_path / "cut")
+    assert record.info["ranks"] == ranks
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert record.info["guards"] == whole.info["guards"]
+
+
+def test_a_scene_that_was_changed_after_the_stop_is_refused(tmp_path: Path, fast_looks: None) -> None:
+    stopped(SHEET, tmp_path / "cut")
+    (tmp_path / "cut" / "scene.toml").write_text(SHEET.with_values({"effects.friction": 0.31}).to_toml())
+    with pytest.raises(RunFolderError, match="scene"):
+        resume(tmp_path / "cut")
+
+
+def test_a_run_is_stopped_and_continued_twice(tmp_path: Path, fast_looks: None) -> None:
+    scene = SHEET.with_values({**RUBS, "time.duration": 120.0})
+    whole = run(scene, tmp_path / "whole")
+
+    def later(step: int, steps: int) -> None:
+        if steps / 1.5 < step < steps:
+            raise KeyboardInterrupt
+
+    stopped(scene, tmp_path / "cut")
+    with pytest.raises(RunInterrupted):
+        resume(tmp_path / "cut", progress=later)
+    assert main(["resume", str(tmp_path / "cut")]) == 0
+    dumps = [(tmp_path / name / "dump.particles").read_bytes() for name in ("whole", "cut")]
+    assert dumps[0] == dumps[1]
+    assert len(whole.tau) == 121
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"status": "finished"}, "the run is finished; there is nothing to resume"),
+        ({"edited": ["+ x"]}, "its deck was edited"),
+        ({"ranks": None}, "ranks = None: must be a whole number above 0"),
+    ],
+)
+def test_what_cannot_be_continued_is_said(change: dict[str, Any], message: str, tmp_path: Path) -> None:
+    run(CHAIN.with_values({"time.duration": 2.0}), tmp_path / "run")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "interrupted"} | change)
+    with pytest.raises(RunFolderError, match=message):
+        resume(tmp_path / "run")
+
+
+def test_a_checkpoint_is_declared_in_minutes_and_falls_on_a_look(tmp_path: Path) -> None:
+    problem = prepare(SHEET)
+    steps = checkpoint_steps(problem)
+    assert steps % look_interval(problem) == 0
+    assert f"variable checkpoint index {steps}  #" in deck_of(problem).input_text
+    assert checkpoint_steps(problem, 2) == pytest.approx(2 * steps, abs=look_interval(problem))
+    assert Scene.loads(SHEET.to_toml()) == SHEET
+    with pytest.raises(SceneError, match=re.escape("output.checkpoint = 0.0: must be a number in (0, 100000]")):
+        SHEET.with_values({"output.checkpoint": 0.0})
+    # It chooses no spheres
+    assert len(problem.recorded) == len(problem.crystal)
+    some = prepare(SHEET.with_values({"output.rows": [1, 2]}))
+    assert (some.scene.output.checkpoint, len(some.recorded)) == (5e-5, 18)
