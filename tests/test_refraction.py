@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from analysis.cases.refraction import case as figure
+from analysis.cases.refraction.angles import ROWS, angle, front_speed, quasi_particle
+from analysis.cases.refraction.plane_front import plane_front as settled
+from analysis.cases.refraction.plane_front import scaled_speed
 from analysis.measure.refraction import fronts_at_interface, plane_front
 from analysis.theory import scattering
 from analysis.theory.chain import compressed, uniform
 from analysis.theory.chain_motion import march
-from analysis.theory.plane_front import plane_front as settled
-from analysis.theory.plane_front import scaled_speed
-from analysis.theory.refraction import ROWS, angle, front_speed, quasi_particle
 from granular_lmp import ImpactRecord, ImpactScene, run_impact
 
 SCENE = ImpactScene.load("refraction")

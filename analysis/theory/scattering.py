@@ -158,7 +158,7 @@ def interface(mass: float) -> Interface:
 
     Raises ValueError for another mass.
 
-    `quasi_particle` in `analysis.theory.refraction` is the rule for it.
+    `quasi_particle` in `analysis.cases.refraction.angles` is the rule for it.
     """
     if not 0.1 <= mass <= 10:
         raise ValueError(f"mass must be from 0.1 to 10 times that of a sphere before the interface, not {mass:g}")
