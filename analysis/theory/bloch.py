@@ -29,6 +29,7 @@ Field = TypeVar("Field", bound=NDArray[Any])
 BONDS = np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)], [-0.5, np.sqrt(0.75)]])
 TANGENTS = np.stack([-BONDS[:, 1], BONDS[:, 0]], axis=-1)
 RECIPROCAL = 2 * np.pi * np.array([[1.0, -1 / np.sqrt(3)], [0.0, 2 / np.sqrt(3)]])  # basis of the reciprocal lattice
+_ROUNDING = 1e-14  # share of a mode
 GAUGE: NDArray[np.complex128] = np.array([1.0, 1.0, 1j])  # (u, v, φ) = GAUGE · (u, v, f)
 
 
@@ -99,9 +100,9 @@ def mode(name: ModeName, wavenumber: float, direction: float, contact: Contact) 
     k = wavevector_of(wavenumber, direction)
     branch = int(branch_index(name, k, contact))
     frequencies, shapes = real_modes(k, contact)
-    p, q = frame(direction) @ shapes[branch, :2]
-    numbers = map(float, (wavenumber, frequencies[branch], p, q, shapes[branch, 2], direction))
-    return Mode(name, *numbers)
+    parts = np.append(frame(direction) @ shapes[branch, :2], shapes[branch, 2])
+    p, q, f = np.where(np.abs(parts) < _ROUNDING, 0.0, parts)  # what a mirror forbids is 0
+    return Mode(name, *map(float, (wavenumber, frequencies[branch], p, q, f, direction)))
 
 
 def unit(wavevector: ArrayLike) -> Floats:

@@ -13,8 +13,6 @@ vectors in 1/lattice constant, x along a close-packed row. Which drives vanish b
 When it breaks: where contacts open; where the product is no longer small against the two, as after a time 1/(rate·a) on
 a resonance, since nothing here takes energy from the two; where two branches touch. Third order shifts the frequencies
 by a², and with them a resonance. Dashpots are refused.
-
-Source: the contact laws of the paper (springN, springS), expanded to products of two, as the paper does for one wave.
 """
 
 from dataclasses import dataclass
@@ -41,18 +39,10 @@ class Tone(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Two waves, and their sum or difference; wave vectors and branches broadcast against each other.
+    """Two waves, and their sum (sign 1) or difference (sign −1); wave vectors and branches broadcast.
 
-    Attributes
-    ----------
-    first, second : the two waves.
-    sign : 1 for the sum, −1 for the difference (first less second).
-    contact : any law, geometry, compression, shear and rotation, without dashpots.
-
-    Raises
-    ------
-    ValueError
-        For another sign, and dashpots. A branch that the lattice does not have is refused where the pair is first used.
+    Raises ValueError for another sign, and dashpots. A branch that the lattice does not have is refused where the pair
+    is first used.
     """
 
     first: Tone
@@ -92,11 +82,6 @@ class Pair:
         return self.mixed.frequency
 
     @property
-    def winds(self) -> NDArray[np.bool_]:
-        """True where contacts gather slip in proportion to time, (...): two waves of one frequency, out of phase."""
-        return self.mixed.winds
-
-    @property
     def targets(self) -> tuple[Floats, Floats]:
         """Frequencies (..., J) and shapes W (..., J, 3) of the modes at k1 ± k2."""
         modes = self.mixed.targets
@@ -104,40 +89,22 @@ class Pair:
 
 
 def forced_amplitude(pair: Pair) -> Complexes:
-    """Return the wave X that runs with the two: a1 a2 Re X exp i(k·r − Ωτ), beside any free ones.
+    """Return the wave X (..., 3), in Δ0 per a1 a2, that runs with the two; u and v are imaginary, φ is real.
 
-    u and v are imaginary, φ is real.
-
-    Returns
-    -------
-    (..., 3), the complex amplitudes of (u, v, φ) in Δ0 per a1 a2
-
-    Raises
-    ------
-    ValueError
-        Where contacts wind up (`Pair.winds`), and for a rigid motion, which is no wave.
+    Raises ValueError where contacts wind up (`Mixed.winds`), and for a rigid motion, which is no wave.
     """
     mixed = pair.mixed
     if np.any(np.minimum(mixed.first.frequency, np.abs(mixed.second.frequency)) < RIGID * mixed.crystal.highest):
         raise ValueError("a wave has the frequency 0: a rigid motion makes no waves; allowed: wave vectors but 0")
-    return in_plane(pair.mixed.forced())
+    return in_plane(mixed.forced())
 
 
 def mixed_wave(pair: Pair, tau: ArrayLike) -> Complexes:
-    """Return X(τ) of the field a1 a2 Re[X exp i k·r] that two waves make in a lattice without any at k at τ = 0.
+    """Return X(τ) (..., 3), in Δ0 per a1 a2, in a lattice without any at k at τ = 0; regular on resonance.
 
-    Each mode at k answers with a forced and a free part, regular on resonance, where it grows as τ; where contacts wind
-    up (`Pair.winds`), X grows as τ too. Waves of phases ϑ1 and ϑ2 at r = 0 take the factor exp i(ϑ1 ± ϑ2). In a
-    simulated sheet of N spheres a1 a2 X is (2/N) Σ u(r) exp(−ik·r), unless k and −k are one wave vector.
-
-    Parameters
-    ----------
-    pair : a single one, or pairs (...)
-    tau : (...), dimensionless time; broadcasts against the pairs, so that pairs (P, 1) at times (T,) give (P, T, 3)
-
-    Returns
-    -------
-    (..., 3), the complex amplitudes of (u, v, φ) in Δ0 per a1 a2
+    Where contacts wind up X grows as τ too. Waves of phases ϑ1 and ϑ2 at r = 0 take the factor exp i(ϑ1 ± ϑ2). In a
+    simulated sheet of N spheres a1 a2 X is (2/N) Σ u(r) exp(−ik·r), unless k and −k are one wave vector. tau (...)
+    broadcasts against the pairs, so that pairs (P, 1) at times (T,) give (P, T, 3).
     """
     return in_plane(pair.mixed.signal(tau))
 
@@ -148,14 +115,10 @@ def detunings(pair: Pair) -> Floats:
 
 
 def growth_rates(pair: Pair) -> Floats:
-    """Return the rate at which mode j at k1 ± k2 grows if phase-matched, (..., J).
+    """Return the rate at which mode j at k1 ± k2 grows if phase-matched, (..., J): X = rate·τ·U_j, |U_j| = 1.
 
-    On resonance X = rate·τ·U_j, |U_j| = 1; off it, X beats with at most 2·rate/|detuning|. Two waves of one amplitude a
-    would make a third of that amplitude in 1/(rate·a); the estimate ends before, as they pay for it.
-    One wave makes half of what it makes as a pair with itself.
-
-    Good values: 1e-2 to 1e-1; 0 where symmetry forbids the drive (`analysis.theory.selection`), and nan where Ω_j = 0.
-
-    Raises ValueError where contacts wind up (`Pair.winds`).
+    Off resonance X beats with at most 2·rate/|detuning|. Two waves of one amplitude a would make a third of that
+    amplitude in 1/(rate·a); the estimate ends before, as they pay for it. Good values: 1e-2 to 1e-1; 0 where symmetry
+    forbids the drive, and nan where Ω_j = 0. Raises ValueError where contacts wind up (`Mixed.winds`).
     """
     return pair.mixed.growth_rates()
