@@ -14,7 +14,7 @@ from analysis.measure.norms import relative_error
 from analysis.measure.reference import Reference
 from analysis.measure.spectrum import point
 from analysis.theory import catalogue
-from analysis.theory.choice import TheoryError, holding, traits, trajectory, wave_of
+from analysis.theory.choice import THEORIES, TheoryError, holding, refuse_less, traits, trajectory, wave_of
 from analysis.theory.lattice import torus
 from analysis.theory.timestep import phase_error, stepped
 from analysis.theory.wave import Wave
@@ -203,11 +203,11 @@ def test_a_run_that_is_resumed_while_contacts_hold_beyond_their_end_is_the_same(
 def test_theories_that_leave_the_law_out_refuse_it_by_name(tmp_path: Path) -> None:
     record = waves(tmp_path / "run", 4, output_particles=10.0)
     wave = wave_of(record)
-    assert holding(wave) == ["second-order", "hierarchy", "exact-lattice"]
+    assert holding(wave) == list(THEORIES)
     for name, held in catalogue.HOLDS.items():
         assert (catalogue.JKR in held) != (catalogue.JKR in catalogue.missing(name, traits(wave)))
-    with pytest.raises(TheoryError, match="'three-mode' leaves out sphere.adhesion_law = 'jkr'"):
-        trajectory("three-mode", wave, record.tau)
+    with pytest.raises(TheoryError, match="'granular-analysis driven' leaves out .*sphere.adhesion_law = 'jkr'"):
+        refuse_less("granular-analysis driven", traits(wave))
     # Two theories, of a plane wave and of all spheres, in D0: each step is integrated to 1e-9, and some dozens add up
     network, lattice = Reference.named("network", record, wave).signals, trajectory("exact-lattice", wave, record.tau)
     assert network is not None
