@@ -231,21 +231,34 @@ class Bonds:
         """
         difference = np.asarray(frequencies[0]) - np.asarray(frequencies[1])
         winding = self.winding(one, other, -0.25j * np.asarray(difference)[..., None, None])
-        return Quadratic(*self.products(one, other), winding)
+        return Quadratic(self.running(one, other), self.left(one, other), winding)
 
-    def products(self, one: Strain, other: Strain) -> tuple[Complexes, Complexes]:
-        """Return the second-order forces (..., C, 2, 6) that run with two fields, and those of a start with them."""
+    def _sliding(self, one: Strain, other: Strain) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return −½k([x, ν] + [Φ·n, n × ν]) and k′[x, s], (..., C, 3) each."""
+        x, y = (each.stretch[..., None] for each in (one, other))
+        nu, mu = (each.sideways * self.curving[:, None] for each in (one, other))
+        turned = np.cross(self.normal, one.twist[..., None] * mu + other.twist[..., None] * nu)
+        together = -0.25 * self.law.shear[:, None] * (x * mu + y * nu + turned)
+        return together, 0.5 * self.law.shear_growth[:, None] * (x * other.slip + y * one.slip)
+
+    @property
+    def _gathered(self) -> float:
+        """Return the share of k′[x, s] that is memory."""
+        return 0.5 if self.shear_law == "incremental" else 0.0
+
+    def left(self, one: Strain, other: Strain) -> Complexes:
+        """Return the second-order forces (..., C, 2, 6) that a start with two fields leaves."""
+        together, grown = self._sliding(one, other)
+        return self._sheared(together - self._gathered * grown)
+
+    def running(self, one: Strain, other: Strain) -> Complexes:
+        """Return the second-order forces (..., C, 2, 6) that run with two fields."""
         law, n, curving = self.law, self.normal, self.curving
-        k, growth = law.shear[:, None], law.shear_growth[:, None]
+        k = law.shear[:, None]
         x, y = (each.stretch[..., None] for each in (one, other))
         nu, mu = (each.sideways * curving[:, None] for each in (one, other))
-        twists = tuple(each.twist[..., None] for each in (one, other))
-
-        together = 0.5 * (x * mu + y * nu + np.cross(n, twists[0] * mu + twists[1] * nu))  # [x, ν] + [Φ·n, n × ν]
-        sheared = 0.5 * (x * other.slip + y * one.slip)
-        gathered = 0.5 if self.shear_law == "incremental" else 0.0  # share of k′[x, s] that is memory
-        tangent = -0.5 * k * together - (1 - gathered) * growth * sheared
-        left = -0.5 * k * together - gathered * growth * sheared
+        together, grown = self._sliding(one, other)
+        tangent = together - (1 - self._gathered) * grown
 
         bending = law.stiffness * curving + law.push * curving**2
         rolled = bending * np.sum(one.sideways * other.sideways, axis=-1)
@@ -257,8 +270,8 @@ class Bonds:
         force = force + (0.5 * bending)[:, None] * (x * other.sideways + y * one.sideways)
         twisting = np.cross(n, tangent) + 0.5 * k * (np.cross(nu, other.slip) + np.cross(mu, one.slip))
         couples = self.arms[..., None] * twisting[..., None, :]
-        couples = couples + self.widening[..., None] * (k * np.cross(n, sheared))[..., None, :]
-        return self._ends(force, couples), self._sheared(left)
+        sheared = np.cross(n, 0.5 * k * (x * other.slip + y * one.slip))
+        return self._ends(force, couples + self.widening[..., None] * sheared[..., None, :])
 
     def winding(self, one: Strain, other: Strain, rate: ArrayLike) -> Complexes:
         """Return the rate (..., C, 2, 6) at which slip that winds up pushes.
@@ -269,8 +282,8 @@ class Bonds:
         x, y = (each.stretch[..., None] for each in (one, other))
         nu, mu = (each.sideways * self.curving[:, None] for each in (one, other))
         apart = x * mu - y * nu + np.cross(self.normal, one.twist[..., None] * mu - other.twist[..., None] * nu)
-        gathered = law.shear_growth[:, None] * (self.shear_law == "incremental")
-        wound = law.shear[:, None] * apart + gathered * (one.slip * y - other.slip * x)
+        growth = 2 * self._gathered * law.shear_growth[:, None]
+        wound = law.shear[:, None] * apart + growth * (one.slip * y - other.slip * x)
         return self._sheared(-np.asarray(rate) * wound)
 
     def cubic(self, one: Strain, two: Strain, three: Strain) -> Complexes:
@@ -293,8 +306,10 @@ class Bonds:
         forces = np.stack([force, -force], axis=-2)
         return np.concatenate([forces, np.broadcast_to(couples, forces.shape)], axis=-1)
 
-    def _half(self, wavevector: ArrayLike) -> Complexes:
-        """Return e^{ik·apart/2} (..., C, 1)."""
+    def _half(self, wavevector: ArrayLike) -> NDArray[Any]:
+        """Return e^{ik·apart/2} (..., C, 1), a real 1 at k = 0, by which large cells are multiplied faster."""
+        if not np.any(wavevector):
+            return np.ones((1, 1))
         return np.exp(0.5j * (np.asarray(wavevector) @ self.apart.T))[..., None]
 
 

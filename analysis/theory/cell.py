@@ -148,12 +148,12 @@ def second_order(
     heard = heard * cell.inverse_mass.T.ravel()
 
     here = cell.strain(start[:1])
-    far, left = reached(cell.bonds.law, here), cell.forces(cell.bonds.products(here, here)[1])
+    far, left = reached(cell.bonds.law, here), cell.forces(cell.bonds.left(here, here))
     running, winding = [left[:0]], [left[:0]]
     at_once = max(_BATCH // len(cell.bonds.first), 1)
     for times in np.split(course.points, range(at_once, len(course.points), at_once)):
         here, onward = map(cell.strain, course.motion(moved, times))
-        running.append(cell.forces(cell.bonds.products(here, here)[0]))
+        running.append(cell.forces(cell.bonds.running(here, here)))
         winding.append(cell.forces(cell.bonds.winding(here, onward, -0.5)))
         far = far.beside(reached(cell.bonds.law, here))
     forces = np.concatenate(running).T + left.T + course.integral(np.concatenate(winding).T)

@@ -251,7 +251,7 @@ def _linear(crystal: Crystal, k: NDArray[Any], field: Pair) -> Pair:
 def _quadratic(crystal: Crystal, k: NDArray[Any], field: Pair) -> Pair:
     """Return the forces (B, 6) at 2k that run with the square of a field."""
     one, other = _strains(crystal.bonds, k, field)
-    first, second, both = (crystal.bonds.products(*pair)[0] for pair in ((one, one), (other, other), (one, other)))
+    first, second, both = (crystal.bonds.running(*pair) for pair in ((one, one), (other, other), (one, other)))
     return _gathered(crystal, 2 * k, (first - second, 2 * both))
 
 
