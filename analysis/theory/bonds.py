@@ -298,10 +298,10 @@ class Bonds:
         force = self.law.third[:, None] * x * y * z * self.normal / 6 + sheared
         return self._ends(force, self.arms[..., None] * np.cross(self.normal, sheared)[..., None, :])
 
-    def _sheared(self, tangent: Complexes) -> Complexes:
+    def _sheared(self, tangent: NDArray[Any]) -> Complexes:
         return self._ends(tangent, self.arms[..., None] * np.cross(self.normal, tangent)[..., None, :])
 
-    def _ends(self, force: Complexes, couples: Complexes) -> Complexes:
+    def _ends(self, force: NDArray[Any], couples: NDArray[Any]) -> Complexes:
         """Return both ends of a force on the first sphere (..., C, 3) and couples (..., C, 2, 3)."""
         forces = np.stack([force, -force], axis=-2)
         return np.concatenate([forces, np.broadcast_to(couples, forces.shape)], axis=-1)
