@@ -162,7 +162,7 @@ class Problem:
     @property
     def step_rules(self) -> list[StepRule]:
         """Rules for the time step."""
-        return self.collisions.step_rules if self.scene.loose else step_rules(self.scene)
+        return self.collisions.step_rules if self.scene.loose else step_rules(self.scene, self.mode)
 
     @property
     def largest_step(self) -> float:
@@ -250,14 +250,14 @@ def _check_strikes(problem: Problem) -> None:
             )
 
 
-def step_rules(scene: Scene) -> list[StepRule]:
-    """Return all rules for the time step of a scene, which `prepare` and the choice of a step both follow."""
+def step_rules(scene: Scene, mode: Mode | None = None) -> list[StepRule]:
+    """Return all rules for the time step of a scene, whose wave has a mode, by default the one that it declares."""
     limit = largest_step(scene)
     causes = [(scene.effects.damping is True, "drag"), (scene.struck, "a strike that stiffens contacts")]
     less = " and ".join(cause for there, cause in causes if there)
     name = f"2/Omega_max, less with {less}," if less else "2/Omega_max"
     sentence = f"beyond the stability limit of velocity Verlet; must be below {name} = {limit:.6g}, in tau"
-    sources = longest_steps(scene.source, scene.sphere, mode_of(scene).frequency)
+    sources = longest_steps(scene.source, scene.sphere, (mode or mode_of(scene)).frequency)
     return [
         *(StepRule(longest, longest, why) for longest, why in sources),
         StepRule(nextafter(limit, 0.0), COARSEST * limit, sentence),

@@ -13,7 +13,7 @@ from analysis.measure.norms import relative_error, slope
 from analysis.theory.choice import trajectory, wave_of
 from granular_lmp import Record, Scene, build, cli, run
 from granular_lmp.crystal.lattices import unit_lattice
-from granular_lmp.crystal.modes import decay_rate
+from granular_lmp.crystal.modes import Mode, decay_rate
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.effects.effect import Case, Chosen, Finding
 from granular_lmp.effects.selection import EFFECTS, select, warnings, with_all
@@ -21,6 +21,7 @@ from granular_lmp.errors import EffectError, LammpsError, SceneError
 from granular_lmp.lammps.guards import LOOKS, fastest, line_interval, look_interval
 from granular_lmp.problem import largest_step, prepare
 from granular_lmp.runs.record import read_status
+from granular_lmp.scene.linear import mode_of
 from granular_lmp.scene.resolution import farthest_rounding, gathered_rounding
 from tests.conftest import PAPER
 from tests.instance import silent_lammps
@@ -603,3 +604,17 @@ def test_the_rules_know_the_contacts_of_a_driven_row(mode: str) -> None:
     normal, shear = Case(scene).stretches
     assert np.abs(normal).max() >= 0.1 * (0.5 if mode != "L" else sqrt(0.75)) * (1 - 1e-9)
     assert np.abs(shear).max() >= 0.1 * (sqrt(0.75) if mode != "L" else 0.5) * (1 - 1e-9)
+
+
+def test_the_mode_of_a_wave_is_asked_for_once_for_each_lattice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Effects share what they solve; the problem asks once more, for the lattice with the effects that are on."""
+    asked: list[object] = []
+
+    def counted(scene: Scene, *physics: object) -> Mode:
+        asked.append(physics)
+        return mode_of(scene, *physics)
+
+    monkeypatch.setattr("granular_lmp.effects.effect.mode_of", counted)
+    monkeypatch.setattr("granular_lmp.problem.mode_of", counted)
+    prepare(Scene.load("tr_nonresonant"))
+    assert len(asked) == len({*asked}) <= 6

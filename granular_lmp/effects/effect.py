@@ -42,10 +42,11 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with the effects that have been decided so far."""
+    """A scene with the effects that have been decided so far, and the modes that were asked for."""
 
     scene: Scene
     on: Mapping[str, bool] = field(default_factory=dict)
+    modes: dict[Physics, Mode] = field(default_factory=dict)
 
     @cached_property
     def mode(self) -> Mode:
@@ -60,8 +61,10 @@ class Case:
         return self.scene.effects.rolling_stiffness if self.on.get("rolling", declared) else 0.0
 
     def mode_with(self, physics: Physics) -> Mode:
-        """Return the mode of the scene's wave in a lattice with the given physics."""
-        return mode_of(self.scene, physics)
+        """Return the mode of the scene's wave in a lattice with the given physics, which is solved once."""
+        if physics not in self.modes:
+            self.modes[physics] = mode_of(self.scene, physics)
+        return self.modes[physics]
 
     @cached_property
     def contacts(self) -> Contacts:

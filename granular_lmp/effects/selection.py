@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 
+from granular_lmp.crystal.modes import Mode, Physics
 from granular_lmp.effects.adhesion import ADHESION
 from granular_lmp.effects.contact_opening import CONTACT_OPENING
 from granular_lmp.effects.damping import DAMPING
@@ -51,10 +52,11 @@ def select(scene: Scene) -> list[Chosen]:
     """
     on: dict[str, bool] = {}
     chosen = []
+    modes: dict[Physics, Mode] = {}
     for effect in of(scene):
         rule = effect.rule(scene)
         assert rule is not None
-        case, possible = Case(scene, dict(on)), on.get(effect.needs, True)
+        case, possible = Case(scene, dict(on), modes), on.get(effect.needs, True)
         needed = Finding(False, 0.0, f"needs {effect.needs}, which is off")
         finding = rule(case) if possible else needed
         on[effect.name] = _is_on(effect, scene, finding.called_for, possible)
@@ -62,7 +64,7 @@ def select(scene: Scene) -> list[Chosen]:
         guard = effect.guard_name(scene, on)
         decided = (effect.name, effect.key, on[effect.name], *finding)
         chosen.append(Chosen(*decided, guard=guard, cost=effect.cost, loss=loss))
-    complete = Case(scene, on)
+    complete = Case(scene, on, modes)
     for effect in () if scene.bare else of(scene):
         reason = effect.refuse(complete)
         if reason:
