@@ -321,19 +321,15 @@ def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
     return tuple("L" if branch == longitudinal else next(others) for branch in range(len(shapes)))
 
 
-@lru_cache(maxsize=4)  # the effects of one scene ask five times
 def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
-    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is. The
-    arrays are read-only.
+    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is.
     """
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
     normal = moved * (contacts.normals[:, :2] @ shape)
     shear = moved * (contacts.tangents[:, 0, :2] @ shape) - 2 * np.cos(half_phase) * mode.f
-    for each in (normal, shear):
-        each.setflags(write=False)
     return normal, shear
 
 
