@@ -58,7 +58,7 @@ TOO_DEEP = Guard(
     lines=overlap,
     limit=LARGEST_OVERLAP_RATIO,
     meaning="of the diameter is the largest overlap, for which Hertz's law does not hold",
-    cure="take a smaller striker.velocity or packing.contact_force",
+    cure="set a smaller striker.velocity or packing.contact_force",
     heading="the largest overlap over the smallest diameter, is above {limit}: too deep",
 )
 TOO_LONG = Guard(
@@ -67,7 +67,7 @@ TOO_LONG = Guard(
     lines=omega_dt,
     limit=LONGEST_STEP,
     meaning="is the time step times the frequency of the stiffest contact, which is too long for a collision",
-    cure="take a shorter time.timestep, or a smaller time.tolerance",
+    cure="set a shorter time.timestep, or a smaller time.tolerance",
     heading="the step times the frequency of the stiffest contact, is above {limit}: too long",
 )
 
