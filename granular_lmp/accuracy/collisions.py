@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from granular_lmp.accuracy import extrapolation
 from granular_lmp.accuracy.extrapolation import Judgement, Signals
 from granular_lmp.accuracy.recorded import RATES
+from granular_lmp.problem import Problem
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
 
@@ -30,7 +31,7 @@ _POWER = 2.5  # power of the step in the error of the answer
 _RATES = {"velocity", "spin", *RATES}
 
 
-def first_step(problem: Any) -> float:
+def first_step(problem: Problem) -> float:
     """Return the first and longest step of the ladder that is expected to meet ``time.tolerance``, in t0."""
     time = problem.scene.time
     assert time.tolerance is not None

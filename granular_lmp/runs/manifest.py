@@ -57,7 +57,7 @@ def _of_wave(problem: Problem) -> dict[str, Any]:
     }
 
 
-def _of_strikes(problem: Any) -> dict[str, Any]:
+def _of_strikes(problem: Problem) -> dict[str, Any]:
     """Return the units of an impact, its shortest collision and the chain at rest."""
     scale = problem.scale
     return {

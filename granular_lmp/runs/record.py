@@ -20,7 +20,7 @@ from granular_lmp.crystal.scale import Scale
 from granular_lmp.errors import GranularError as GranularError
 from granular_lmp.errors import RunFolderError
 from granular_lmp.lammps.outputs import DUMP, SNAPSHOTS, read_centre, read_dump, writable
-from granular_lmp.problem import prepare
+from granular_lmp.problem import Problem, prepare
 from granular_lmp.runs import energy, tables
 from granular_lmp.runs.agreement import (
     refuse_other_extrapolation,
@@ -207,7 +207,7 @@ class Record(HasCard):
     # --- the recorded spheres ---
 
     @cached_property
-    def problem(self) -> Any:
+    def problem(self) -> Problem:
         """Prepared scene of the run."""
         return prepare(self.scene)
 
