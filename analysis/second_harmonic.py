@@ -18,8 +18,8 @@ To second order, dp = p₊−p, dq = q₊−q, σ = φ₊+φ, D X = X_n − X_{n
 
 where the paper prints α/6 for α/8 and β/(3√3) for β/(4√3) in the first line.
 
-These are the paper's contacts, those of points or of LAMMPS's geometry (`ratios`). Any other law, lattice or direction,
-compression, and spheres that do not turn are those of `analysis.theory.second_order`, which this module is a test of.
+Contacts are the paper's, in its geometry or LAMMPS's (`ratios`). Any other law, lattice or direction, compression, and
+spheres that do not turn are those of `analysis.theory.second_order`, which this module is a test of.
 """
 
 from dataclasses import dataclass
@@ -37,10 +37,9 @@ ALONG_Y = 90.0  # degrees from a close-packed row
 
 @dataclass(frozen=True)
 class Ratios:
-    """Dimensionless constants of the lattice: all follow from κ = g1/k1, the shear-to-normal stiffness of a contact.
+    """Dimensionless constants of the lattice: all follow from κ = g1/k1, Ĩ = I/(mR²) and η = Δ0/2R.
 
-    inertia is Ĩ = I/(mR²); longitudinal multiplies ε where the L mode acts on itself, and overlap_ratio is η = Δ0/2R
-    (1 and 0 in the paper's geometry).
+    longitudinal multiplies ε where the L mode acts on itself: 1 in the paper's geometry, where η is 0.
     """
 
     kappa: float
@@ -93,10 +92,7 @@ def ratios(poisson_ratio: float, inertia: float = SOLID_SPHERE, overlap_ratio: f
 
 
 def nonlinearity(ratios: Ratios, amplitude: float) -> float:
-    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)), negative: contacts soften when pulled.
-
-    The paper prints 3/2 in place of √3. amplitude is a = D0/Δ0.
-    """
+    """ε = √3 D0(g2+3k2)/(g1+3k1) = −√3 a(2κ+3)/(4(κ+3)) of the amplitude a = D0/Δ0; the paper prints 3/2 for √3."""
     return -np.sqrt(3) * amplitude * (2 * ratios.kappa + 3) / (4 * (ratios.kappa + 3))
 
 
@@ -104,9 +100,8 @@ def nonlinearity(ratios: Ratios, amplitude: float) -> float:
 class Mode:
     """Plane wave of the linear lattice: p = P cos ϑ, q = Q cos ϑ, φ = −f sin ϑ, with ϑ = ξn − Ωτ + phase.
 
-    L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if. It
-    normalises by "the sum of squares", which must be that of the moduli. For another direction than y (degrees from a
-    close-packed row) see `analysis.theory.bloch.mode`.
+    L has p=1, q=f=0. TR (lower) and RT (upper) have p=0, q=Q>0 and Q²+f²=1; in the paper's notation Q̃=Q, Φ̃=if, whose
+    "sum of squares" must be that of moduli. Other directions than y are those of `analysis.theory.bloch.mode`.
     """
 
     name: ModeName
@@ -119,7 +114,7 @@ class Mode:
 
     @property
     def along_y(self) -> bool:
-        """True if the wave runs along y, as the closed forms here need."""
+        """True if the wave runs along y."""
         return self.direction == ALONG_Y
 
 
@@ -183,7 +178,7 @@ def source(mode: Mode, ratios: Ratios) -> float:
 
 
 def refuse_oblique(mode: Mode) -> None:
-    """Raise ValueError for a mode of another direction than y, whose closed forms these are not."""
+    """Raise ValueError for a mode of another direction than y."""
     if not mode.along_y:
         raise ValueError(f"direction = {mode.direction} of the mode is not 90: the closed forms are those of y")
 
@@ -200,8 +195,7 @@ def generated_amplitude(mode: Mode, ratios: Ratios) -> float:
         TR, RT:  P̃1/i = sin ξ g/(w̃² − 4Ω²)      [P1TR, which prints 4/3 for 1]
         L:       P̃1/i = ½ cot(ξ/2)                (times `Ratios.longitudinal`)
 
-    with g of `source` and w̃ = sin ξ = Ω_L(2ξ). On resonance it grows without bound and changes sign; where the
-    denominator rounds to 0 it is ±inf, never nan.
+    with g of `source` and w̃ = sin ξ = Ω_L(2ξ). Where the denominator rounds to 0 it is ±inf, never nan.
     """
     w = doubled_frequency(mode, ratios)
     if mode.name == "L":  # w̃² − 4Ω² = −4 sin⁴(ξ/2), which a difference loses at small ξ
@@ -219,8 +213,8 @@ def second_harmonic_terms(
         p_SH = (ε/2) Re {P̃1 e^{2iϑ} + P̃₊ e^{i(2ξn − w̃τ)} + P̃₋ e^{i(2ξn + w̃τ)}},  w̃ = Ω_L(2ξ)           [ansatzPTR]
         P̃₊ = −(w̃ + 2Ω)/(2w̃) P̃1,  P̃₋ = −(w̃ − 2Ω)/(2w̃) P̃1                               [Pplus, Pminus: right]
 
-    (with phase, 2ξn + 2·phase for 2ξn), without what a start at η > 0 adds. Breaks on resonance, w̃ = 2Ω: generated
-    and forward wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
+    (with phase, 2ξn + 2·phase for 2ξn), without what a start at η > 0 adds. Breaks on resonance: generated and forward
+    wave are infinite with a finite sum, which `second_harmonic` gives. Arguments as there.
     """
     tau, half = np.asarray(tau, dtype=float), nonlinearity(ratios, amplitude) / 2
     w, twice = doubled_frequency(mode, ratios), 2 * mode.frequency
