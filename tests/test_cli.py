@@ -91,7 +91,7 @@ def test_a_perfect_crystal_is_run_without_scipy(small_toml: Path, tmp_path: Path
             ["check", "tr_periodic", "--set", "packing.vacancies=0.1"],
             "packing.vacancies: unknown key; [disorder] and [[inclusion]] declare spheres",
         ),
-        (["check", "tr_periodic", "--set", "packing.honeycomb=1"], "packing.honeycomb: not supported: a scene is"),
+        (["check", "tr_periodic", "--set", "packing.kagome=1"], "packing.kagome: not supported: a scene is"),
         (["check", "tr_periodic", "--set", "gravity.x=9.81"], "gravity.x: not supported: microspheres"),
         (["completion", "fish"], "invalid choice: 'fish'"),
         (["run", "tr_periodic", "-o", "{tmp}/file/run"], "file/run: cannot be written"),

@@ -77,7 +77,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"sphere.density": inf}, r"sphere\.density = inf"),
     ({"sphere.work_of_adhesion": "0.06"}, r"sphere\.work_of_adhesion = '0\.06': must be 0 or a number"),
     ({"sphere.youngs_modulus": 1e4}, r"sphere: the static overlap is .* at most 0\.05 is allowed"),
-    ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \[1e-9, 3\.6276\], rad per row"),
+    ({"wave.wavenumber": 0}, r"wave\.wavenumber = 0\.0: must be a number in \[1e-9, 4\.44288\], rad per row"),
     ({"wave.wavenumber": 3.2}, r"wave\.wavenumber = 3\.2: must be a number in \[1e-9, 3\.14159\]"),
     ({"wave.wavenumber": 10**400}, r"wave\.wavenumber = inf"),
     ({"wave.amplitude": True}, r"wave\.amplitude = True: must be a number"),

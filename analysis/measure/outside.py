@@ -66,7 +66,10 @@ def sites(scene: Scene, position: Floats) -> tuple[Integers, Integers]:
         return row, column
     if packing.lattice not in STACKING:
         raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known in {[*STACKING]} only")
-    (height, shift, _), (x, y) = STACKING[packing.lattice], position.T
+    stacking, (x, y) = STACKING[packing.lattice], position.T
+    if len(stacking.places) > 1:
+        raise TheoryError(f"packing.lattice = {packing.lattice!r}: rows with vacancies are known of one sphere a cell")
+    height, shift = stacking.height, stacking.shift
     spacing = (y.max() - y.min()) / (int(packing.rows) - 1)
     row = np.rint((y - y.min()) / spacing).astype(np.intp)
     whole = np.flatnonzero(np.bincount(row) == columns)

@@ -63,11 +63,12 @@ class Sites:
         Raises ValueError for a lattice of unknown stacking, and for one with vacancies.
         """
         packing = scene.packing
-        if packing.lattice not in STACKING:
-            raise ValueError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(STACKING)}")
+        known = [name for name, stacking in STACKING.items() if len(stacking.places) == 1]
+        if packing.lattice not in known:
+            raise ValueError(f"packing.lattice = {packing.lattice!r}: must be one of {', '.join(known)}")
         if scene.disorder.vacancies or any(each.vacancy for each in scene.inclusion):
             raise ValueError(f"{scene.name}: must be without vacancies, which shift the numbers of its spheres")
-        height, shift, _ = STACKING[packing.lattice]
+        height, shift = STACKING[packing.lattice][:2]
         row, column = np.divmod(np.arange(int(packing.rows) * int(packing.columns)), int(packing.columns))
         aside = shift * ((row - scene.shape.centre_row) % 2)  # every other row is shifted against that of the centre
         return cls(row, column, 2.0 * np.column_stack([column + aside, height * row]))

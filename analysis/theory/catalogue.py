@@ -32,7 +32,9 @@ def said(key: str, value: str) -> str:
 RUNNING, STANDING, DRIVEN, AT_REST = (said("wave.form", form) for form in ("running", "standing", "driven", "none"))
 # In the first snapshot of a run, as all that moves at the beginning
 STRUCK = {"striker", "start.state", "start.noise", "start.seed"}
-LATTICES = {said("packing.lattice", name) for name in ("square", "chain")}  # beside the hexagonal one of the theories
+# Beside the hexagonal lattice of the theories; in cells of several spheres the mode is the number of a branch
+LATTICES = {said("packing.lattice", name) for name in ("square", "chain", "honeycomb")}
+BRANCHES = {said("wave.mode", str(number)) for number in range(1, 7)}
 SECANT, INCREMENTAL = (said("effects.shear_law", law) for law in ("secant", "incremental"))
 QUIET = {"absorb.rows", "absorb.reflection", "effects.quiet_ends"}  # rows at the ends that absorb the wave
 HELD = {said("packing.ends", "fixed"), "effects.walls"}  # rows that the centre does not hear, or a note says so
@@ -61,7 +63,7 @@ HOLDS: dict[str, frozenset[str]] = {
     "exact-lattice": _ALONG_Y | {INCREMENTAL, OBLIQUE, DAMPING, JKR},
     # A contact that opens loses its adhesive force, as in LAMMPS; in the lattices and formulas above it keeps it
     NETWORK: _ALONG_Y
-    | {JKR, STANDING, AT_REST, DRIVEN, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES}
+    | {JKR, STANDING, AT_REST, DRIVEN, ENVELOPE, INCREMENTAL, OBLIQUE, DAMPING, SLIDING, OPENING, *LATTICES, *BRANCHES}
     | STRUCK
     | QUIET
     | {"source"}
@@ -69,7 +71,7 @@ HOLDS: dict[str, frozenset[str]] = {
     | _IMPERFECT,
     # Rows of other densities in a pattern that repeats; `analysis.theory.scenes` refuses what is no pattern
     CRYSTAL: _ALONG_Y
-    | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES}
+    | {STANDING, INCREMENTAL, OBLIQUE, JKR, *LATTICES, *BRANCHES}
     | {f"inclusion.{name}" for name in ("rows", "every", "density")},
     SCRIPT + "spectrum": _ALONG_Y | {INCREMENTAL, JKR},
     SCRIPT + "oblique": _ALONG_Y - HELD | {INCREMENTAL, OBLIQUE},

@@ -21,6 +21,7 @@ leaves out what the scene has.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -144,7 +145,9 @@ def wave_of(record: Record) -> Wave:
         raise TheoryError(f"no theory here holds {', '.join(sorted(unknown))}")
     scene, contact = record.scene, contact_of(record)
     name: ModeName = scene.wave.mode  # type: ignore[assignment]  # checked by the scene
-    linear = mode(name, scene.wavenumber, direction_of(record), contact)
+    # A branch of several spheres a cell, which no theory of a plane wave holds, is known by its number alone
+    named: ModeName = "L" if catalogue.said("wave.mode", name) in catalogue.BRANCHES else name
+    linear = replace(mode(named, scene.wavenumber, direction_of(record), contact), name=name)
     return Wave(linear, scene.wave.amplitude, contact, scene.wave.phase, others_of(record))
 
 

@@ -27,6 +27,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 COUNT = 200  # wave numbers on a line
+_FLOPPY = 1e-6  # of the highest frequency: a branch that is lower all along has the frequency 0
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
 _SYMMETRIC = 1e-9  # share of D by which a mirror may miss, and of a mode by which it may not be even or odd
 _REACH = 2  # reciprocal vectors up to this many of each
@@ -86,7 +87,8 @@ def matches(crystal: Crystal, direction: ArrayLike, limit: float | None = None, 
     frequencies, doubled, forces = line.at(numbers)
     found = []
     loudest = forces.max()
-    for branch, target in product(range(frequencies.shape[1]), repeat=2):
+    moving = np.flatnonzero(frequencies.max(axis=0) > _FLOPPY * frequencies.max()).tolist()
+    for branch, target in product(moving, range(frequencies.shape[1])):
         above = 2 * frequencies[:, branch] >= doubled[:, target]
         found += [
             line.resonance(branch, target, numbers[n], numbers[n + 1]) for n in np.flatnonzero(above[1:] != above[:-1])

@@ -26,8 +26,27 @@ from granular_lmp.runs.record import Scene
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 NAMES = ("L", "TR", "RT")
-# Row spacing, shift of every other row, and whether rows are endless, in lattice constants
-STACKING = {"hexagonal": (np.sqrt(0.75), 0.5, True), "square": (1.0, 0.0, True), "chain": (1.0, 0.0, False)}
+
+
+class Stacking(NamedTuple):
+    """How a lattice is stacked, in distances of spheres that touch.
+
+    The distance of rows, the shift of every other row, the width of a cell, 0 of a chain, and the places (x, y) of the
+    spheres of a cell.
+    """
+
+    height: float
+    shift: float
+    width: float
+    places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+
+
+STACKING = {
+    "hexagonal": Stacking(np.sqrt(0.75), 0.5, 1.0),
+    "square": Stacking(1.0, 0.0, 1.0),
+    "chain": Stacking(1.0, 0.0, 0.0),
+    "honeycomb": Stacking(1.5, np.sqrt(0.75), np.sqrt(3.0), ((0.0, 0.0), (np.sqrt(0.75), -0.5))),
+}
 # Keys that the crystal is made from, or that change nothing of it; any other that departs from its default is refused
 CRYSTAL_KEYS = frozenset({"name", "inclusion", "monitor", "source", "disorder.seed"}).union(
     f"{section}.{key}"
@@ -113,7 +132,7 @@ class Setting:
             rows = rows.astype(np.result_type(rows, 0.0 if varied is None else varied))
             rows[chosen] = each.density if varied is None else varied
             kinds[chosen] = each.density if varied is None else -number
-        shift = 2 if STACKING[scene.packing.lattice][1] else 1  # rows after which the lattice itself repeats
+        shift = 2 if STACKING[scene.packing.lattice].shift else 1  # rows after which the lattice itself repeats
         if shape.ends == "periodic":
             fits = (
                 n
@@ -146,7 +165,7 @@ class Setting:
         return ((pull + pressed) / (2 / 3 * modulus / (1 - ratio**2) * np.sqrt(radius / 2))) ** (2 / 3)
 
     def crystal(self, *, layers: bool = True) -> Crystal:
-        """Return the crystal, one sphere a row of the pattern; without `layers` the lattice of the wave's mode.
+        """Return the crystal, one cell a row of the pattern; without `layers` the lattice of the wave's mode.
 
         Raises ValueError for layers in a scene that declares what is not held: dashpots, rolling resistance, disorder,
         inclusions that are no pattern of rows.
@@ -155,18 +174,19 @@ class Setting:
             self.refuse(CRYSTAL_KEYS)
         sphere, effects = self.scene.sphere, self.scene.effects
         density = self.densities if layers else np.array([sphere.density])
-        height, shift, endless = STACKING[self.scene.packing.lattice]
+        height, shift, width, places = STACKING[self.scene.packing.lattice]
         rows = np.arange(len(density))
-        place = self.spacing * np.stack([shift * (rows % 2), height * rows], axis=1)
-        vectors = self.spacing * np.array([[1.0, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
+        first = np.stack([shift * (rows % 2), height * rows], axis=1)
+        place = self.spacing * (first[:, None] + np.array(places)).reshape(-1, 2)
+        vectors = self.spacing * np.array([[width, 0.0], [shift * (len(rows) % 2), height * len(rows)]])
         material = Elastic(
             *(self.number(f"sphere.{name}") for name in ("youngs_modulus", "poisson_ratio", "work_of_adhesion"))
         )
         return Crystal.of(
-            vectors if endless else vectors[1:],
+            vectors if width else vectors[1:],
             place,
             self.number("sphere.radius"),
-            density,
+            np.repeat(density, len(places)),
             [material],  # type: ignore[list-item]  # the same three numbers
             adhesion=sphere.adhesion_law,  # type: ignore[arg-type]  # checked by the scene
             shear_law=effects.shear_law,  # type: ignore[arg-type]  # checked by the scene
@@ -184,7 +204,7 @@ class Setting:
     def spot(self) -> Spot:
         """Return the crystal with the wave vectors along the direction of the scene, whose numbers are rad per row."""
         turn = self.numbers.get("wave.direction", self.scene.direction) * np.pi / 180
-        height = STACKING[self.scene.packing.lattice][0] * self.spacing
+        height = STACKING[self.scene.packing.lattice].height * self.spacing
         return Spot(self.crystal(), np.array([np.cos(turn), np.sin(turn), 0 * turn]) / height, self.overlap)
 
     @property
@@ -199,7 +219,7 @@ class Setting:
     @property
     def unit(self) -> float:
         """Return 1/m of one rad per row of the wave number."""
-        return float(1 / (STACKING[self.scene.packing.lattice][0] * self.scene.sphere.lattice_constant))
+        return float(1 / (STACKING[self.scene.packing.lattice].height * self.scene.sphere.lattice_constant))
 
     def wavevector(self, wavenumber: ArrayLike | None = None) -> Floats:
         """Return k (..., 2), 1/m, at wave numbers ξ (...), rad per row; None: at that of the scene."""
@@ -207,9 +227,12 @@ class Setting:
         return np.multiply.outer(xi * self.unit, frame(self.scene.direction)[0])
 
     def mode(self) -> Wave:
-        """Return the wave of the scene, of amplitude 1, in its lattice without layers."""
+        """Return the wave of the scene, of amplitude 1, in its lattice without layers.
+
+        In a cell of several spheres the squares of all amplitudes sum to 1.
+        """
         lattice, k = self.crystal(layers=False), self.wavevector()
-        return wave(lattice, k, named_branch(lattice, k, self.scene.wave.mode))
+        return wave(lattice, k, named_branch(lattice, k, self.scene.wave.mode)).times(1 / np.sqrt(len(lattice)))
 
     def start(self) -> tuple[Crystal, tuple[Wave, ...]]:
         """Return the crystal, and the waves with which the scene starts, displacements in m.
@@ -221,7 +244,7 @@ class Setting:
             raise ValueError(f"wave.form = {self.scene.wave.form!r}; allowed: {', '.join(FORMS)}")
         scene, crystal, mode = self.scene, self.crystal(), self.mode()
         size = scene.displacement_amplitude * np.exp(1j * scene.wave.phase)
-        field = np.broadcast_to(size * mode.shape, (len(crystal), 6))
+        field = np.tile(size * mode.shape, (len(crystal) // len(mode.shape), 1))
         rate = np.zeros_like(field) if scene.wave.form == "standing" else -1j * mode.frequency * field
         return crystal, started(crystal, mode.wavevector, field, rate)
 
@@ -293,10 +316,17 @@ def signals(scene: Scene, tau: ArrayLike) -> Signals:
 
 
 def named_branch(crystal: Crystal, wavevector: ArrayLike, name: str) -> int:
-    """Return which branch of a lattice of one sphere is L, TR or RT: L moves along k; of the others TR is the lower.
+    """Return which branch of a lattice is L, TR or RT: L moves along k; of the others TR is the lower.
+
+    In a cell of several spheres a branch has its number, "1" for the lowest.
 
     Raises ValueError for another name, and one that the lattice does not have.
     """
+    if len(crystal) > 1:
+        numbers = [str(branch + 1) for branch in range(len(crystal) * len(crystal.freedoms))]
+        if name not in numbers:
+            raise ValueError(f"mode = {name!r} is none of this crystal; allowed: {', '.join(numbers)}")
+        return numbers.index(name)
     shapes = crystal.modes(wavevector).shapes[:, 0, :2]
     k = np.asarray(wavevector, dtype=float)
     longitudinal = int(np.argmax(np.abs(shapes @ (k / np.linalg.norm(k)))))

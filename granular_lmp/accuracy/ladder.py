@@ -16,7 +16,7 @@ from math import hypot, sqrt
 
 from granular_lmp.accuracy import collisions
 from granular_lmp.accuracy.halving import Plan
-from granular_lmp.crystal.modes import bloch_mode
+from granular_lmp.crystal.modes import bloch_mode, highest_frequency
 from granular_lmp.errors import SceneError
 from granular_lmp.lammps.deck import Deck, deck_of
 from granular_lmp.problem import Problem, prepare, step_rules
@@ -47,10 +47,13 @@ def pair_error(frequency: float, step: float, duration: float) -> float:
 
 def deciding_frequency(scene: Scene) -> float:
     """Return the highest frequency in the wave and its second harmonic by linear theory, in rad/t0."""
-    free = bloch_mode(unit_contacts(scene), scene.sphere, scene.vector.doubled, "L", physics_of(scene))
-    usual = mode_of(scene).frequency
+    lattice, physics, usual = unit_contacts(scene), physics_of(scene), mode_of(scene).frequency
+    if scene.lattice.column_period > 1:  # the second harmonic may be of any branch
+        free = highest_frequency(lattice, scene.sphere, physics)
+    else:
+        free = bloch_mode(lattice, scene.sphere, scene.vector.doubled, "L", physics).frequency
     own = [each.top(scene.sphere, usual) for each in scene.source]
-    return max(2 ** (1 / 3) * max([usual, *own]), free.frequency)
+    return max(2 ** (1 / 3) * max([usual, *own]), free)
 
 
 def first_step(scene: Scene) -> float:

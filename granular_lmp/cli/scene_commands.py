@@ -292,12 +292,12 @@ def _bands_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
 def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
     """Say the Bloch modes at the scene's wave vector, and of a chain its bands."""
     from granular_lmp.cli.bands import as_json, as_text, ranges
-    from granular_lmp.crystal.modes import bloch_mode, restored
+    from granular_lmp.crystal.modes import modes_at
     from granular_lmp.scene.at_rest import chain_cell
     from granular_lmp.scene.linear import physics_of, unit_contacts
 
     lattice, physics = unit_contacts(scene), physics_of(scene)
-    found = [bloch_mode(lattice, scene.sphere, scene.vector, name, physics) for name in restored(lattice, physics)]
+    found = modes_at(lattice, scene.sphere, scene.vector, physics)
     hertz = 1 / scene.sphere.time_scale / (2 * pi)
     cell, t0 = chain_cell(scene), scene.sphere.time_scale
     bands = ranges(cell) if cell else []
@@ -318,7 +318,7 @@ def _modes_of(scene: "Scene", options: Options) -> "Callable[[], Figure]":
         along = "" if scene.along == "y" else f" along {scene.along}"
         say(
             f"xi = {scene.wavenumber!r} rad per row{along}; t0 = {scene.sphere.time_scale:.6g} s; "
-            "shapes with p2 + q2 + f2 = 1"
+            "shapes with p2 + q2 + f2 = 1" + (", roots of sums over the cell" if found[0].cell else "")
         )
         if not scene.perfect:
             say(f"of the perfect lattice, as which the wave starts; left out: {scene.imperfections}")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector
+from granular_lmp.crystal.wavevector import EDGES, ROW_SPACING, WaveVector, zone_edge
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,6 +51,8 @@ class Lattice:
         Distance of the columns along x, in that of two spheres that touch.
     places : tuple of (x, y)
         Places of the spheres of a cell, column by column: x in columns, y in rows. The first is (0, 0).
+    collapses : bool
+        True if it resists no shear without friction: spheres that press on each other would leave their places.
     """
 
     name: str
@@ -60,11 +62,16 @@ class Lattice:
     corners: tuple[tuple[float, float], ...]
     column_spacing: float = 1.0
     places: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    collapses: bool = False
 
     @property
     def column_period(self) -> int:
         """Number of columns after which they repeat, the spheres of a cell: a packing has a multiple of it."""
         return len(self.places)
+
+    def zone_edge(self, direction: float) -> float:
+        """Return the ξ at which the zone ends in a direction (degrees): a hexagon, a square where no row is shifted."""
+        return zone_edge(direction, EDGES if self.shift else (0.0, 90.0))
 
     @property
     def fewest_columns(self) -> int:
@@ -92,21 +99,35 @@ class Lattice:
         """Return the wave vector with ξ (rad per row) and a direction in degrees from x towards y."""
         return WaveVector.of(wavenumber, direction, self.row_spacing, self.column_spacing)
 
+    def place(self, row: Integers, column: Integers) -> Integers:
+        """Return which sphere of its cell each is, counted from 0, by row and column from the first of a cell."""
+        return np.asarray((column - int(self.shift) * (row % 2)) % self.column_period)
+
     def offsets(self, row: Integers, column: Integers) -> tuple[Floats, Floats]:
         """Return places relative to column 0 of row 0, the first of its cell: along x in columns, along y in rows.
 
         A shift by whole columns leaves the numbers of the columns where they are, and shifts the cells.
         """
         x, y = np.array(self.places).T
-        begun = column - int(self.shift) * (row % 2)
-        place = begun % self.column_period
+        begun, place = column - int(self.shift) * (row % 2), self.place(row, column)
         return begun - place + x[place] + self.shift * (row % 2), row + y[place]
 
 
 HEXAGONAL = Lattice("hexagonal", ROW_SPACING, 0.5, True, ((0.0, 0.0), (pi, pi / sqrt(3)), (4 * pi / 3, 0.0)))
-SQUARE = Lattice("square", 1.0, 0.0, True, ((0.0, 0.0), (0.0, pi), (pi, pi)))
+SQUARE = Lattice("square", 1.0, 0.0, True, ((0.0, 0.0), (0.0, pi), (pi, pi)), collapses=True)
 CHAIN = Lattice("chain", 1.0, 0.0, False, ((0.0, 0.0), (0.0, pi)))
-LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN)}
+# Rows are zigzags, 3/2 of a contact apart
+HONEYCOMB = Lattice(
+    "honeycomb",
+    sqrt(3),
+    1.0,
+    True,
+    ((0.0, 0.0), (pi / 2, sqrt(3) * pi / 6), (2 * pi / 3, 0.0)),
+    column_spacing=sqrt(3) / 2,
+    places=((0.0, 0.0), (1.0, -1 / 3)),
+    collapses=True,
+)
+LATTICES = {each.name: each for each in (HEXAGONAL, SQUARE, CHAIN, HONEYCOMB)}
 
 
 HELD, FREE, PERIODIC, WALL = "held", "free", "periodic", "wall"  # what a face of a packing is
@@ -311,6 +332,12 @@ def packed(sphere: Sphere, shape: Shape) -> ase.Atoms:
 def offsets(packing: ase.Atoms) -> tuple[Floats, Floats]:
     """Return the places relative to the centre sphere: along x in columns, (N,), and along y in rows, (N,)."""
     return _offsets(packing.arrays["row"], packing.arrays["column"], _shape_of(packing))
+
+
+def places(packing: ase.Atoms) -> Integers:
+    """Return which sphere of its cell each is, (N,), counted from 0; the centre sphere is the first of its own."""
+    shape = _shape_of(packing)
+    return shape.lattice.place(packing.arrays["row"] - shape.centre_row, packing.arrays["column"] - shape.columns // 2)
 
 
 def _offsets(row: Integers, column: Integers, shape: Shape) -> tuple[Floats, Floats]:

@@ -26,7 +26,6 @@ contacts of the sphere, weighted by g, and frequencies are wrong by less than th
 This is a numerical derivation from the geometry, kept apart from the closed forms of ``analysis.second_harmonic``.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -34,85 +33,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular_lmp.crystal.contacts import Contacts
 from granular_lmp.crystal.lattices import lattice_constant, lattice_of_contacts
+from granular_lmp.crystal.mode import FULL, UX, UY, F, Mode, Physics, branch_mode
 from granular_lmp.crystal.sphere import INERTIA_RATIO, Sphere
 from granular_lmp.crystal.wavevector import WaveVector, zone_path
 from granular_lmp.errors import CrystalError, SceneError
 
 MODES = ("L", "TR", "RT")
-_UX, _UY, _F = range(3)
+BRANCHES = tuple(map(str, range(1, 7)))  # of two spheres a cell, lowest first
+_MEET = 1e-9  # relative distance of two frequencies below which the shapes of their branches are any
+_STILL = 1e-6  # of the highest frequency: one below it is the root of a rounding
 # A motion in the plane has three of a sphere's six freedoms, displacement (x, y, z) and rotation about (x, y, z)
 _PLANE = [0, 1, 5]
 # A wave along an axis keeps the mirror of the lattice that holds the axis: L lives in the one displacement, TR and RT
 # in the other and the rotation; each sorted by frequency.
 _SUBSPACE = {
-    "y": {"L": ([_UY], 0), "TR": ([_UX, _F], 0), "RT": ([_UX, _F], 1)},
-    "x": {"L": ([_UX], 0), "TR": ([_UY, _F], 0), "RT": ([_UY, _F], 1)},
+    "y": {"L": ([UY], 0), "TR": ([UX, F], 0), "RT": ([UX, F], 1)},
+    "x": {"L": ([UX], 0), "TR": ([UY, F], 0), "RT": ([UY, F], 1)},
 }
 # A negative ω², over the largest one, that is not rounding: the crystal buckles.
 _BUCKLING = 1e-9
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One Bloch mode: displacement (ux, uy) and rotation φ = Rθ = i f, with ux² + uy² + f² = 1, and frequency in 1/t0.
-
-    p is the displacement along the wave vector k, q that along ẑ × k: along y p = uy, q = −ux, the field's names. The
-    larger of the two is positive, so p > 0 for L, and q = Q > 0 for TR and RT along y.
-    """
-
-    name: str
-    vector: WaveVector
-    frequency: float
-    ux: float
-    uy: float
-    f: float
-
-    @property
-    def wavenumber(self) -> float:
-        """Wave number ξ, rad per row."""
-        return self.vector.wavenumber
-
-    @property
-    def p(self) -> float:
-        """Displacement along k."""
-        return self.vector.along(self.ux, self.uy)
-
-    @property
-    def q(self) -> float:
-        """Displacement along ẑ × k."""
-        return self.vector.across(self.ux, self.uy)
-
-    def shape(self) -> NDArray[np.complex128]:
-        """Complex amplitudes (ux, uy, φ) of the mode."""
-        return np.array([self.ux, self.uy, 1j * self.f])
-
-
-@dataclass(frozen=True)
-class Physics:
-    """Degrees of freedom of a lattice and the stiffnesses of its contacts.
-
-    Attributes
-    ----------
-    shear : bool
-        True if contacts resist a slip.
-    rotation : bool
-        True if spheres turn.
-    rolling : float
-        Rolling stiffness k_r of a contact, N/m: the roll ρ = Rc(φ_j/R_j − φ_i/R_i) of two spheres that turn against
-        each other, Rc = RiRj/(Ri + Rj), has the energy ½ k_r ρ². It is 0 if spheres roll freely.
-    """
-
-    shear: bool = True
-    rotation: bool = True
-    rolling: float = 0.0
-
-    @property
-    def coordinates(self) -> list[int]:
-        """Indices of the components of (ux, uy, f) that move."""
-        return [_UX, _UY, _F] if self.rotation else [_UX, _UY]
-
-
-FULL = Physics()
 
 
 # --- any crystal -----------------------------------------------------------------------------------------------------
@@ -250,13 +189,15 @@ def _solve(
 
 @lru_cache(maxsize=256)  # each mode of a lattice asks
 def restored(lattice: Contacts, physics: Physics = FULL) -> tuple[str, ...]:
-    """Return the names of the waves along y that the contacts of a lattice of one sphere a cell restore.
+    """Return the names of the waves along y that the contacts of a lattice restore; of several spheres a cell all.
 
     TR is left out, as its frequency is 0, where the springs of the contacts are fewer than the freedoms of a transverse
     wave: in a chain, whose spheres roll on each other freely, and in a square lattice without shear. If such a lattice
     is pressed together, motions across y grow, and L is all there is.
     """
-    freedoms = [column for column in (_UX, _F) if column in physics.coordinates]
+    if len(lattice.mass) > 1:
+        return BRANCHES[: len(lattice.mass) * len(physics.coordinates)]
+    freedoms = [column for column in (UX, F) if column in physics.coordinates]
     along_y = np.array([0.0, 1 / lattice.length[0]])  # any but Γ and the edge of the zone
     normal, sideways, turn = _stretch_rows(lattice, along_y)
     rows = [normal] + [sideways + turn] * physics.shear + [_roll_rows(lattice, along_y)] * (physics.rolling > 0)
@@ -278,26 +219,29 @@ def bears_compression(lattice: Contacts, *, shear: bool = True) -> bool:
 
 @lru_cache(maxsize=256)  # one scene needs its mode many times: effects, guards, deck, accuracy
 def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str, physics: Physics = FULL) -> Mode:
-    """Return the mode L, TR or RT of a lattice at a wave vector, with the signs that `Mode` gives.
+    """Return the mode L, TR or RT of a lattice at a wave vector, or a branch of one of several spheres a cell.
 
     L is the mode that moves most along k; TR is the lower and RT the upper of the other two. Along y and along x, where
     the wave has a mirror symmetry, L is purely longitudinal, and TR and RT do not move along k. In other directions all
     three have every component, and modes exchange their names where two frequencies come close.
 
     At ξ = π along y translation and rotation separate: one of TR and RT is pure u_x, the other pure rotation, with the
-    sign that continues ξ < π (f > 0 for TR, f < 0 for RT).
+    sign that continues ξ < π (f > 0 for TR, f < 0 for RT). The signs are those that `Mode` gives.
 
     Raises
     ------
     SceneError
-        If the name is unknown, is RT and spheres do not turn, or is not `restored` by the contacts.
+        If the name is unknown, is RT and spheres do not turn, or is not `restored` by the contacts; of a branch, if
+        its frequency is 0 or that of another.
     ValueError
         If the contacts are not those of a lattice of the sphere (`granular_lmp.crystal.lattices.unit_lattice`). The
         modes of other crystals have no names; `bloch_modes` returns them all.
     """
     kind = lattice_of_contacts(lattice, sphere)
-    if name not in MODES:
-        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(MODES)}")
+    if name not in (known := MODES if len(lattice.mass) == 1 else restored(lattice, physics)):
+        raise SceneError(f"wave.mode = {name!r}: must be one of {', '.join(known)} in the {kind.name} lattice")
+    if len(lattice.mass) > 1:
+        return _branch(lattice, sphere, vector, int(name), physics)
     if name == "RT" and not physics.rotation:
         raise SceneError(f"wave.mode = {name!r}: needs effects.rotation, which is off; without it there are L and TR")
     if name not in (there := restored(lattice, physics)):
@@ -311,8 +255,32 @@ def bloch_mode(lattice: Contacts, sphere: Sphere, vector: WaveVector, name: str,
     frequencies, shapes = _solve(lattice, sphere, _wavevector(sphere, vector), physics, columns)
     if index is None:
         index = branch_names(shapes, np.array(vector.unit)).index(name)
-    shape = shapes[index] * _sign(name, vector, shapes[index]) + 0.0  # + 0.0: no minus zero
-    return Mode(name, vector, float(frequencies[index]), *map(float, shape))
+    shape, same = shapes[index], np.abs(frequencies - frequencies[index]) < _MEET * frequencies[-1]
+    if same.sum() > 1 and not vector.axis:  # a square lattice along its diagonal, whose spheres do not turn
+        x, y = vector.unit
+        shape = np.array([x, y, 0.0] if name == "L" else [-y, x, 0.0]) @ shapes[same].T @ shapes[same]
+        shape = shape / np.linalg.norm(shape)
+    shape = shape * _sign(name, vector, shape) + 0.0  # + 0.0: no minus zero
+    return Mode(name, vector, float(frequencies[index]), *shape.tolist())
+
+
+def modes_at(lattice: Contacts, sphere: Sphere, vector: WaveVector, physics: Physics = FULL) -> list[Mode]:
+    """Return all modes of a lattice at a wave vector that contacts restore; branches that meet are any of their sum."""
+    if len(lattice.mass) == 1:
+        return [bloch_mode(lattice, sphere, vector, name, physics) for name in restored(lattice, physics)]
+    frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
+    return [branch_mode(n, vector, *each) for n, each in enumerate(zip(frequencies.tolist(), shapes, strict=True), 1)]
+
+
+def _branch(lattice: Contacts, sphere: Sphere, vector: WaveVector, number: int, physics: Physics) -> Mode:
+    frequencies, shapes = bloch_modes(lattice, sphere, _wavevector(sphere, vector), physics)
+    own, others = frequencies[number - 1], np.delete(frequencies, number - 1)
+    where = f"wave.mode = '{number}': has the frequency"
+    if own < _STILL * frequencies[-1]:
+        raise SceneError(f"{where} 0 at this wave vector, as no contact resists it; needs effects.rolling_stiffness")
+    if np.abs(others - own).min() < _MEET * own:
+        raise SceneError(f"{where} of another branch at this wave vector, where its shape is any; must be beside it")
+    return branch_mode(number, vector, float(own), shapes[number - 1])
 
 
 def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
@@ -324,8 +292,11 @@ def branch_names(shapes: NDArray, along: NDArray) -> tuple[str, ...]:
 def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
     """Return the amplitudes of δN and δS of contacts in a wave of the perfect lattice, (C,) each, in units of D0.
 
-    All are in phase. In a crystal that is not perfect they are those of a wave that imperfections leave as it is.
+    All are in phase; of several spheres a cell they are the moduli. In a crystal that is not perfect they are those of
+    a wave that imperfections leave as it is.
     """
+    if mode.cell:
+        return _moduli(contacts, sphere, mode)
     half_phase = contacts.vector[:, :2] @ _wavevector(sphere, mode.vector) / sphere.radius / 2
     moved, shape = 2 * np.sin(half_phase), np.array([mode.ux, mode.uy])
     normal = moved * (contacts.normals[:, :2] @ shape)
@@ -333,10 +304,27 @@ def contact_stretches(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[N
     return normal, shear
 
 
+def _moduli(contacts: Contacts, sphere: Sphere, mode: Mode) -> tuple[NDArray, NDArray]:
+    """Return |δN| and |δS| of the contacts of a cell of several spheres; of another crystal a bound on both."""
+    if len(contacts.mass) == len(mode.cell):
+        normal, sideways, turn = _stretch_rows(contacts, _wavevector(sphere, mode.vector) / sphere.radius)
+        shape = _freedoms(mode)
+        return np.abs(normal @ shape), np.abs((sideways + turn) @ shape)
+    moved, turned = mode.shape()[:, :2], np.abs(mode.shape()[:, 2]).max()
+    normal, sideways = (
+        np.abs(each @ moved.T).max(axis=1) for each in (contacts.normals[:, :2], contacts.tangents[:, 0, :2])
+    )
+    return 2 * normal, 2 * (sideways + turned)
+
+
 def contact_rolls(lattice: Contacts, sphere: Sphere, mode: Mode) -> NDArray:
-    """Return the amplitudes of the rolls ρ of the contacts of a sphere, (C,), in units of D0."""
-    rows = _roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius)
-    return rows @ np.array([mode.ux, mode.uy, mode.f])
+    """Return the amplitudes of the rolls ρ of the contacts of a cell, (C,), in units of D0."""
+    return _roll_rows(lattice, _wavevector(sphere, mode.vector) / sphere.radius) @ _freedoms(mode)
+
+
+def _freedoms(mode: Mode) -> NDArray:
+    """Return (ux, uy, f) of each sphere of a cell in turn, (3P,)."""
+    return (mode.shape() * [1, 1, -1j]).ravel()
 
 
 @lru_cache(maxsize=64)  # the same for all runs of a sweep
@@ -396,4 +384,4 @@ def _sign(name: str, vector: WaveVector, shape: NDArray) -> float:
     larger = max(vector.along(*shape[:2]), vector.across(*shape[:2]), key=abs)
     if abs(larger) > 1e-9:  # along y a vanishing q is proportional to sin ξ, so the else branch is ξ = π to rounding
         return float(np.sign(larger))
-    return float(np.sign(shape[_F])) * (1 if name == "TR" and vector.axis == "y" else -1)
+    return float(np.sign(shape[F])) * (1 if name == "TR" and vector.axis == "y" else -1)

@@ -124,7 +124,7 @@ def _reflections(line: Line, mode: Mode, rates: NDArray[np.float64], physics: Ph
     leave = np.argsort(-np.abs(factor))[: len(still)]
     shape, step = shape[:, leave], factor[leave]
     # Row 0 is the last perfect one; X₋₁ and X₀ are those of the incident and of the leaving waves
-    incident = mode.shape()[physics.coordinates]
+    incident = mode.shape()[0, physics.coordinates]
     incident = incident / np.sqrt(np.sum(line.mass * np.abs(incident) ** 2))
     before = incident * np.exp(-1j * mode.vector.per_row)
     if flux(line, before, incident) > 0:  # its energy runs the other way: take the wave of −ξ, the time reversal

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 ROW_SPACING = sqrt(3) / 2  # hexagonal lattice, in lattice constants
 DIRECTIONS = {"x": 0.0, "y": 90.0}
-# Directions, in degrees, of the three pairs of edges of the first Brillouin zone, each at ξ = π
-_EDGES = (90.0, 30.0, -30.0)
+# Directions, in degrees, of the pairs of edges of the first Brillouin zone of the hexagonal lattice, each at ξ = π
+EDGES = (90.0, 30.0, -30.0)
 
 Value = TypeVar("Value", float, NDArray[np.float64])
 
@@ -115,13 +115,13 @@ def snapped(advance: float, count: int) -> float:
     return 2 * pi * round(advance * count / (2 * pi)) / count
 
 
-def zone_edge(direction: float) -> float:
+def zone_edge(direction: float, edges: Sequence[float] = EDGES) -> float:
     """Return the ξ at which the first Brillouin zone ends in a direction (degrees): π along y, 2π/√3 along x.
 
-    Along y it ends at π in every lattice of rows; in other directions this is the zone of the hexagonal lattice. A wave
+    The zone is that of the hexagonal lattice, or one whose pairs of edges lie in other directions, at π too. A wave
     vector beyond it is equivalent to a shorter one.
     """
-    return pi / max(abs(cos(radians(direction - edge))) for edge in _EDGES)
+    return pi / max(abs(cos(radians(direction - edge))) for edge in edges)
 
 
 def zone_path(corners: Sequence[tuple[float, float]], points: int) -> NDArray[np.float64]:

@@ -16,8 +16,9 @@ import numpy as np
 
 from granular_lmp.crystal.adhesion_laws import AdhesionLaw
 from granular_lmp.crystal.contacts import Contacts, law_between
-from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, restored, row_stretches
+from granular_lmp.crystal.modes import Mode, Physics, contact_stretches, decay_rate, row_stretches
 from granular_lmp.effects.guard import Guard, Lines
+from granular_lmp.errors import SceneError
 from granular_lmp.scene.at_rest import contacts_of, crystal_of
 from granular_lmp.scene.linear import mode_of, unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -96,7 +97,7 @@ class Case:
         """
         scene = self.scene
         normal, shear = contact_stretches(self.contacts, scene.sphere, self.mode)
-        amplitude, along = scene.wave.amplitude, "y" if self.mode.name == "L" else "x"
+        amplitude, along = scene.wave.amplitude, "y" if self.mode.along_y else "x"
         parts = []
         if scene.wave.form != "none" or not scene.source:
             parts.append(self._with_rows(normal, shear, along if scene.wave.form == "driven" else ""))
@@ -234,7 +235,7 @@ class Case:
     @property
     def wave_words(self) -> str:
         """Name of the wave with its article: "a TR wave"."""
-        return f"{'an' if self.mode.name in ('L', 'RT') else 'a'} {self.mode.name} wave"
+        return self.mode.words
 
     @property
     def decay_rate(self) -> float:
@@ -250,9 +251,11 @@ class Case:
 
     def frequency_shift(self, physics: Physics) -> str:
         """Return a description of the change in the wave's frequency in a lattice with the given physics."""
-        if (name := self.scene.wave.mode) not in restored(unit_contacts(self.scene), physics):
-            return f"there is no {name} wave"
-        full, less = self.mode_with(Physics(rolling=self.rolling)).frequency, self.mode_with(physics).frequency
+        full = self.mode_with(Physics(rolling=self.rolling)).frequency
+        try:
+            less = self.mode_with(physics).frequency
+        except SceneError:
+            return f"there is no {self.mode.words.partition(' ')[2]}"
         return f"the frequency is {less:.4g} per tau instead of {full:.4g}: {abs(less / full - 1):.2%} off"
 
 

@@ -53,6 +53,8 @@ def called_for(case: Case) -> Finding:
     spin = INERTIA_RATIO * case.mode.f**2
     share = spin / (case.mode.ux**2 + case.mode.uy**2 + spin)
     reason = f"of the kinetic energy of {case.wave_words} is rotation"
+    if case.mode.cell:
+        return Finding(True, share, reason + ", and branches are counted with it")
     if case.scene.source or case.scene.struck:
         return Finding(True, share, reason + ", but sources and strikes make waves of every mode")
     if "sides" in case.scene.shape.faces:

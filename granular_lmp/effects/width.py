@@ -2,16 +2,22 @@
 
 import numpy as np
 
+from granular_lmp.crystal.lattices import places
 from granular_lmp.effects.effect import Case, Effect, Finding
 from granular_lmp.effects.guard import BROKEN_SYMMETRY, ROUNDINGS, Guard, Prepared
 from granular_lmp.scene.scene import Scene
 
 
 def spread(problem: Prepared) -> list[str]:
-    """Return the lines of the distance by which spheres of the centre row have moved apart, at all looks."""
-    row = 1 + np.flatnonzero(problem.crystal.arrays["row"] == problem.scene.shape.centre_row)
+    """Return the lines of the distance by which spheres of the centre row have moved apart, at all looks.
+
+    Of several spheres a cell they are those at the place of the centre sphere.
+    """
+    crystal, every = problem.crystal, problem.scene.lattice.column_period
+    alike = (crystal.arrays["row"] == problem.scene.shape.centre_row) & (places(crystal) == 0)
+    row = 1 + np.flatnonzero(alike)
     return [
-        f"group        row id {row[0]}:{row[-1]}",
+        f"group        row id {row[0]}:{row[-1]}" + f":{every}" * (every > 1),
         "compute      most  row reduce max c_u[1] c_u[2]",
         "compute      least row reduce min c_u[1] c_u[2]",
         "variable     spread_looks vector (look(c_most[1])-look(c_least[1])+look(c_most[2])-look(c_least[2]))/v_D0"

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular_lmp.accuracy.rounding import moving
-from granular_lmp.crystal.modes import bloch_mode, restored
-from granular_lmp.crystal.wavevector import zone_edge
+from granular_lmp.crystal.modes import modes_at
 from granular_lmp.errors import RunFolderError, one_line
 from granular_lmp.scene.linear import mode_of, physics_of, unit_contacts
 from granular_lmp.scene.scene import Scene
@@ -90,21 +89,20 @@ def dispersion_figure(scene: Scene) -> Figure:
     """Return a figure of Ω(ξ) in the scene's lattice and direction with its wave marked, and an axis in Hz to GHz.
 
     Along y and x the branches have the names of the modes. In other directions branches exchange their names, so all
-    are drawn alike.
+    are drawn alike, and so are those of several spheres a cell.
     """
     lattice, vector, physics = unit_contacts(scene), scene.vector, physics_of(scene)
-    edge = zone_edge(vector.direction)
+    edge = scene.lattice.zone_edge(vector.direction)
     wavenumbers = np.linspace(0.01, edge, 200)
-    names = restored(lattice, physics)
     figure = Figure(figsize=(5.5, 4.0), layout="constrained")
     axes = figure.subplots()
     along = [scene.lattice.vector(xi, vector.direction) for xi in wavenumbers]
-    modes = [[bloch_mode(lattice, scene.sphere, each, name, physics) for name in names] for each in along]
-    for index, name in enumerate(names):
-        if vector.axis:
-            axes.plot(wavenumbers, [three[index].frequency for three in modes], label=name, **BRANCH_STYLES[name])  # type: ignore[arg-type]
+    modes = [modes_at(lattice, scene.sphere, each, physics) for each in along]
+    for index, name in enumerate(mode.name for mode in modes[0]):
+        if vector.axis and name in BRANCH_STYLES:
+            axes.plot(wavenumbers, [all_of[index].frequency for all_of in modes], label=name, **BRANCH_STYLES[name])  # type: ignore[arg-type]
         else:
-            branch = [sorted(mode.frequency for mode in three)[index] for three in modes]
+            branch = [sorted(mode.frequency for mode in all_of)[index] for all_of in modes]
             axes.plot(wavenumbers, branch, color="black", label="_" * (index > 0) + "all branches")
     wave = mode_of(scene, physics)
     axes.plot(wave.wavenumber, wave.frequency, "ko", label=f"{wave.name}, $\\xi$ = {wave.wavenumber:.4g}")

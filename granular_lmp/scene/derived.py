@@ -180,7 +180,7 @@ class Derived(Document):
     @property
     def plane_along_y(self) -> bool:
         """True if the wave is the paper's, a running plane wave along y in a perfect lattice."""
-        return self.perfect and self.starts_along_y and self.shape.infinite
+        return self.perfect and self.starts_along_y and self.shape.infinite and self.lattice.column_period == 1
 
     @property
     def starts_along_y(self) -> bool:

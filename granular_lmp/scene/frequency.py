@@ -12,7 +12,7 @@ from math import hypot, pi
 from typing import Any
 
 from granular_lmp.crystal.lattices import HEXAGONAL, Lattice, unit_lattice
-from granular_lmp.crystal.modes import Physics, bloch_mode
+from granular_lmp.crystal.modes import Physics, bloch_mode, modes_at
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import ROW_SPACING, WaveVector, zone_edge
 from granular_lmp.errors import SceneError
@@ -52,7 +52,7 @@ def wavenumbers_at(
     def above(wavenumber: float) -> float:
         return hertz_of(kind.vector(wavenumber, degrees), sphere, physics, mode, kind) - hertz
 
-    edge = zone_edge(degrees)
+    edge = kind.zone_edge(degrees)
     grid = [_LOWEST, *(edge * k / _POINTS for k in range(1, _POINTS + 1))]
     grid = sorted({*grid, *_extrema(above, grid)})
     heights = [above(wavenumber) for wavenumber in grid]
@@ -77,8 +77,10 @@ def wavenumbers_at(
 
 def hertz_of(vector: WaveVector, sphere: Sphere, physics: Physics, mode: str, kind: Lattice = HEXAGONAL) -> float:
     """Return the frequency of a mode in hertz; arguments as of `wavenumbers_at`."""
-    found = bloch_mode(unit_lattice(sphere, kind), sphere, vector, mode, physics)
-    return found.frequency / (2 * pi * sphere.time_scale)
+    lattice = unit_lattice(sphere, kind)
+    branches = modes_at(lattice, sphere, vector, physics) if kind.column_period > 1 else []  # one may be 0 at Γ
+    found = [each for each in branches if each.name == mode] or [bloch_mode(lattice, sphere, vector, mode, physics)]
+    return found[0].frequency / (2 * pi * sphere.time_scale)
 
 
 def _extrema(function: Callable[[float], float], grid: list[float]) -> list[float]:

@@ -12,13 +12,14 @@ touches another within the envelope, because the assignment of wave vectors to b
 """
 
 from dataclasses import dataclass
+from itertools import product
 from math import pi
 
 import ase
 import numpy as np
 from numpy.typing import NDArray
 
-from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets
+from granular_lmp.crystal.lattices import Shape, lattice_constant, offsets, places
 from granular_lmp.crystal.modes import Mode, bloch_modes
 from granular_lmp.crystal.sphere import INERTIA_RATIO
 from granular_lmp.crystal.wavevector import WaveVector
@@ -93,7 +94,7 @@ def plane_wave(packing: ase.Atoms, mode: Mode, phase: float = 0.0) -> Fields:
     """
     along_x, along_y = offsets(packing)
     angle = mode.vector.per_row * along_y + mode.vector.per_column * along_x + phase
-    wave = np.exp(1j * angle)[:, None] * mode.shape()
+    wave = np.exp(1j * angle)[:, None] * mode.shape()[places(packing)]
     return _fields(packing, wave, -1j * mode.frequency * wave)
 
 
@@ -120,10 +121,10 @@ def _enveloped(scene: Scene, packing: ase.Atoms, mode: Mode) -> Fields:
     i, j = np.nonzero(inside)
     own = np.array([mode.vector.per_column, mode.vector.per_row])
     frequency, polarisation = _branch(scene, mode, own + np.column_stack([per_column[i], per_row[j]]))
-    wave = np.zeros((*inside.shape, 3), dtype=complex)
+    wave = np.zeros((*inside.shape, *mode.shape().shape), dtype=complex)
     rate = np.zeros_like(wave)
-    wave[inside] = weight[:, None] * polarisation
-    rate[inside] = -1j * frequency[:, None] * wave[inside]
+    wave[inside] = weight[:, None, None] * polarisation
+    rate[inside] = -1j * frequency[:, None, None] * wave[inside]
     sums = (_sum_of_waves(packing, own[0] + per_column, own[1] + per_row, part) for part in (wave, rate))
     return _fields(packing, *sums)
 
@@ -144,7 +145,7 @@ def _around(vector: WaveVector, envelope: Envelope, shape: Shape) -> tuple[Float
 
 
 def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[np.complex128]]:
-    """Return frequencies (M,) and shapes (M, 3), (ux, uy, i f), of a mode's branch at phase advances (M, 2).
+    """Return frequencies (M,) and shapes (M, P, 3), (ux, uy, i f), of a mode's branch at phase advances (M, 2).
 
     The branch is followed by the overlap of the shapes, because names are exchanged where branches come close.
     """
@@ -152,27 +153,30 @@ def _branch(scene: Scene, mode: Mode, vectors: Floats) -> tuple[Floats, NDArray[
     across = scene.lattice.column_distance(lattice_constant(sphere))
     k = vectors / [1, mode.vector.row_spacing] / across
     frequencies, shapes = bloch_modes(unit_contacts(scene), sphere, k, physics_of(scene))
-    likeness = shapes @ (np.array([mode.ux, mode.uy, mode.f]) * [1, 1, INERTIA_RATIO])
+    own = mode.shape() * [1, 1, -1j]
+    likeness = shapes.conj() @ (own * [1, 1, INERTIA_RATIO]).ravel()
     best = np.argmax(np.abs(likeness), axis=-1)[:, None]
-    sign = np.where(np.take_along_axis(likeness, best, axis=-1) < 0, -1, 1)
-    polarisation = np.take_along_axis(shapes, best[..., None], axis=-2)[:, 0] * sign * [1, 1, 1j]
+    alike = np.take_along_axis(likeness, best, axis=-1)
+    turned = np.take_along_axis(shapes, best[..., None], axis=-2)[:, 0] * alike / np.abs(alike)
+    polarisation = turned.reshape(-1, *own.shape) * [1, 1, 1j]
     return np.take_along_axis(frequencies, best, axis=-1)[:, 0], polarisation
 
 
 def _sum_of_waves(
     packing: ase.Atoms, per_column: Floats, per_row: Floats, amplitude: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x."""
-    along_x, along_y = offsets(packing)
-    row, column = packing.arrays["row"], packing.arrays["column"]
-    rows, columns = packing.info["rows"], packing.info["columns"]
-    x, y = np.zeros((2, columns)), np.zeros(rows)  # the shift of a row depends on its parity
-    x[row % 2, column], y[row] = along_x, along_y
-    by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude, axes=(1, 1))  # (rows, i, 3)
-    result = np.empty((rows, columns, 3), dtype=complex)
-    for parity in (0, 1):
-        result[parity::2] = np.exp(1j * np.outer(x[parity], per_column)) @ by_row[parity::2]
-    return result[row, column]  # some places may be empty
+    """Return Σ amplitude(i, j) e^{ik_ij·r} at the spheres, (N, 3), over a grid of wave vectors: first y, then x.
+
+    Spheres of one place of their cells and of rows of one parity stand on a grid of x and y.
+    """
+    (along_x, along_y), place, row = offsets(packing), places(packing), packing.arrays["row"]
+    result = np.empty((len(packing), 3), dtype=complex)
+    for parity, own in product((0, 1), range(amplitude.shape[2])):
+        these = (row % 2 == parity) & (place == own)
+        (x, at_x), (y, at_y) = (np.unique(each[these], return_inverse=True) for each in (along_x, along_y))
+        by_row = np.tensordot(np.exp(1j * np.outer(y, per_row)), amplitude[:, :, own], axes=(1, 1))  # (y, i, 3)
+        result[these] = (np.exp(1j * np.outer(x, per_column)) @ by_row)[at_y, at_x]
+    return result
 
 
 def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
@@ -185,5 +189,5 @@ def _driven_row(packing: ase.Atoms, mode: Mode, envelope: Envelope) -> Fields:
         middle = along_x - columns * np.round(along_x / columns) if packing.pbc[0] else along_x
         profile = np.exp(-0.5 * (middle / (envelope.width * mode.vector.row_spacing)) ** 2)
     displacement = np.zeros((len(packing), 3))
-    displacement[first, 1 if mode.name == "L" else 0] = (1 if mode.name == "L" else -1) * profile[first]
+    displacement[first, int(mode.along_y)] = (1 if mode.along_y else -1) * profile[first]
     return Fields(displacement, np.zeros_like(displacement))

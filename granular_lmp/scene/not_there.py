@@ -44,11 +44,11 @@ NOT_THERE = (
         "substrate 3d dimension dimensions layers layer depth z bilayer",
     ),
     NotThere(
-        "lattices other than hexagonal, square and chain",
-        "a scene is made of rows, each of equally spaced spheres",
-        "`packing.lattice` for those three, a deck of your own for others; `granular_lmp.crystal` has the contacts and "
+        "lattices other than hexagonal, square, honeycomb and chain",
+        "a scene is made of rows that are alike",
+        "`packing.lattice` for those four, a deck of your own for others; `granular_lmp.crystal` has the contacts and "
         "the modes of any crystal",
-        "square chain honeycomb kagome cubic",
+        "square chain kagome cubic",
     ),
     NotThere(
         "non-spherical grains",

@@ -105,6 +105,8 @@ class Rule:
         SceneError
             If the value is not allowed; the message names key, value and allowed values.
         """
+        if self.kind is str and type(value) is int:  # the number of a branch
+            value = str(value)
         if isinstance(value, str) and value in self.words:
             return value
         if self.kind is float and isinstance(value, int) and not isinstance(value, bool):

@@ -7,14 +7,14 @@ if that differs. `granular_lmp.scene.scene` checks combinations of values.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, floor, hypot, pi
+from math import ceil, floor, hypot, pi, sqrt
 from typing import Any
 
 from granular_lmp.crystal.adhesion_laws import ADHESION_LAWS
 from granular_lmp.crystal.equilibrium import BOXES
 from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, LATTICES, PERIODIC, WALL, Lattice
-from granular_lmp.crystal.modes import MODES, Physics
-from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector, zone_edge
+from granular_lmp.crystal.modes import BRANCHES, MODES, Physics
+from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
 from granular_lmp.scene.records import remembering
@@ -26,7 +26,7 @@ FACES = (HELD, FREE, AUTO)
 SHEAR_LAWS = ("secant", "incremental")
 NOT_BARE = Bare(None, None)  # of a key that a scene without [wave] does not have
 FORMS = ("running", "standing", "driven", "none")
-LARGEST_WAVENUMBER = zone_edge(0.0)  # K, the corner of the Brillouin zone
+LARGEST_WAVENUMBER = sqrt(2) * pi  # the corner of the Brillouin zone of the square lattice
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
 
@@ -102,7 +102,7 @@ class Wave:
     Where the `frequency` is declared, `wavenumber` holds what follows from it (`granular_lmp.scene.frequency`).
     """
 
-    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES)
+    mode: str = choice("longitudinal, transverse-rotational, rotational-transverse", MODES + BRANCHES)
     wavenumber: float = number("rad per row", "xi", 1e-9, LARGEST_WAVENUMBER)
     amplitude: float = number("D0/Delta0", "displacement in static overlaps", 0, 100, open_low=True)
     phase: float = number("rad", "at the centre sphere, or of the driven row", -2 * pi, 2 * pi, default=0.0)

@@ -86,6 +86,7 @@ def decide(
     Shape
     """
     fewest_rows, fewest_columns = ceil(room.rows), max(lattice.fewest_columns, ceil(room.columns))
+    fewest_columns += -fewest_columns % lattice.column_period
     quiet = max(quiet_rows(duration, driven=driven), 2 * ceil((room.strip - 1) / 2) + 1)
     period = lattice.row_period
     cells = range(max(4, fewest_rows + -fewest_rows % period), fewest_rows + LARGEST_CELL + 1, period)
@@ -111,7 +112,9 @@ def decide(
     if columns == 1 and sides == PERIODIC:
         columns = lattice.fewest_columns
     if columns == AUTO:
-        columns = smallest_cell(vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1))
+        columns = smallest_cell(
+            vector.per_column, SNAP, range(fewest_columns, fewest_columns + LARGEST_CELL + 1, lattice.column_period)
+        )
     first, last = (HELD if face == AUTO else face for face in (first, last))
     return Shape(int(rows), int(columns), ends, lattice, first, last, sides)
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from math import ceil, pi
 
 from granular_lmp.crystal.disorder import Disorder, Inclusion
-from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, HEXAGONAL, SQUARE, Lattice, Shape, unit_lattice
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, SQUARE, Lattice, Shape, unit_lattice
 from granular_lmp.crystal.modes import bears_compression
 from granular_lmp.crystal.sphere import Sphere
-from granular_lmp.crystal.wavevector import WaveVector, zone_edge
+from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces
 from granular_lmp.scene.schema import AUTO, shown
@@ -110,11 +110,13 @@ def check_lattice(
             '"auto" (with 2 columns a sphere touches two images of the same neighbour, which share one shear '
             "history in LAMMPS)"
         )
-    if lattice != HEXAGONAL and wave.degrees != 90:
+    if columns % lattice.column_period:
         raise SceneError(
-            f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"; other '
-            "directions are for the hexagonal lattice"
+            f"packing.columns = {columns}: must be a multiple of {lattice.column_period}, the spheres of a cell, with "
+            f'packing.lattice = "{lattice.name}"'
         )
+    if not lattice.sheet and wave.degrees != 90:
+        raise SceneError(f'wave.direction = {wave.direction!r}: must be "y" with packing.lattice = "{lattice.name}"')
     if envelope.width and not lattice.sheet:
         raise SceneError(f'envelope.width = {envelope.width!r}: must be 0 with packing.lattice = "{lattice.name}"')
     shear = effects.physics.shear
@@ -159,10 +161,10 @@ def check_arrangement(
         own = inclusion.of_material | ({} if inclusion.radius is None else {"radius": inclusion.radius})
         sized |= {f"inclusion {number}: {key}": value for key, value in own.items() if value != getattr(material, key)}
     for key, value in sized.items():
-        if lattice == SQUARE:
+        if lattice.collapses:
             raise SceneError(
-                f'{key} = {value!r}: must be that of all spheres with packing.lattice = "square", which has no shear '
-                "stiffness without friction and would collapse as it comes to rest"
+                f'{key} = {value!r}: must be that of all spheres with packing.lattice = "{lattice.name}", which has no '
+                "shear stiffness without friction and would collapse as it comes to rest"
             )
         if lattice == CHAIN and packing.relax == "fixed":
             raise SceneError(
@@ -179,7 +181,7 @@ def check_arrangement(
 
 def check_wave(wave: Wave, envelope: Envelope, packing: Packing, shape: Shape) -> None:
     """Check that the wave vector is in the Brillouin zone, and that direction, form, envelope and ends agree."""
-    edge = zone_edge(wave.degrees)
+    edge = shape.lattice.zone_edge(wave.degrees)
     if wave.wavenumber > edge * (1 + 8 * EPSILON):
         raise SceneError(
             f"wave.wavenumber = {wave.wavenumber!r}: must be a number in [1e-9, {edge:.6g}], rad per row; the "
@@ -240,6 +242,11 @@ def check_absorb(
     absorb: Absorb, packing: Packing, wave: Wave, envelope: Envelope, shape: Shape, sources: Sequence[AtPlaces]
 ) -> None:
     """Check that quiet ends have rows to damp and a wave that reaches them from inside."""
+    if absorb.rows and shape.lattice.column_period > 1:
+        raise SceneError(
+            f'absorb.rows = {absorb.rows!r}: must be 0 with packing.lattice = "{shape.lattice.name}"; quiet ends are '
+            "for rows of one sphere a cell"
+        )
     if absorb.rows == 0:
         return
     for name, row in (("first", 0), ("last", shape.rows - 1)):
@@ -299,7 +306,7 @@ def check_packing(packing: Packing, wave: Wave, envelope: Envelope, shape: Shape
             f"wave.wavenumber = {wave.wavenumber!r}: snaps to 0 in a periodic cell of {rows} rows x {columns} "
             f"columns; the smallest is 2 pi/{rows} = {2 * pi / rows:.6g}, rad per row, along y"
         )
-    edge = zone_edge(vector.direction)
+    edge = shape.lattice.zone_edge(vector.direction)
     if vector.wavenumber > edge * (1 + 1e-12):
         raise SceneError(
             f"packing.rows x packing.columns = {rows} x {columns}: wave.wavenumber = {wave.wavenumber!r} snaps to "

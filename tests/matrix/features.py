@@ -48,7 +48,7 @@ WAVES: dict[str, Settings] = {
     "pushed sphere": source(spheres=[[22, 0]], force="y"),
     "torque": source(spheres=[[24, 0]], force="torque"),
     "packet": {"envelope.length": 5.0},
-    "beam": {"envelope.width": 3.0, "packing.columns": 24},
+    "beam": {"envelope.width": 3.0, "packing.columns": 36},
     "fixed": FIXED,
     "quiet": FIXED
     | {"absorb.rows": 10, "absorb.reflection": 0.45}
@@ -77,6 +77,7 @@ WAVES: dict[str, Settings] = {
     "held sides": {"packing.sides": "held"},
     "finite sheet": FIXED | {"packing.first": "free", "packing.last": "free", "packing.sides": "free"},
     "chirp": source(spheres=[[23, 0]], force="y", signal="chirp"),
+    "honeycomb": {"packing.lattice": "honeycomb", "wave.mode": 3},
 }
 
 IMPACT = ImpactScene.load("point_impact").with_values(
