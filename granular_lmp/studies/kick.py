@@ -11,8 +11,8 @@ import numpy as np
 from granular_lmp.accuracy.tolerance import run
 from granular_lmp.crystal.lattices import HEXAGONAL, lattice_constant, unit_lattice
 from granular_lmp.crystal.modes import highest_frequency
-from granular_lmp.errors import EffectError, SceneError
-from granular_lmp.lammps.outputs import writable
+from granular_lmp.errors import EffectError, RunInterrupted, SceneError
+from granular_lmp.lammps.outputs import CHECKPOINTS, writable
 from granular_lmp.problem import prepare
 from granular_lmp.runs.record import Record
 from granular_lmp.scene.scene import Scene
@@ -84,11 +84,18 @@ def run_kicked(scene: Scene, folder: str | Path, seed: int = 0, *, force: bool =
         If the folder exists (without `force`).
     EffectError
         If contacts slid or opened because the velocities were too large.
+    RunInterrupted
+        If the run was stopped; a kicked sheet is not continued.
     LammpsMissingError, LammpsError
         As in `granular_lmp.run`.
     """
     _refuse_unfit(scene)
-    record = run(kicked(scene, seed), folder, force=force)
+    try:
+        record = run(kicked(scene, seed), folder, force=force)
+    except RunInterrupted as error:
+        for stray in CHECKPOINTS:  # from which `resume` would continue the run, and not write the sheet
+            (Path(folder) / stray).unlink(missing_ok=True)
+        raise RunInterrupted(f"{Path(folder).resolve()}: interrupted; run it again with force=True") from error
     for guard, what in _LINEAR.items():
         if not record.info["guards"].get(guard, {}).get("quiet", True):
             raise EffectError(f"{folder}: {what}; the kick is too hard, take a smaller wave.amplitude")
