@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory
+from analysis.measure.harmonic import Harmonic, by_cell, by_network, by_runs, by_theory, need_wave
 from analysis.measure.runs import begun, load
 from analysis.measure.swept import Swept
 from analysis.plotting import start, write
@@ -49,7 +49,7 @@ def harmonic(targets: Sequence[str], by: str | None = None) -> Harmonic:
     if not (folders[0] / STATUS).is_file():
         return _of_scene(targets[0], by)
     record = load(folders[0])
-    return _first(by, lambda: by_theory(record.scene, record.tau), lambda: record, record.tau)
+    return _first(record.scene, by, lambda: record, record.tau)
 
 
 def _of_scene(target: str, by: str | None) -> Harmonic:
@@ -57,14 +57,15 @@ def _of_scene(target: str, by: str | None) -> Harmonic:
     samples = int(scene.time.duration / scene.time.sample + 1e-9)
     tau: Floats = scene.time.sample * np.arange(samples + 1.0)
     with TemporaryDirectory() as folder:
-        found = _first(by, lambda: by_theory(scene, tau), cache(lambda: begun(scene, folder)), tau)
+        found = _first(scene, by, cache(lambda: begun(scene, folder)), tau)
     return replace(found, scene=scene)
 
 
-def _first(by: str | None, theory: Callable[[], Harmonic], record: Callable[[], Record], tau: Floats) -> Harmonic:
+def _first(scene: Scene, by: str | None, record: Callable[[], Record], tau: Floats) -> Harmonic:
     """Return what the first way that holds a wave finds, or the way that was asked for; ValueError if none holds it."""
+    need_wave(scene)
     ways = {
-        "theory": theory,
+        "theory": lambda: by_theory(scene, tau),
         "cell": lambda: by_cell(record(), tau),
         "network": lambda: by_network(record(), tau),
     }

@@ -34,7 +34,7 @@ from granular_lmp.runs.record import GranularError, Scene
 Floats = NDArray[np.float64]
 FIELDS = ("direction", "kind", "wavenumber", "wave", "target", "frequency_Hz", "growth", "forbidden")
 COLOURS = ("tab:blue", "black", "tab:red", "tab:green", "tab:purple", "tab:brown")
-SILENT = 1e-9  # a coefficient of friction that is rounding
+SILENT = 1e-9  # a stretch, of that which opens a contact, or a coefficient of friction that is rounding
 LARGEST_DOT = 260.0  # points², of the fastest growth
 
 
@@ -83,7 +83,7 @@ def table(found: Sequence[Row], several: bool) -> str:
 def outlook(setting: Setting, crystal: Crystal) -> str:
     """Return how far second order holds for the wave of the scene."""
     scene, a = setting.scene, setting.scene.wave.amplitude
-    said = f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts open at a = "
+    said = f"{scene.wave.mode} at xi = {scene.wavenumber:.6g}, a = {a:g}: contacts "
     if len(crystal) > 1:
         _, waves = setting.start()
         far, turned = (
@@ -91,13 +91,18 @@ def outlook(setting: Setting, crystal: Crystal) -> str:
             drift(crystal, waves) * 2 * np.pi / max(each.frequency for each in waves),
         )
         slides = f", none slides above a friction of {far.friction:.2g}" if far.friction > SILENT else ""
-        return (
-            f"{said}{a / far.opening:.3g} or above{slides}; third order turns waves by up to {turned:.2g} rad a period"
-        )
+        opens = _opens(a, far.opening, " or above")
+        return f"{said}{opens}{slides}; third order turns waves by up to {turned:.2g} rad a period"
     alone = validity(crystal, setting.mode().times(scene.displacement_amplitude))
     turns = "" if np.isnan(alone.drift) else f", which third order turns by {alone.drift:.2g} rad a period"
     slides = f" and slide below a friction of {alone.friction:.2g}" if alone.friction > SILENT else ""
-    return f"{said}{a / alone.opening:.3g}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}"
+    opens = _opens(a, alone.opening)
+    return f"{said}{opens}{slides}; the forced second harmonic is {alone.second:.2g} of the wave{turns}"
+
+
+def _opens(a: float, opening: float, above: str = "") -> str:
+    """Return at which amplitude contacts open, by the opening of a wave of amplitude a."""
+    return f"open at a = {a / opening:.3g}{above}" if opening > SILENT else "are not stretched in first order"
 
 
 def as_csv(found: Sequence[Row]) -> str:

@@ -236,6 +236,18 @@ def test_the_command_takes_scenes_runs_and_sweeps_and_writes_what_it_found(
     capsys.readouterr()
 
 
+def test_a_scene_without_a_wave_is_told_so() -> None:
+    chain = Scene.load("solitary_chain")
+    struck = Record(np.zeros(1), {}, chain)
+    for way in (by_cell, by_network):
+        with pytest.raises(ValueError, match="wave: missing table"):
+            way(struck)
+    with pytest.raises(SystemExit, match="solitary_chain: wave: missing table; this theory is of scenes with a wave"):
+        cli.main(["harmonic", "solitary_chain"])
+    with pytest.raises(SystemExit, match="solitary_chain: wave: missing table"):
+        cli.main(["design", "solitary_chain", "--vary", "sphere.density", "1000", "9000"])
+
+
 def test_the_command_takes_a_scene_that_is_not_perfect(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "scene.toml").write_text(VACANCIES.to_toml())
     scene = ["harmonic", str(tmp_path / "scene.toml"), "--json", str(tmp_path / "c.json")]

@@ -155,7 +155,7 @@ def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest
 
 def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script.main(["tr_square", "--map", "5", "-o", str(tmp_path / "map.png")])
-    capsys.readouterr()
+    assert "a = 0.2: contacts are not stretched in first order and slide below" in capsys.readouterr().out
     with (tmp_path / "map.csv").open() as stream:
         found = list(csv.DictReader(stream))
     by_angle = {
@@ -172,6 +172,7 @@ def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: py
         (["nowhere"], "no such scene file"),
         (["tr_damped"], "tr_damped: the theory of a crystal leaves out effects.viscosity = 2e-08"),
         (["tr_impurity"], "inclusion 1 has spheres; allowed: rows, every, density"),
+        (["solitary_chain"], "solitary_chain: wave: missing table; this theory is of scenes with a wave"),
     ],
 )
 def test_what_has_no_such_crystal_is_refused(arguments: list[str], words: str) -> None:

@@ -40,6 +40,7 @@ from analysis.theory.choice import traits_of
 from analysis.theory.network_motion import integrate
 from analysis.theory.network_state import start
 from analysis.theory.scenes import Setting, drift
+from analysis.theory.scenes import need_wave as need_wave
 from analysis.theory.validity import reached
 from granular_lmp.runs.record import Record, Scene
 
@@ -173,6 +174,7 @@ def over_phases(phases: ArrayLike, values: Complexes) -> tuple[Complexes, Floats
 
 
 def _refuse(record: Record) -> None:
+    need_wave(record.scene)
     if other := sorted(traits_of(record) - HELD_HERE):
         raise ValueError(f"the second harmonic of a cell leaves out {', '.join(other)}")
 

@@ -85,6 +85,12 @@ class Elastic(NamedTuple):
     work_of_adhesion: Any
 
 
+def need_wave(scene: Scene) -> None:
+    """Raise ValueError for a scene of strikers or a state alone."""
+    if scene.wave is None:
+        raise ValueError("wave: missing table; this theory is of scenes with a wave")
+
+
 @dataclass(frozen=True, eq=False)
 class Setting:
     """A scene, by its physics: what the theory of a crystal takes of it, in SI units.
@@ -98,6 +104,9 @@ class Setting:
 
     scene: Scene
     numbers: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        need_wave(self.scene)
 
     def refuse(self, allowed: frozenset[str]) -> None:
         """Raise ValueError for a scene that declares something else, by its keys; what is switched off is nothing."""
