@@ -71,6 +71,11 @@ def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path)
     for package in ("granular_lmp", "analysis"):
         wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
         wanted.add(f"{package}/py.typed")
+    wanted |= {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "analysis").rglob("*")
+        if path.suffix in (".toml", ".json")
+    }
     held = {name for name in names(one(built, ".whl")) if ".dist-info/" not in name}
     assert held == wanted
 

@@ -25,7 +25,7 @@ from granular_lmp.lammps.checkpoints import SPEED
 from granular_lmp.lammps.deck import deck_of
 from granular_lmp.lammps.outputs import CHECKPOINTS, DUMP, STATUS
 from granular_lmp.problem import Problem
-from granular_lmp.runs import launch, loop
+from granular_lmp.runs import launch, loop, manifest
 from granular_lmp.runs.launch import resume
 from granular_lmp.runs.record import TRAJECTORY, read_status, write_status
 from granular_lmp.studies import sweep
@@ -156,7 +156,7 @@ def test_a_run_that_could_not_begin_again_does_not_pass_for_the_earlier_one(
 
     def fails_at(step: str) -> None:
         with monkeypatch.context() as patched:
-            patched.setattr(launch if step == "description" else loop, step, lambda *arguments: 1 / 0)
+            patched.setattr(manifest if step == "description" else loop, step, lambda *arguments: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 run(other, tmp_path / "run", force=True)
 

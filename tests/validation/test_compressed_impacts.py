@@ -134,7 +134,7 @@ def test_rounding_that_would_move_a_chain_is_refused() -> None:
     changes = {"packing.contact_force": 1e4, "time.timestep": 1e-4}
     with pytest.raises(SceneError, match=r"packing.contact_force = 10000.0: rounding of the places leaves a force of"):
         prepare(ImpactScene.from_dict(CHAIN.with_values(changes | {"striker.1.velocity": 1e-7}).to_dict() | stiff))
-    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).residual_force < 1e-8
+    assert prepare(ImpactScene.from_dict(CHAIN.with_values(changes).to_dict() | stiff)).collisions.residual_force < 1e-8
 
 
 def test_a_chain_that_is_pressed_too_deep_is_refused() -> None:
@@ -150,7 +150,7 @@ def front(run: Runs, force: float, rows: int, velocity: float = 1.0) -> tuple[fl
     """Speed of the front in that of sound, and its height in the overlap at rest at two places 40 spheres apart."""
     found = []
     unit = CHAIN.with_values({"packing.contact_force": force, "striker.1.velocity": velocity})
-    rest = unit.rest_overlap / unit.scale.length
+    rest = prepare(unit).collisions.rest_overlap[0]
     fast = max(sound(1.0, 1.0, rest), 0.84)
     spots = [[at, 0] for at in (rows - 61, rows - 60, rows - 21, rows - 20)]
     shared = {"packing.rows": rows, "output.spheres": spots, "time.sample": 0.06}
@@ -168,7 +168,7 @@ def test_a_struck_chain_carries_the_exact_wave_of_its_compression(run: Runs, for
     speed, one, other = front(run, force, rows)
     assert one == pytest.approx(other, rel=1e-6)  # it does not change any more
     unit = CHAIN.with_values({"packing.contact_force": force})
-    rest = unit.rest_overlap / unit.scale.length
+    rest = prepare(unit).collisions.rest_overlap[0]
     wave = solitary_wave(speed * sound(1.0, 1.0, rest), rest=rest)
     # Left of the step is its fourth order, 0.06⁴ = 1e-5 times a hundredth
     assert wave.largest_overlap / rest == pytest.approx(one, rel=1e-5)
