@@ -158,7 +158,8 @@ def grown(section: str, key: str, default: Any, value: Any) -> Any:
     kind = make_dataclass(
         type(before).__name__, [(key, Any, field(default=default))], bases=(type(before),), frozen=True
     )
-    return replace(PAPER, **{section: kind(**vars(before), **{key: value})})
+    values = {known.name: getattr(before, known.name) for known in fields(before)}  # without what it has cached
+    return replace(PAPER, **{section: kind(**values, **{key: value})})
 
 
 NEW_KEYS = [

@@ -6,7 +6,15 @@ import pytest
 
 from granular_lmp import Scene, build, run
 from granular_lmp.errors import SceneError
-from granular_lmp.lammps.checkpoints import SHARE, SPEED, WRITING, checkpoint_steps, minutes_between
+from granular_lmp.lammps.checkpoints import (
+    MOST,
+    SHARE,
+    SPEED,
+    WRITING,
+    checkpoint_steps,
+    minutes_between,
+    steps_between,
+)
 from granular_lmp.lammps.guards import line_interval
 from granular_lmp.problem import prepare
 from granular_lmp.studies.forecast import SERIAL, Forecast
@@ -35,6 +43,17 @@ def test_by_default_checkpoints_take_a_hundredth_of_the_run_at_most(side: int) -
     spheres, declared = side * side, sheet(side).output.checkpoint
     assert spheres * WRITING / (60 * minutes_between(declared, spheres)) <= SHARE * (1 + 1e-12)
     assert minutes_between(declared, spheres) >= 0.5
+
+
+@pytest.mark.parametrize("lines", [1, 7, 400])
+def test_the_longest_interval_fits_the_integers_of_lammps(lines: int) -> None:
+    steps = steps_between(1e5, 4, lines, ranks=64)
+    assert MOST - lines < steps <= MOST
+    assert steps % lines == 0
+
+
+def test_checkpoints_that_are_very_rare_run(tmp_path: Path) -> None:
+    run(sheet(20, checkpoint=1e5).with_values({"time.duration": 1.0}), tmp_path / "run")
 
 
 def test_a_time_that_is_none_is_refused_by_name() -> None:

@@ -1,6 +1,9 @@
 """Scenes: what is read, what is refused and with which words, what follows from the values."""
 
+import copy
+import pickle
 import re
+from dataclasses import replace
 from math import atan2, degrees, hypot, inf, nan, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -379,3 +382,48 @@ def test_one_column_of_an_earlier_release_is_read_as_three_with_a_remark(small: 
     assert build(scene).input_text == build(small).input_text
     assert scene.remarks()[0] == "packing.columns 1 is read as 3, the fewest that LAMMPS simulates right"
     assert not Scene.load("l_chain").remarks()  # a chain has one
+
+
+# --- dataclasses.replace ---
+
+KINDS = [Scene.load(name) for name in ("solitary_chain", "struck_sheet", "tr_periodic", "point_source")]
+of_each_kind = pytest.mark.parametrize("scene", KINDS, ids=lambda scene: scene.name)
+
+
+@of_each_kind
+def test_a_scene_is_replaced_table_by_table(scene: Scene) -> None:
+    time, material = replace(scene.time, duration=scene.time.duration / 2), replace(scene.material, density=2100.0)
+    changed = replace(scene, time=time, material=material)
+    assert changed == scene.with_values({"time.duration": time.duration, "sphere.density": 2100.0})
+    assert replace(scene, sphere=material) == replace(scene, material=material)  # type: ignore[call-arg]
+    assert replace(scene) == scene
+
+
+@of_each_kind
+@pytest.mark.parametrize("table", ["time", "packing", "effects", "output"])
+def test_a_table_of_a_scene_is_one_that_it_takes(scene: Scene, table: str) -> None:
+    kept = getattr(scene, table)
+    assert scene.replace(**{table: kept}) == scene.replace(**{table: replace(kept)}) == scene
+
+
+@of_each_kind
+def test_a_tolerance_takes_the_place_of_a_step(scene: Scene) -> None:
+    time = replace(scene.time, tolerance=1e-3)
+    assert scene.replace(time=time).time.tolerance == replace(scene, time=time).time.tolerance == 1e-3
+
+
+def test_a_wave_of_a_frequency_is_replaced() -> None:
+    scene = PAPER.with_values({"wave.frequency": 2e6})
+    assert scene.replace(wave=replace(scene.wave, amplitude=0.1)) == scene.with_values({"wave.amplitude": 0.1})
+
+
+def test_what_is_replaced_is_checked_again() -> None:
+    with pytest.raises(SceneError, match=r"time\.duration"):
+        replace(PAPER, time=replace(PAPER.time, duration=1e5))
+
+
+@of_each_kind
+def test_a_scene_is_copied_and_pickled_with_what_was_given(scene: Scene) -> None:
+    for copied in (copy.deepcopy(scene), pickle.loads(pickle.dumps(scene))):
+        assert copied == scene
+        assert scene.replace(effects=copied.effects) == scene

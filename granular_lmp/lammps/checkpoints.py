@@ -23,6 +23,7 @@ SPEED = 3e6
 WRITING = 1.5e-6  # seconds a sphere of a checkpoint takes, whatever the ranks: 480 bytes (measured 1.2e-6)
 SHARE = 0.01  # share of the run that they take at most, by default
 LEAST = 0.5  # minutes, by default
+MOST = 2**31 - 1  # steps: LAMMPS reads the interval as an integer of 32 bits
 
 
 def minutes_between(declared: float | str, spheres: int) -> float:
@@ -40,6 +41,7 @@ def steps_between(declared: float | str, spheres: int, lines: int, ranks: int = 
     """Return the steps between two checkpoints on some MPI ranks, from ``output.checkpoint`` as declared.
 
     They are a multiple of `lines`, the steps between two lines of the thermo table, so that no look of a guard falls
-    between a line and a checkpoint.
+    between a line and a checkpoint, and at most `MOST`.
     """
-    return ceil(60 * minutes_between(declared, spheres) * SPEED * ranks / spheres / lines) * lines
+    steps = 60 * minutes_between(declared, spheres) * SPEED * ranks / spheres
+    return min(ceil(steps / lines), MOST // lines) * lines

@@ -10,7 +10,7 @@ the record (`_inside`). The guards are defined with their effects (`granular_lmp
 
 from math import pi
 
-from granular_lmp.crystal.modes import highest_frequency
+from granular_lmp.crystal.modes import Mode, highest_frequency
 from granular_lmp.effects.contact_opening import GUARD as OPEN
 from granular_lmp.effects.guard import LOOKS, NEVER, TOP, kept_at_looks, watches_part
 from granular_lmp.effects.openings import changed_lines, counted_lines
@@ -38,8 +38,8 @@ ELSEWHERE = ("v_open_all", "v_slip_all", "v_overlap_all")
 # --- when a run looks ------------------------------------------------------------------------------------------------
 
 
-def fastest(scene: Scene) -> float:
-    """Return the highest frequency that the extremes of contacts depend on, rad/t0.
+def fastest(scene: Scene, mode: Mode | None = None) -> float:
+    """Return the highest frequency that the extremes of contacts depend on, rad/t0; by default of the declared mode.
 
         max(2Ω, 1·s)
 
@@ -51,7 +51,7 @@ def fastest(scene: Scene) -> float:
     """
     if scene.wave is None:
         return highest_frequency(unit_contacts(scene), scene.sphere, physics_of(scene)) * swiftness(scene)
-    usual = mode_of(scene).frequency
+    usual = (mode or mode_of(scene)).frequency
     own = [each.top(scene.sphere, usual) for each in scene.source]
     if scene.wave.form != "none" or not any(own):
         own.append(usual)
@@ -68,7 +68,7 @@ def look_interval(problem: Problem) -> int:
     if problem.scene.loose:
         most, whole = int(problem.collisions.shortest_collision / LOOKS_IN_COLLISION / time.step), time.steps_per_sample
     else:
-        most, whole = int(_look_time(problem.scene) / time.step + 1e-9), time.steps
+        most, whole = int(_look_time(problem) / time.step + 1e-9), time.steps
     return next(steps for steps in range(max(min(most, whole), 1), 0, -1) if whole % steps == 0)
 
 
@@ -79,8 +79,8 @@ def line_interval(problem: Problem) -> int:
     return look_interval(problem) * _looks_per_line(problem)
 
 
-def _look_time(scene: Scene) -> float:
-    return 2 * pi / (LOOKS * fastest(scene))
+def _look_time(problem: Problem) -> float:
+    return 2 * pi / (LOOKS * fastest(problem.scene, problem.mode))
 
 
 def _looks_per_line(problem: Problem) -> int:
@@ -141,7 +141,7 @@ def guards(problem: Problem, checkpoint: str = "") -> list[str]:
         return _of_meetings(problem)
     scene, names, how = problem.scene, problem.guards, Reading.of(problem)
     part, watched = watches_part(scene), [GUARDS[name] for name in names]
-    steps, longest = look_interval(problem), _look_time(scene) * (1 + 1e-9)
+    steps, longest = look_interval(problem), _look_time(problem) * (1 + 1e-9)
     text: list[str] = []
     for guard in watched:
         of_contacts = _of_contacts("inside", "looks", how) if guard.of_contacts else []

@@ -53,7 +53,7 @@ def _of_wave(problem: Problem) -> dict[str, Any]:
         "Delta0_m": scene.scale.length,
         "t0_s": scene.scale.time,
         "overlap_ratio": scene.sphere.overlap_ratio,
-        "looks": {"every_tau": look_interval(problem) * scene.time.step, "fastest": fastest(scene)},
+        "looks": {"every_tau": look_interval(problem) * scene.time.step, "fastest": fastest(scene, problem.mode)},
     }
 
 

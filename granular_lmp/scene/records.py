@@ -5,32 +5,40 @@ A record that a script makes remembers which values it was given, since a defaul
 
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, fields
-from functools import cache, wraps
-from typing import Any, TypeVar
+from functools import cache
+from typing import Any, Self
 
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.schema import Rule, Rules, refuse_unknown, shown, toml
 
 MOST_IN_LINE = 20  # arrays in an array
-Kind = TypeVar("Kind", bound=type)
 
 
-def remembering(kind: Kind) -> Kind:
-    """Let the records of a class remember which of their values were given."""
-    made = kind.__init__  # type: ignore[misc]
+class Remembering:
+    """A record that remembers which of its values were given."""
 
-    @wraps(made)
-    def init(self: Any, *values: Any, **given: Any) -> None:
-        made(self, *values, **given)
-        names = [item.name for item in fields(kind)][: len(values)]
-        object.__setattr__(self, "_given", frozenset((*names, *given)))
+    __slots__ = ("_given",)
+    _given: frozenset[str]
 
-    kind.__init__ = init  # type: ignore[misc]
-    return kind
+    def __new__(cls, *values: Any, **given: Any) -> Self:
+        """Make the record, whose fields its class sets."""
+        made = super().__new__(cls)
+        names = [item.name for item in fields(cls)][: len(values)]  # type: ignore[arg-type]  # a dataclass later
+        object.__setattr__(made, "_given", frozenset((*names, *given)))
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"_given": self._given}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
 
 
 def said(table: Any) -> Any:
-    """Return what records say, as plain values: what they were given, and what departs from a default.
+    """Return what records say, as plain values: what departs from a default.
+
+    A value that was given is said too if its default depends on the scene.
 
     Parameters
     ----------
@@ -46,7 +54,15 @@ def said(table: Any) -> Any:
         return table
     given = getattr(table, "_given", ())
     values = ((item, getattr(table, item.name)) for item in fields(table))
-    return {item.name: value for item, value in values if item.name in given or value != item.default}
+    return {
+        item.name: value for item, value in values if value != item.default or (item.name in given and _depends(item))
+    }
+
+
+def _depends(item: "Field[Any]") -> bool:
+    """Return whether a scene without ``[wave]`` has the key of a field with another default."""
+    other = item.metadata["rule"].bare if "rule" in item.metadata else None
+    return other is not None and other.rule is not None and other.default != item.default
 
 
 def record(kind: type, table: Any, name: str, rules: Rules | None = None, *, bare: bool = False) -> Any:

@@ -27,6 +27,7 @@ from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.files import first_file
 from granular_lmp.scene.frequency import with_placeholder, without_wavevector
 from granular_lmp.scene.monitors import Monitor, check_monitors
+from granular_lmp.scene.records import said
 from granular_lmp.scene.refusals import NEEDS_WAVE, refuse, refuse_tables
 from granular_lmp.scene.samples import located
 from granular_lmp.scene.sections import (
@@ -68,7 +69,9 @@ class Scene(HasCard, Derived):
 
     Notes
     -----
-    A scene is frozen: `with_values` returns a copy with other values, `replace` one with other tables::
+    A scene is frozen: `with_values` returns a copy with other values, `replace` one with other tables, and so does
+    `dataclasses.replace`, which takes records as they are: their ranges are not checked, and a frequency is not solved
+    for again::
 
         Scene(
             sphere=Sphere(5e-7, 73e9, 0.17, 0.063, 2200.0),
@@ -124,9 +127,10 @@ class Scene(HasCard, Derived):
     def __init__(
         self,
         *,
-        sphere: Sphere,
         packing: Packing,
         time: Time,
+        sphere: Sphere | None = None,
+        material: Sphere | None = None,
         name: str = "scene",
         description: str = "",
         wave: Wave | None = None,
@@ -141,8 +145,12 @@ class Scene(HasCard, Derived):
         monitor: Sequence[Monitor] = (),
         striker: Sequence[Striker] = (),
     ) -> None:
-        tables = {key: table for key, table in locals().items() if key != "self"}
-        self.__dict__.update(self.from_dict(self.told(tables)).__dict__)
+        tables = {key: table for key, table in locals().items() if key not in ("self", "material")}
+        if material is None:
+            made = self.from_dict(self.told(tables))
+        else:  # all fields of a scene, some of them changed
+            made = self.made(tables | {"material": tables.pop("sphere") or material})
+        self.__dict__.update(made.__dict__)
 
     @classmethod
     def made(cls, values: Mapping[str, Any]) -> Self:
@@ -215,13 +223,18 @@ class Scene(HasCard, Derived):
         tables = super().to_dict()
         if self.material.adhesion_law == Sphere.adhesion_law:
             tables["sphere"].pop("adhesion_law", None)
-        del tables["time"]["tolerance" if self.time.tolerance is None else "timestep"]
+        tables["time"] = _without_replaced(tables["time"])
         if self.bare:
             output = {key: value for key, value in tables.pop("output").items() if value != getattr(Output(), key)}
             tables |= {"output": output} if output else {}
             return {name: table for name, table in tables.items() if name not in NEEDS_WAVE}
-        del tables["wave"]["frequency" if self.wave.frequency is None else "wavenumber"]
-        return tables
+        return tables | {"wave": _without_replaced(tables["wave"])}
+
+    @classmethod
+    def told(cls, tables: Mapping[str, Any]) -> dict[str, Any]:
+        """Return tables of records as nested plain values; a tolerance or a frequency is told alone, as in a file."""
+        pairs = {key: _without_replaced(said(tables[key])) for key in ("time", "wave") if is_dataclass(tables.get(key))}
+        return super().told({**tables, **pairs})
 
     def departures(self) -> dict[str, Any]:
         """Return every value that is not its key's default, by dotted key; keys without a default are always there.
@@ -271,6 +284,14 @@ class Scene(HasCard, Derived):
         validation.check_size(self.sphere, shape, wave.amplitude)
         validation.check_absorb(self.absorb, self.packing, wave, self.envelope, shape, self.source)
         validation.check_time(self.time, self.output, shape, self.echo_time)
+
+
+def _without_replaced(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``[time]`` or ``[wave]`` without the step beside a tolerance, or the wave number beside a frequency."""
+    kept = dict(table)
+    for key, other in (("tolerance", "timestep"), ("frequency", "wavenumber")):
+        kept.pop(key if kept.get(key) is None else other, None)
+    return kept
 
 
 def _default(item: Field[Any]) -> Any:

@@ -17,7 +17,7 @@ from granular_lmp.crystal.modes import BRANCHES, MODES, Physics
 from granular_lmp.crystal.wavevector import DIRECTIONS, WaveVector
 from granular_lmp.errors import SceneError
 from granular_lmp.scene.places import AtPlaces, Rows, Spheres, places_field, rows_rule, spheres_rule
-from granular_lmp.scene.records import remembering
+from granular_lmp.scene.records import Remembering
 from granular_lmp.scene.schema import AUTO, ArrayRule, Bare, Interval, Rule, choice, count, flag, number, shown, switch
 from granular_lmp.scene.shape import Auto
 
@@ -30,9 +30,8 @@ LARGEST_WAVENUMBER = sqrt(2) * pi  # the corner of the Brillouin zone of the squ
 NARROWEST = 3.0  # rows: an envelope that is narrower mixes the wave with all others
 
 
-@remembering
 @dataclass(frozen=True)
-class Packing:
+class Packing(Remembering):
     """Packing of a lattice: rows along y, columns along x, and what each of its faces is.
 
     Beside a wave sheets are periodic along x unless `sides` says otherwise, and where the `ends` are fixed, the first
@@ -218,9 +217,8 @@ def refuse_step_beside_tolerance(tables: Mapping[str, Any]) -> None:
         )
 
 
-@remembering
 @dataclass(frozen=True)
-class Time(Sampled):
+class Time(Remembering, Sampled):
     """Duration and sampling of the run in τ, and either its time step or the required accuracy.
 
     With a `tolerance` the scene has no step until `granular_lmp.accuracy.tolerance` chooses one.
@@ -256,9 +254,8 @@ class Time(Sampled):
     allow_echo: bool = flag("run past the echo of the walls at the centre", default=False, bare=NOT_BARE)
 
 
-@remembering
 @dataclass(frozen=True)
-class Effects:
+class Effects(Remembering):
     """Effects in the deck, each true, false or "auto", and the coefficients that some of them need.
 
     `granular_lmp.effects` decides each "auto" and gives the reason. Walls and width of the packing are effects too;
@@ -319,9 +316,8 @@ def _recorded(rule: ArrayRule) -> Any:
     return places_field(replace(rule, bare=Bare(rule, (), only=True)))
 
 
-@remembering
 @dataclass(frozen=True)
-class Output(AtPlaces):
+class Output(Remembering, AtPlaces):
     """Output of a run in addition to the record of the centre sphere; without ``[wave]`` the spheres that are recorded.
 
     They are recorded at each sample, all of them if none are declared.
