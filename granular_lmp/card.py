@@ -1,4 +1,4 @@
-"""What a notebook shows of a scene, a deck, a record or a sweep: a card, which `granular_lmp.plot.notebook` draws."""
+"""The card of a scene, a deck, a record or a sweep in a notebook, which `granular_lmp.plot.notebook` draws."""
 
 
 class HasCard:

@@ -1,1 +1,1 @@
-"""LAMMPS: its decks, contact laws, units, guards and output files."""
+"""LAMMPS: its decks, contact laws, guards and output files."""

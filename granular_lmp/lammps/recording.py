@@ -19,13 +19,6 @@ def sphere_columns(problem: Problem) -> str:
     return f"id type x y z radius{mass} c_u[1] c_u[2] vx vy vz" + _turned(problem)
 
 
-def dump_columns(problem: Problem) -> list[str]:
-    """Return the names of `sphere_columns` in a dump."""
-    names = SPHERE_NAMES.split()
-    titles = dict(zip(names[1::3], names[2::3], strict=True)) | {"v_theta": "theta"}
-    return [titles.get(column, column) for column in sphere_columns(problem).split()]
-
-
 def _turned(problem: Problem) -> str:
     turns, tracks = problem.on["rotation"], problem.on["tracking"]
     return " omegaz" * turns + " v_theta" * tracks

@@ -12,7 +12,6 @@ from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.crystal.wavevector import WaveVector
 from granular_lmp.scene import remarks, words
 from granular_lmp.scene.document import Document
-from granular_lmp.scene.files import assignment as assignment
 from granular_lmp.scene.frequency import hertz_of, wavenumbers_at
 from granular_lmp.scene.monitors import Monitor
 from granular_lmp.scene.sections import (
@@ -28,7 +27,6 @@ from granular_lmp.scene.shape import FASTEST_ROWS_PER_TAU, Room, decide
 from granular_lmp.scene.sources import Source, echo_at
 from granular_lmp.scene.start import Start
 from granular_lmp.scene.strikers import Striker, scale_of, stretch
-from granular_lmp.scene.validation import LARGEST_OVERLAP_RATIO as LARGEST_OVERLAP_RATIO
 from granular_lmp.units import AnyUnits, units_of
 
 DEVIATIONS = 10.0  # standard deviations of an envelope that an "auto" packing holds: it is cut off below 4e-6
