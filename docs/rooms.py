@@ -17,7 +17,7 @@ LEFT_OUT = {"errors"}
 LAZY = {("runs", "plot"), ("card", "plot")}
 Arrows = set[tuple[str, str]]
 
-_WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 860, 130, 30, 52, 150
+_WIDTH, _BOX, _HEIGHT, _STEP, _LEFT = 980, 130, 30, 52, 150
 
 
 def imported(source: str) -> set[str]:
