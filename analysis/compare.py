@@ -24,10 +24,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis.measure.budget import Source, budget_lines, error_budget
@@ -41,6 +40,9 @@ from analysis.theory.catalogue import CRYSTAL, NETWORK, REFERENCES, script_for
 from analysis.theory.choice import TheoryError, Trajectory, beyond, holding, traits, trajectory, wave_of
 from analysis.theory.wave import Wave
 from granular_lmp.runs.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 INSTEAD = {NETWORK: "the network of its spheres", CRYSTAL: "the second order of its crystal", None: "nothing"}
@@ -282,13 +284,15 @@ def _cells(values: dict[str, float | None], names: Sequence[str] = COMPONENTS, w
     return "".join(f"{shown.get(name, '-'):>{width}}" for name in names)
 
 
-def figure(record: Record, comparison: Comparison) -> Figure:
+def figure(record: Record, comparison: Comparison) -> "Figure":
     """Return each signal of the run over the reference, the difference below it in its own scale.
 
     Of a run without a wave they are those of the sphere that moves most, in its direction.
 
     Raises TheoryError for a comparison without a theory.
     """
+    from matplotlib.figure import Figure  # slow to import, and sweeps have no figure
+
     c = comparison
     if c.signals is None:
         raise TheoryError(f"theory = None: {c.run} is compared with nothing")

@@ -59,7 +59,7 @@ GOALS = ("growth", "frequency", "gap", "passing")
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is asked of a scene.
+    """A question about a scene: which of its numbers are varied, and what is to be largest.
 
     Attributes
     ----------

@@ -7,13 +7,14 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn, TypeVar
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 from analysis.theory.contact import Contact
 from granular_lmp.runs.record import GranularError
+
+if TYPE_CHECKING:  # slow to import, and not every script draws
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 T = TypeVar("T")
 
@@ -106,7 +107,7 @@ def spheres(
 
 
 def show(
-    compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], Figure], path: str, *, run: str = ""
+    compare: Callable[[], T], table: Callable[[T], str], draw: Callable[[T], "Figure"], path: str, *, run: str = ""
 ) -> int:
     """Print the table of a comparison and draw it into a file; bad input is one line and SystemExit.
 
@@ -124,7 +125,7 @@ def show(
     return 0
 
 
-def save(figure: Figure, path: str | Path) -> None:
+def save(figure: "Figure", path: str | Path) -> None:
     """Write the figure in the format of the file's ending; its folder is made.
 
     Raises SystemExit with one line for an ending that matplotlib does not write, or a file that cannot be written.
@@ -137,7 +138,7 @@ def save(figure: Figure, path: str | Path) -> None:
         figure.savefig(path, dpi=150)
 
 
-def letter(panels: Iterable[Axes]) -> None:
+def letter(panels: Iterable["Axes"]) -> None:
     """Write (a), (b), (c) and so on at the upper left of the panels, in their order."""
     for each, axes in zip("abcdefgh", panels, strict=False):
         axes.set_title(f"({each})", loc="left", fontsize="medium")

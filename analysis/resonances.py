@@ -165,9 +165,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = command.parse_args(arguments)
     if options.map is not None and (options.map < 2 or options.direction is not None):
         command.error(f"--map {options.map}: must be 2 or more directions, and --direction is not given with it")
+    if options.direction is not None and not np.isfinite(options.direction):
+        command.error(f"--direction {options.direction}: must be degrees, finite")
     try:
         setting = Setting(Scene.load(options.scene))
         crystal = setting.crystal()
+        said = outlook(setting, crystal)
     except GranularError as error:
         raise SystemExit(error.in_options()) from error
     except ValueError as error:
@@ -177,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command.error("a chain has one direction: 90")
     angles = np.linspace(0, 180, options.map) if options.map else [own]
     found = [row for angle in angles for row in rows(setting, crystal, float(angle))]
-    print("\n".join(filter(None, [table(found, bool(options.map)), outlook(setting, crystal)])))
+    print("\n".join(filter(None, [table(found, bool(options.map)), said])))
     figure = draw_map(setting, found) if options.map else draw(setting, crystal, found, own)
     save(figure, options.output)
     write(Path(options.output).with_suffix(".csv"), as_csv(found))

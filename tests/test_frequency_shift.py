@@ -209,3 +209,10 @@ def test_row_and_phase_are_one_shift_of_the_wave():
     there = fs.shifted_second_order(wave(mode, phase=0.4), TAU, row=3)
     here = fs.shifted_second_order(wave(mode, phase=3 * 0.802 + 0.4), TAU)
     assert np.abs(np.subtract(there, here)).max() < 1e-13
+
+
+@pytest.mark.parametrize("theory", [fs.frequency_shift, lambda one: fs.shifted_second_order(one, TAU), resonance.waves])
+def test_dashpots_are_refused_by_what_has_no_decay(theory):
+    damped = Wave.of_mode("TR", 0.802, 0.2, Contact(NU, viscosity=0.1))
+    with pytest.raises(ValueError, match=r"dashpot of the contact is 0\.1; allowed: 0"):
+        theory(damped)

@@ -182,12 +182,23 @@ def test_what_has_no_such_crystal_is_refused(arguments: list[str], words: str) -
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [(["l_chain", "--direction", "30"], "a chain has one direction"), (["l_chain", "--map", "1"], "2 or more")],
+    [
+        (["l_chain", "--direction", "30"], "a chain has one direction"),
+        (["l_chain", "--map", "1"], "2 or more"),
+        (["tr_nonresonant", "--direction", "nan"], "--direction nan: must be degrees, finite"),
+    ],
 )
 def test_wrong_options_are_told(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         script.main(arguments)
     assert words in capsys.readouterr().err
+
+
+def test_a_branch_by_number_is_refused_where_branches_have_names(tmp_path: Path) -> None:
+    scene = tmp_path / "layers.toml"
+    scene.write_text(LAYERED.with_values({"wave.mode": "2"}).to_toml())
+    with pytest.raises(SystemExit, match=r"mode = '2' is none of this crystal; allowed: L, TR, RT"):
+        script.main([str(scene)])
 
 
 def test_the_page_shows_what_is_found() -> None:

@@ -97,8 +97,8 @@ def test_second_harmonic_is_the_formula_written_out(name: sh.ModeName, xi: float
     Z = TAU**2 * (sinc(w * TAU / 2) ** 2 + sinc((w + twice) * TAU / 2) * sinc((w - twice) * TAU / 2)) / 4
     expected = -sh.nonlinearity(r, 0.2) / 2 * drive * np.sin(2 * theta) * Z
     expected += mode.p * np.cos(theta) * np.cos(mode.frequency * TAU)
-    # Rounding of terms of order 1/w̃, at most 7, in modes that are known to 1e-15 each
-    assert standing(Wave(mode, 0.2, Contact(NU), phase), row) == pytest.approx(expected, rel=0, abs=1e-12)
+    # Rounding of terms of order 1/w̃, at most 7.
+    assert standing(Wave(mode, 0.2, Contact(NU), phase), row) == pytest.approx(expected, rel=0, abs=1e-13)
 
 
 def test_on_resonance_the_second_harmonic_grows_in_proportion_to_time() -> None:

@@ -140,6 +140,17 @@ def test_arrays_of_waves_give_what_single_ones_give() -> None:
         assert row == pytest.approx(third_harmonic_amplitude(each, branch, SILICA), rel=0, abs=1e-14)  # rounding
 
 
+def test_the_geometry_s_own_cubic_terms_are_left_out_and_are_of_the_order_of_the_overlap_ratio() -> None:
+    def left_out(eta: float) -> float:
+        wave = "TR", 0.802, 90.0, Contact(0.17, overlap_ratio=eta)
+        exact = in_the_hierarchy(*wave)
+        return float(np.linalg.norm(predicted(*wave) - exact) / np.linalg.norm(exact))
+
+    small, large = left_out(0.005), left_out(0.01)
+    assert large / small == pytest.approx(2, rel=0.05)  # the next order, η of it times a few
+    assert large == pytest.approx(4.8 * 0.01, rel=0.05)
+
+
 @pytest.mark.parametrize("law", ["incremental", "potential"])
 def test_laws_that_are_not_held_are_refused(law: Law) -> None:
     with pytest.raises(ValueError, match=f"law = '{law}' is not in the cubic forces; allowed: 'secant'"):

@@ -132,6 +132,11 @@ class Contact:
         """Viscosity at rest, in m/t0: that declared, or that of the restitution coefficient."""
         return self.viscosity if self.restitution is None else restitution_viscosity(self.restitution, self.kappa)
 
+    def refuse_dashpots(self) -> None:
+        """Raise ValueError for a contact with a dashpot, in a theory whose waves do not decay."""
+        if self.dashpot:
+            raise ValueError(f"dashpot of the contact is {self.dashpot:g}; allowed: 0, waves here do not decay")
+
     @property
     def departures(self) -> tuple[str, ...]:
         """Return what of the contact the closed form of the paper does not hold, by name; dashpots are left out."""

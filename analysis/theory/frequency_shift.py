@@ -21,8 +21,8 @@ Far from resonance the free waves leave a bounded ripple on the drift −iσa²�
 the start of the sech of `resonance.two_mode` (gh < 0).
 
 Breaks where |ln A| stops being small near the resonance (a = 0.2: τ ≳ 120; `resonance.three_mode` goes on), and for L
-at small ξ once it steepens. Cubic terms of the geometry, of relative order η, and the memory of the incremental law are
-not held.
+at small ξ once it steepens. Cubic terms of the geometry, of relative order η, are left out. The incremental law and
+dashpots are refused.
 """
 
 from typing import NamedTuple
@@ -53,8 +53,9 @@ class Shift(NamedTuple):
 def shift_parts(wave: Wave) -> Shift:
     """Return the parts of σ of a wave, whose amplitude and phase do not enter.
 
-    Raises ValueError for the incremental law.
+    Raises ValueError for the incremental law and for dashpots.
     """
+    wave.contact.refuse_dashpots()
     crystal, one = wave.crystal, wave.linear
     still = Mixed(crystal, one, one.reversed)
     static = Linear(still.wavevector, still.frequency, 0.5 * still.static())
@@ -69,7 +70,9 @@ def shift_parts(wave: Wave) -> Shift:
 
 
 def frequency_shift(wave: Wave) -> float:
-    """Return σ of Ω(a) = Ω + σa², rad per unit of τ, a = D0/Δ0; ValueError exactly on resonance.
+    """Return σ of Ω(a) = Ω + σa², rad per unit of τ, a = D0/Δ0.
+
+    Raises ValueError exactly on resonance, for the incremental law and for dashpots.
 
     Breaks near the resonance, where σ is what the fundamental would do after τ ≫ 1/|δ₊|, if it lived to see it.
     The error of Ω(a) is of order a⁴.

@@ -23,8 +23,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 from analysis.theory.contact import Contact
 
@@ -92,6 +90,8 @@ class Crystal:
     @cached_property
     def stiffness(self) -> Floats:
         """K, (3N, 3N)."""
+        from scipy.spatial import cKDTree  # slow to import, and only here needed
+
         box = np.where(np.isfinite(self.cell), self.cell, 0.0)  # 0 is a direction without a period
         pairs = cKDTree(np.mod(self.position, np.where(box > 0, box, np.inf)), boxsize=box).query_pairs(
             1 + _SAME, output_type="ndarray"
@@ -246,6 +246,8 @@ def step(ramp: float, delay: float = 0.0) -> Function:
 
 def samples(pairs: ArrayLike, delay: float = 0.0) -> Function:
     """Return the cubic spline through (τ, value) pairs (n, 2), level at both ends; it stays what it is beyond them."""
+    from scipy.interpolate import CubicSpline  # slow to import, and only samples need it
+
     tau, value = np.asarray(pairs, dtype=float).T
     spline = CubicSpline(np.linspace(tau[0], tau[-1], len(tau)), value, bc_type="clamped")
     return lambda times: np.asarray(spline(np.clip(np.asarray(times) - delay, tau[0], tau[-1])))

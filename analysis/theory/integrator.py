@@ -6,19 +6,35 @@ machine of four cores `analysis.compare` of one run then took 41 s of processor 
 """
 
 from collections.abc import Callable
+from functools import cache
 from math import hypot, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853 as TABLEAU
 
 Array = NDArray[Any]  # floats or complex numbers
 Derivative = Callable[[Array], Array]
 
-STAGES = TABLEAU.n_stages
-ERRORS = np.stack([TABLEAU.E5, TABLEAU.E3])
 SAFETY, LEAST, MOST = 0.9, 0.2, 10.0  # the change from one step to the next, as in SciPy
+
+
+class Tableau(NamedTuple):
+    """Coefficients of the method: of its 12 stages, its result, its errors, and its interpolation."""
+
+    stages: Array
+    result: Array
+    errors: Array
+    extra: Array
+    dense: Array
+
+
+@cache
+def tableau() -> Tableau:
+    """Return SciPy's coefficients."""
+    from scipy.integrate import DOP853  # slow to import, and only motions need it
+
+    return Tableau(DOP853.A, DOP853.B, np.stack([DOP853.E5, DOP853.E3]), DOP853.A_EXTRA, DOP853.D)
 
 
 def dop853(
@@ -44,7 +60,9 @@ def dop853(
     result[:done] = start
     if done == len(tau):
         return result
-    slopes = np.empty((STAGES + 1 + len(TABLEAU.C_EXTRA), *start.shape), dtype=start.dtype)
+    table = tableau()
+    count = len(table.stages)
+    slopes = np.empty((count + 1 + len(table.extra), *start.shape), dtype=start.dtype)
     time, y, slopes[0] = 0.0, start, derivative(start)
     step = min(_first_step(derivative, y, slopes[0], rtol, atol), longest)
     rejected = False
@@ -52,10 +70,10 @@ def dop853(
         step = min(step, longest, tau[-1] - time)
         if not step > 10 * np.spacing(time):
             raise RuntimeError(f"the step has fallen to {step:.1e} at tau = {time:.6g}: the state is not smooth there")
-        for stage in range(1, STAGES):
-            slopes[stage] = derivative(y + step * _sum(TABLEAU.A[stage, :stage], slopes))
-        after = y + step * _sum(TABLEAU.B, slopes)
-        slopes[STAGES] = derivative(after)
+        for stage in range(1, count):
+            slopes[stage] = derivative(y + step * _sum(table.stages[stage, :stage], slopes))
+        after = y + step * _sum(table.result, slopes)
+        slopes[count] = derivative(after)
         error = step * _error(slopes, atol + rtol * np.maximum(np.abs(y), np.abs(after)))
         if not error < 1:
             rejected, step = True, step * max(LEAST, SAFETY * error ** (-1 / 8))
@@ -66,7 +84,7 @@ def dop853(
             result[done:upto] = _between(derivative, y, after, slopes, step, (tau[done:upto] - time) / step)
         growth = SAFETY * error ** (-1 / 8) if error > 0 else MOST
         step *= min(1.0 if rejected else MOST, growth)
-        time, y, slopes[0], done, rejected = end, after, slopes[STAGES], upto, False
+        time, y, slopes[0], done, rejected = end, after, slopes[count], upto, False
     return result
 
 
@@ -85,7 +103,7 @@ def _norm(values: Array) -> float:
 
 def _error(slopes: Array, scale: Array) -> float:
     """Return the error per unit of τ over the tolerance, from the embedded formulas of orders 5 and 3."""
-    fifth, third = map(_norm, _sum(ERRORS, slopes) / scale)
+    fifth, third = map(_norm, _sum(tableau().errors, slopes) / scale)
     both = hypot(fifth, 0.1 * third)
     return fifth**2 / both if both else 0.0
 
@@ -109,10 +127,12 @@ def _between(
     places: NDArray[np.float64],
 ) -> Array:
     """Return the states at the places x in (0, 1] of a step, by the interpolation of order 7."""
-    for row, weights in enumerate(TABLEAU.A_EXTRA, STAGES + 1):
+    table = tableau()
+    count = len(table.stages)
+    for row, weights in enumerate(table.extra, count + 1):
         slopes[row] = derivative(y + step * _sum(weights[:row], slopes))
-    rise, first, last = after - y, step * slopes[0], step * slopes[STAGES]
-    terms = np.stack([rise, first - rise, 2 * rise - first - last, *step * _sum(TABLEAU.D, slopes)])
+    rise, first, last = after - y, step * slopes[0], step * slopes[count]
+    terms = np.stack([rise, first - rise, 2 * rise - first - last, *step * _sum(table.dense, slopes)])
     # x, x(1−x), x²(1−x), …
     factors = np.stack([places, 1 - places] * len(terms), axis=-1)[:, : len(terms)]
     return y + _sum(np.cumprod(factors, axis=-1), terms)

@@ -53,8 +53,7 @@ class Pair:
     def __post_init__(self) -> None:
         if self.sign not in (1, -1):
             raise ValueError(f"sign is {self.sign!r}; allowed: 1 (sum), -1 (difference)")
-        if self.contact.dashpot:
-            raise ValueError(f"dashpot of the contact is {self.contact.dashpot:g}; allowed: 0, waves here do not decay")
+        self.contact.refuse_dashpots()
 
     @cached_property
     def mixed(self) -> Mixed:

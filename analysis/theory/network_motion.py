@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import DOP853
 
 from analysis.theory.network import Network
 from analysis.theory.network_ledger import energy, work_rate
@@ -130,6 +129,8 @@ def integrate(
 
     Raises ValueError for times out of order or a network where nothing moves, RuntimeError if the integration fails.
     """
+    from scipy.integrate import DOP853  # slow to import, and only motions need it
+
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or times.size == 0 or times[0] < 0 or np.any(np.diff(times) <= 0):
         raise ValueError("times must be one-dimensional, not empty, not negative and ascending")

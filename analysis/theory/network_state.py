@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from analysis.theory.network import Network
 from analysis.theory.network_laws import LAWS, Dmt, Jkr
@@ -99,6 +98,8 @@ class Contacts:
 
 def search(network: Network, displacement: Floats) -> Pairs:
     """Return all pairs with gaps below the margin, for spheres displaced by (2, N)."""
+    from scipy.spatial import cKDTree  # slow to import, and only networks need it
+
     period = np.array(network.cell)
     periodic = np.isfinite(period)
     place = network.position + displacement.T

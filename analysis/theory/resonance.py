@@ -40,8 +40,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.special import ellipj
 
 from analysis.second_harmonic import ModeName, refuse_oblique
 from analysis.theory import second_order
@@ -97,10 +95,11 @@ class Waves:
 def waves(fundamental: Wave) -> Waves:
     """Return all waves a fundamental can drive, by symmetry: L for L; L in even and TR, RT in odd harmonics otherwise.
 
-    Raises ValueError for a wave that does not run along y, and for the incremental law.
+    Raises ValueError for a wave that does not run along y, for dashpots, and for the incremental law.
     """
     refuse_oblique(fundamental.mode)
     contact, xi = fundamental.contact, fundamental.mode.wavenumber
+    contact.refuse_dashpots()
     if contact.law != "secant":
         raise ValueError(f"law = {contact.law!r} is not in the cubic forces; allowed: 'secant'")
     even: tuple[ModeName, ...] = ("L",)
@@ -177,6 +176,8 @@ def amplitudes(form: NormalForm, amplitude: float, tau: ArrayLike) -> Complexes:
 
     Raises ValueError for a negative time, RuntimeError if the waves grow without bound (gh > 0, see `two_mode`).
     """
+    from scipy.integrate import solve_ivp  # slow to import, and only motions need it
+
     times, position = np.unique(np.asarray(tau, dtype=float), return_inverse=True)
     if times.size and times[0] < 0:
         raise ValueError(f"tau = {times[0]} is negative")
@@ -246,6 +247,8 @@ def two_mode_amplitudes(wave: Wave, tau: ArrayLike) -> tuple[Complexes, Complexe
     On resonance v = 1, B ∝ tanh rτ and A = sech rτ: the fundamental dies. Off resonance it comes back. Errors as in
     `two_mode`.
     """
+    from scipy.special import ellipj  # slow to import, and only the closed form needs it
+
     g, h = exchange(normal_form(wave))
     amplitude, mode = wave.amplitude, wave.mode
     if g * h >= 0:
