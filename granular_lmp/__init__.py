@@ -12,7 +12,7 @@ the centre sphere::
 A scene without a wave declares spheres that just touch and are struck; `ImpactScene` is an earlier name of it.
 
 The sub-packages in the direction of the data are `crystal`, `scene`, `effects`, `lammps`, `runs`, `accuracy`,
-`studies` and `plot`. Each imports only from those before it (``tests/test_independence.py`` holds the
+`studies` and `plot`. Each imports only from those before it (``tests/house/test_independence.py`` holds the
 table). A notebook's card of a scene, a deck, a record or a sweep is drawn by `plot.notebook`, which `card` asks for.
 """
 

@@ -33,7 +33,7 @@ PAPER = Scene.load("tr_nonresonant")
 def paper_run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Record]:
     """Runs of the paper's set-up with values changed, each made once: ``paper_run({"wave.wavenumber": 1.475})``.
 
-    A strip has the rows that the centre hears, which tests/test_effects.py finds to be the same as 201.
+    A strip has the rows that the centre hears, which tests/effects/test_effects.py finds to be the same as 201.
     """
     done: dict[str, Record] = {}
 

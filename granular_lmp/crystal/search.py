@@ -2,7 +2,7 @@
 
 The spheres and their periodic images are sorted into square bins as wide as the largest diameter, so that each sphere
 is compared only with those in the bins around its own. `ase.neighborlist` finds the same pairs
-(``tests/test_contacts.py``), but its import takes longer than the build of a deck because it loads SciPy's sparse
+(``tests/crystal/test_contacts.py``), but its import takes longer than the build of a deck, as it loads SciPy's sparse
 matrices.
 """
 

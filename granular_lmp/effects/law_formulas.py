@@ -59,7 +59,7 @@ class JkrFormulas:
     """A contact holds to `hold` Δ0 beyond its end.
 
     The parabola touches zero where f_N + F does and is below it for all overlaps up to that at rest
-    (tests/test_adhesion_laws.py).
+    (tests/theory/test_adhesion_laws.py).
     """
 
     sphere: Sphere

@@ -18,7 +18,7 @@ geometry, symmetry, and conservation. Written by `make stability`; the fast half
 kind of figure in it is also measured on a broken deck or against a wrong reference, and has to miss its bound
 (`tests/hard/test_broken_cases.py`).
 
-Tested elsewhere: restart and ranks in `tests/test_launch.py`, contact law and collisions in `tests/validation/`, bad
+Tested elsewhere: restart and ranks in `tests/runs/test_launch.py`, contacts and collisions in `tests/validation/`, bad
 input, broken decks, kills, full disks and honest status in `tests/hard/test_*.py`.
 
 Two limits are known: `**` as a word of a deck aborts LAMMPS itself, and the process with it (an uncaught `std::stol`);

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from granular_lmp import Scene, run
+from tests.house.test_independence import imports
 from tests.matrix.names import CHANGELOG, at, gone, listed, public_names
-from tests.test_independence import imports
 
 SCRIPT = Path(__file__).with_name("ten_lines.py")
 

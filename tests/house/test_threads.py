@@ -1,0 +1,31 @@
+"""The scripts of analysis take one thread of BLAS; whoever imports analysis, or has set the threads, keeps theirs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SAID_AT_THE_END = "import atexit, os; atexit.register(lambda: print(os.environ.get('OPENBLAS_NUM_THREADS')))"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "chosen", "expected"),
+    [
+        (["-m", "analysis.measure.norms"], {}, "1"),
+        (["-m", "analysis.measure.norms"], {"OPENBLAS_NUM_THREADS": "3"}, "3"),
+        (["-m", "analysis.measure.norms"], {"OMP_NUM_THREADS": "3"}, "None"),
+        (["-c", "import analysis.measure.norms"], {}, "None"),
+    ],
+    ids=["script", "script, OpenBLAS set", "script, OpenMP set", "import"],
+)
+def test_only_a_script_takes_one_thread(
+    arguments: list[str], chosen: dict[str, str], expected: str, tmp_path: Path
+) -> None:
+    (tmp_path / "sitecustomize.py").write_text(SAID_AT_THE_END, encoding="utf-8")
+    own = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    environment = own | chosen | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == expected

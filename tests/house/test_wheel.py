@@ -1,0 +1,125 @@
+"""The package as a user gets it: built, installed into another environment, and used in an empty folder."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from analysis.cli import SCRIPTS
+from granular_lmp.scene.shipped import SHIPPED
+from tests.house.test_python_of_docs import PYTHON, ROOT
+
+# Of the variables of this process, those that would let Python find the checkout
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+
+def started(*command: str | Path, cwd: Path) -> str:
+    """Return what a command prints; the test fails with its errors if it fails."""
+    done = subprocess.run(command, cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def build(source: Path, into: Path, *kinds: str) -> None:
+    started(sys.executable, "-m", "hatchling", "build", "-d", into, *kinds, cwd=source)
+
+
+def one(folder: Path, ending: str) -> Path:
+    (found,) = folder.glob(f"*{ending}")
+    return found
+
+
+def names(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        return set(archive.namelist())
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the wheel and the source distribution of this checkout."""
+    folder = tmp_path_factory.mktemp("built")
+    build(ROOT, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def programs(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of programs of a new environment that has the wheel, and the dependencies of this one."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder)
+    python = folder / "bin" / "python"
+    pip = [sys.executable, "-m", "pip", "--python", str(python)]
+    started(*pip, "install", "--quiet", "--no-deps", "--no-index", one(built, ".whl"), cwd=folder)
+    packages = Path(sysconfig.get_path("purelib", vars={"base": str(folder)}))
+    # Python reads no .pth files in a folder that one of them names: the link to the checkout stays behind
+    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    return python.parent
+
+
+def test_the_wheel_holds_both_packages_typed_and_every_shipped_file(built: Path) -> None:
+    shipped = {path.relative_to(SHIPPED).as_posix() for path in SHIPPED.rglob("*") if path.is_file()}
+    assert {"in.plane_wave", "tr_pulse/data.tr_pulse", "collisions/test5.toml"} <= shipped
+    wanted = {f"granular_lmp/lammps_inputs/{name}" for name in shipped}
+    wanted |= {"granular_lmp/lammps/kernel/contact.cpp", "granular_lmp/studies/identity.json"}
+    for package in ("granular_lmp", "analysis"):
+        wanted |= {path.relative_to(ROOT).as_posix() for path in (ROOT / package).rglob("*.py")}
+        wanted.add(f"{package}/py.typed")
+    wanted |= {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "analysis").rglob("*")
+        if path.suffix in (".toml", ".json")
+    }
+    held = {name for name in names(one(built, ".whl")) if ".dist-info/" not in name}
+    assert held == wanted
+
+
+def test_the_source_distribution_gives_the_same_wheel(built: Path, tmp_path: Path) -> None:
+    with tarfile.open(one(built, ".tar.gz")) as archive:
+        archive.extractall(tmp_path, filter="data")
+    source = one(tmp_path, "")
+    assert (source / "lammps_inputs" / "in.plane_wave").is_file()
+    build(source, tmp_path / "again", "-t", "wheel")
+    assert names(one(tmp_path / "again", ".whl")) == names(one(built, ".whl"))
+
+
+def test_an_installed_scene_runs_and_is_compared_beside_another_folder_named_analysis(
+    programs: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "analysis" / "__init__.py").write_text("raise ImportError('the wrong analysis')", encoding="utf-8")
+    short = ["--set", "packing.rows=16", "--set", "time.duration=12"]
+    started(programs / "granular-lmp", "run", "tr_periodic", *short, "-o", "run", cwd=tmp_path)
+    assert "hierarchy" in started(programs / "granular-analysis", "compare", "run", cwd=tmp_path)
+    assert (tmp_path / "run" / "compare.png").is_file()
+    assert "in.plane_wave" in started(programs / "granular-lmp", "init", "--all", "lammps_inputs", cwd=tmp_path)
+
+
+def test_the_installed_analysis_runs_as_modules_and_as_scripts(programs: Path, tmp_path: Path) -> None:
+    assert "RUN" in started(programs / "python", "-m", "analysis.compare", "--help", cwd=tmp_path)
+    assert "granular-analysis figure2" in started(programs / "granular-analysis", "figure2", "--help", cwd=tmp_path)
+
+
+def test_the_python_of_the_readme_runs_where_the_wheel_is_installed(programs: Path, tmp_path: Path) -> None:
+    for block in PYTHON.findall((ROOT / "README.md").read_text("utf-8")):
+        started(programs / "python", "-c", block, cwd=tmp_path)
+    where = "import analysis, granular_lmp; print(analysis.__file__, granular_lmp.__file__)"
+    files = started(programs / "python", "-c", where, cwd=tmp_path).split()
+    assert all(Path(file).is_relative_to(programs.parent) for file in files)
+
+
+def test_every_script_of_analysis_has_its_name_in_the_command() -> None:
+    scripts = [path for path in (ROOT / "analysis").rglob("*.py") if "\ndef main(" in path.read_text("utf-8")]
+    names = {path.parent.name if path.parents[1].stem == "cases" else path.stem for path in scripts}
+    assert set(SCRIPTS) == names - {"cli"}
+
+
+def test_every_command_of_the_project_is_installed(programs: Path) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert all((programs / name).is_file() for name in project["scripts"])

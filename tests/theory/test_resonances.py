@@ -1,0 +1,216 @@
+"""Resonances and antiresonances of any crystal: those of the paper's in closed form, others in LAMMPS."""
+
+import csv
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis import resonances as script
+from analysis import second_harmonic as sh
+from analysis.cases.growth import case as growth
+from analysis.theory.bloch import hexagonal
+from analysis.theory.contact import Contact
+from analysis.theory.crystal import Crystal
+from analysis.theory.network import Material
+from analysis.theory.phase_matching import Match, matches, mirrors, zone_edge
+from analysis.theory.scenes import Setting
+from granular_lmp import Scene, run
+
+ROOT3 = np.sqrt(3)
+LAYERS = {"every": 2, "density": 4400.0}
+LAYERED = Scene.load("tr_periodic").with_values(
+    {"packing.rows": 24, "packing.columns": 3, "inclusion": [LAYERS | {"rows": [0, 23]}]}
+)
+
+
+def growing(found: list[Match]) -> list[Match]:
+    return [each for each in found if each.rate > 0]
+
+
+@pytest.mark.parametrize("overlap_ratio", [0.0, 2.5e-4])
+def test_the_papers_crystal_has_one_resonance_and_one_antiresonance(overlap_ratio: float) -> None:
+    contact = Contact(0.17, overlap_ratio=overlap_ratio)
+    found = matches(hexagonal(contact), (0, 1))
+    (resonance,) = growing(found)
+    (silent,) = (each for each in found if each.kind == "antiresonance")
+    xi = ROOT3 / 2
+    # Roots of functions that are known to 1e-15 and have slopes of some tenths; a zero of a force loses a digit more
+    assert resonance.wavenumber * xi == pytest.approx(sh.resonance(contact.closed), abs=1e-12)
+    assert silent.wavenumber * xi == pytest.approx(sh.antiresonance(contact.closed), abs=1e-11)
+    assert (resonance.branch, resonance.target) == (silent.branch, silent.target) == (0, 1)
+    mode = sh.mode("TR", sh.resonance(contact.closed), contact.closed)
+    # On the resonance p grows at the rate of the closed form, per square of the amplitude
+    late = sh.second_harmonic(mode, contact.closed, 1.0, np.linspace(9990, 10000, 2001))
+    assert np.abs(late).max() / 1e4 == pytest.approx(resonance.rate, rel=1e-3)
+    forbidden = {each.forbidden for each in found if each.kind == "resonance" and not each.rate}
+    assert forbidden == {
+        "a mirror: even + even is even, and this branch is odd",
+        "a mirror: odd + odd is even, and this branch is odd",
+    }
+
+
+def test_every_sign_of_a_detuning_that_changes_is_found() -> None:
+    crystal, edge = hexagonal(Contact(0.3)), 2 * np.pi / ROOT3
+    numbers = edge * np.arange(1, 4998) / 4997  # none of which is a resonance, as is half of the edge
+    waves, doubled = (crystal.modes(np.outer(factor * numbers, (0, 1))).frequencies for factor in (1, 2))
+    changes = np.count_nonzero(np.diff(np.sign(2 * waves[:, :, None] - doubled[:, None]), axis=0))
+    assert zone_edge(crystal, (0, 1)) == pytest.approx(edge)
+    assert len([each for each in matches(crystal, (0, 1)) if each.kind == "resonance"]) == changes
+
+
+def test_mirrors_are_found_and_only_those() -> None:
+    crystal = hexagonal(Contact(0.17))
+    in_plane = [
+        len([each for each in mirrors(crystal, np.array(way)) if abs(each[0][2, 2] - 1) < 1e-9])
+        for way in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.6, 0.8, 0.0))
+    ]
+    assert in_plane == [1, 1, 0]
+    # Rows of two densities have the mirror along y and the one along x; without it nothing would be forbidden
+    layered = Setting(LAYERED).crystal()
+    assert len([each for each in mirrors(layered, np.array([0.0, 1.0, 0.0])) if each[0][2, 2] > 0]) == 1
+
+
+def test_honeycomb_has_resonances_that_a_chain_of_formulas_would_not_find() -> None:
+    silica = Material(73e3, 0.17, 63.0)
+    radius, depth = 500.0, 0.2498514361612
+    a = 2 * radius - depth
+    vectors = a * np.array([[ROOT3 / 2, 1.5], [-ROOT3 / 2, 1.5]])
+    crystal = Crystal.of(vectors, [[0, 0], [0, a]], radius, 2.2e-3, [silica])
+    found = growing(matches(crystal, (1.0, 0.0)))
+    assert found
+    for each in found:
+        k = each.wavenumber * np.array([1.0, 0.0])
+        twice = crystal.modes(2 * k).frequencies[each.target]
+        assert 2 * crystal.modes(k).frequencies[each.branch] == pytest.approx(twice, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mode", "cycles", "rows", "amplitude"), [("L", 23, 150, 0.0025), ("TR", 18, 130, 0.01)], ids=["L", "TR"]
+)
+def test_lammps_has_the_resonances_of_a_layered_crystal(
+    mode: str, cycles: int, rows: int, amplitude: float, tmp_path: Path
+) -> None:
+    """The nearest waves that a periodic crystal holds, 5e-5 and 8e-4 rad per row from the resonances."""
+    wavenumber = 2 * pi * cycles / rows
+    layered = LAYERED.with_values({"packing.rows": rows, "inclusion": [LAYERS | {"rows": [0, rows - 1]}]})
+    setting = Setting(layered)
+    near = growing(matches(setting.crystal(), setting.wavevector(1.0)))
+    assert min(abs(each.wavenumber / setting.unit - wavenumber) for each in near) < 1e-3
+    values = {
+        "wave.mode": mode,
+        "wave.wavenumber": wavenumber,
+        "wave.amplitude": amplitude,
+        "time.duration": 160.0,
+        "time.sample": 1.0,
+    }
+    even = np.zeros(3)[:, None]
+    for step, weight in ((0.2, -1 / 3), (0.1, 4 / 3)):
+        for phase in (0.0, pi):
+            record = run(
+                layered.with_values(values | {"time.timestep": step, "wave.phase": phase}), tmp_path / f"{step} {phase}"
+            )
+            even = even + weight / 2 * np.nan_to_num([record.p, record.q, record.phi])
+    theory = np.array(Setting(record.scene).signals(record.tau)[1])
+    assert np.abs(theory[0][-40:]).max() > 3 * np.abs(theory[0][:40]).max()  # it grows
+    # Of the step's error, which the square of τ multiplies, the fourth order is left
+    assert np.linalg.norm(even - theory) < 3e-3 * np.linalg.norm(theory)
+
+
+def test_lammps_has_the_growth_of_the_best_layers_and_along_a_row(tmp_path: Path) -> None:
+    short = {"wave.mode": "L", "packing.columns": 3, "time.duration": 60.0, "time.sample": 1.0, "output.particles": 1.0}
+    layers = {"packing.rows": 130, "wave.wavenumber": 1.111643, "wave.amplitude": 0.0025}
+    layers |= {"inclusion": [LAYERS | {"rows": [0, 129], "density": 5293.4}]}
+    row = {"wave.mode": "TR", "packing.rows": 4, "packing.columns": 53, "wave.direction": "x"}
+    row |= {"wave.wavenumber": 1.540018, "wave.amplitude": 0.005}
+    for name, values in (("layers", layers), ("row", row)):
+        scene = Scene.load("tr_periodic").with_values(short | values)
+        folders = [tmp_path / name / f"{phase:.0f}" for phase in (pi, 0)]
+        for phase, folder in zip((pi, 0.0), folders, strict=True):
+            run(scene.with_values({"wave.phase": phase}), folder)
+        (records,) = growth.pairs(list(map(str, folders)))
+        each = growth.Growing.of(scene)
+        found = growth.measured(each, records)
+        assert found == pytest.approx(each.theory, rel=1e-2)
+        assert found != pytest.approx(1.03 * each.theory, rel=1e-2)
+        assert found > 5 * growth.UNIFORM
+        with pytest.raises(ValueError, match="needs one partner whose wave.phase is larger by pi"):
+            growth.pairs([str(folders[0])])
+
+
+def test_the_command_prints_a_table_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script.main(["tr_periodic", "-o", str(tmp_path / "new" / "a.png")])
+    text = capsys.readouterr().out
+    assert "1.476273    TR -> L" in text
+    assert "2.129234    TR -> L" in text
+    assert text.split("\n")[-2].startswith("TR at xi = 0.785398, a = 0.2: contacts open at a = ")
+    with (tmp_path / "new" / "a.csv").open() as stream:
+        found = list(csv.DictReader(stream))
+    (grows,) = (each for each in found if float(each["growth"]) > 0)
+    assert float(grows["growth"]) == pytest.approx(0.0316, abs=5e-5)
+    assert float(grows["frequency_Hz"]) == pytest.approx(159.0427e6, rel=1e-6)
+    assert (tmp_path / "new" / "a.png").stat().st_size > 10_000
+
+
+def test_the_map_of_a_square_crystal_has_its_symmetry(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script.main(["tr_square", "--map", "5", "-o", str(tmp_path / "map.png")])
+    assert "a = 0.2: contacts are not stretched in first order and slide below" in capsys.readouterr().out
+    with (tmp_path / "map.csv").open() as stream:
+        found = list(csv.DictReader(stream))
+    by_angle = {
+        angle: [round(float(each["wavenumber"]), 6) for each in found if float(each["direction"]) == angle]
+        for angle in (0.0, 45.0, 90.0, 135.0, 180.0)
+    }
+    assert by_angle[0] == by_angle[90] == by_angle[180]
+    assert by_angle[45] == by_angle[135] != by_angle[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "no such scene file"),
+        (["tr_damped"], "tr_damped: the theory of a crystal leaves out effects.viscosity = 2e-08"),
+        (["tr_impurity"], "inclusion 1 has spheres; allowed: rows, every, density"),
+        (["solitary_chain"], "solitary_chain: wave: missing table; this theory is of scenes with a wave"),
+    ],
+)
+def test_what_has_no_such_crystal_is_refused(arguments: list[str], words: str) -> None:
+    with pytest.raises(SystemExit, match=words):
+        script.main(arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["l_chain", "--direction", "30"], "a chain has one direction"),
+        (["l_chain", "--map", "1"], "2 or more"),
+        (["tr_nonresonant", "--direction", "nan"], "--direction nan: must be degrees, finite"),
+    ],
+)
+def test_wrong_options_are_told(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        script.main(arguments)
+    assert words in capsys.readouterr().err
+
+
+def test_a_branch_by_number_is_refused_where_branches_have_names(tmp_path: Path) -> None:
+    scene = tmp_path / "layers.toml"
+    scene.write_text(LAYERED.with_values({"wave.mode": "2"}).to_toml())
+    with pytest.raises(SystemExit, match=r"mode = '2' is none of this crystal; allowed: L, TR, RT"):
+        script.main([str(scene)])
+
+
+def test_the_page_shows_what_is_found() -> None:
+    page = (Path(__file__).parents[2] / "docs/resonances.md").read_text()
+    found = script.rows(Setting(LAYERED), Setting(LAYERED).crystal(), 90.0)
+    fastest = max(found, key=lambda row: row[6])
+    assert f"$\\xi={fastest[2]:.4f}$. Its second harmonic gains {fastest[6]:.3f} $D_0$ a period" in page.replace(
+        "\n", " "
+    )
+    shipped = Setting(Scene.load("tr_periodic"))
+    lines = script.table(script.rows(shipped, shipped.crystal(), 90.0), several=False).split("\n")
+    shown = [line for line in page.split("\n") if line.startswith(("resonance ", "antiresonance "))]
+    assert set(shown) <= set(lines)
+    assert len(shown) == 3
+    assert fastest[6] > 5 * max(row[6] for row in script.rows(shipped, shipped.crystal(), 90.0))
