@@ -182,12 +182,13 @@ def draw(found: Sequence[tuple[Growing, float]]) -> Figure:
     if layers:
         own = np.array([each.setting.scene.inclusion[0].density for each, _ in layers])
         densities = np.linspace(0.9 * own.min(), 1.04 * own.max(), 25)
-        axes.plot(densities, layers[0][0].over(densities), color="black")
-        axes.plot(own, [growth for _, growth in layers], "o", color="tab:orange")
-    axes.axhline(UNIFORM, color="0.6", linestyle="--")
+        axes.plot(densities, layers[0][0].over(densities), color="black", label="second order, layers")
+        axes.plot(own, [growth for _, growth in layers], "o", color="tab:orange", label="LAMMPS")
+    axes.axhline(UNIFORM, color="0.6", linestyle="--", label="uniform crystal, on its resonance")
     axes.set_ylim(0, 0.4)
     axes.set_xlabel("density of every second row (kg/m³)")
     axes.set_ylabel("growth a period ($D_0$ per $a$)")
+    axes.legend(loc="center right")
     return figure
 
 
