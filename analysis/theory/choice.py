@@ -36,7 +36,6 @@ from analysis.theory.frequency_shift import shifted_second_order
 from analysis.theory.hierarchy import hierarchy, hierarchy_orders
 from analysis.theory.lattice import torus
 from analysis.theory.resonance import three_mode
-from analysis.theory.second_order import Mixed
 from analysis.theory.wave import Wave
 from analysis.theory.wave import trajectory as of_the_crystal
 from granular_lmp.runs.record import Record
@@ -240,21 +239,8 @@ def last_orders(wave: Wave, tau: Floats) -> float:
 def drive_cancels(wave: Wave) -> bool:
     """Return True if the second harmonic of a TR wave is below the next order: its antiresonance, at this amplitude.
 
-    Translation and rotation drive it with opposite signs there (`cancellation`). What is left is to be compared with
-    the next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other
+    Translation and rotation drive it with opposite signs there (`Wave.cancellation`). What is left is to be compared
+    with the next order, which is smaller by a². From a = 1 on contacts open, and no order means anything. In other
     directions the second harmonic has three components, which do not vanish together.
     """
-    return (
-        wave.mode.along_y and wave.mode.name == "TR" and wave.amplitude < 1 and cancellation(wave) < wave.amplitude**2
-    )
-
-
-def cancellation(wave: Wave) -> float:
-    """Return |Σ G|/Σ|G| of the drives G of L by translation, by rotation, and by both; 0 where p vanishes."""
-    whole = wave.linear
-    shapes = [np.where(np.arange(6) < 3, whole.shape, 0), np.where(np.arange(6) < 3, 0, whole.shape)]
-    one, other = (whole._replace(shape=shape) for shape in shapes)
-    pairs = ((one, one), (one, other), (other, one), (other, other))
-    drives = [Mixed(wave.crystal, *pair).steady[wave.longitudinal] for pair in pairs]
-    size = sum(map(abs, [drives[0], drives[1] + drives[2], drives[3]]))
-    return float(abs(sum(drives)) / size) if size else 0.0
+    return wave.mode.along_y and wave.mode.name == "TR" and wave.amplitude < 1 and wave.cancellation < wave.amplitude**2

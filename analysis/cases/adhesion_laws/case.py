@@ -98,10 +98,10 @@ def draw(groups: Mapping[Adhesion, Sequence[Record]]) -> Figure:
     spectrum.set(ylabel=r"generated wave $|\tilde P_1|/2$  ($|\epsilon| D_0$)", title="second harmonic of TR waves")
     spectrum.legend(frameon=False, fontsize="small", loc="upper left")
 
-    nu = np.linspace(-0.99, 0.5, 150)
+    nu = np.linspace(-0.99, 0.5, 50)
     _draw_places(ratios, nu, {law: [Contact(each, adhesion_law=law) for each in nu] for law in COLOURS})
     ratios.set(xlabel=r"Poisson's ratio $\nu$", title="without an outer force")
-    share = np.linspace(0, 0.9999, 150)
+    share = np.linspace(0, 0.9999, 50)
     contacts = {law: [Contact(SILICA, adhesion_law=law, prestress=each) for each in share] for law in COLOURS}
     _draw_places(pressed, share, contacts)
     pressed.set(xlabel=r"share $F_0/(F_0+F)$ of an outer force", title=rf"$\nu$ = {SILICA:g}")
