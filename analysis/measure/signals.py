@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.measure.norms import relative_error
 from analysis.theory.choice import drive_cancels, holding
 from analysis.theory.timestep import stepped_second_harmonic
-from analysis.theory.wave import Wave, generated, second_harmonic
+from analysis.theory.wave import Wave, second_harmonic
 from granular_lmp.runs.record import Record
 
 Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ def predicted_amplitude(wave: Wave) -> float | None:
     """
     if "second-order" not in holding(wave) or not wave.mode.along_y:
         return None
-    return abs(wave.amplitude * float(generated(wave.mode.name, wave.mode.wavenumber, wave.contact)))
+    return float(abs(wave.amplitude * wave.framed(wave.doubled.forced())[0])) / 2
 
 
 def recorded(record: Record) -> dict[str, Floats]:

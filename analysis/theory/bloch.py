@@ -73,11 +73,15 @@ def branch_index(name: str, wavevector: ArrayLike, contact: Contact) -> NDArray[
 
     Raises ValueError for another name, and for RT of spheres that do not turn.
     """
-    names = ("L", "TR", "RT")[: 3 if contact.turns else 2]
+    return branch_among(name, real_modes(wavevector, contact)[1], wavevector)
+
+
+def branch_among(name: str, shapes: NDArray[Any], wavevector: ArrayLike) -> NDArray[np.intp]:
+    """Return which of the modes (..., J, 3), in the plane, is L, TR or RT (...); see `branch_index`."""
+    names = ("L", "TR", "RT")[: shapes.shape[-2]]
     if name not in names:
         raise ValueError(f"name is {name!r}; allowed: {', '.join(names)}")
-    _, shapes = real_modes(wavevector, contact)
-    along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(wavevector))
+    along = np.einsum("...jc,...c->...j", shapes[..., :2], unit(np.asarray(wavevector)[..., :2]))
     longitudinal = np.argmax(np.abs(along), axis=-1)
     lower, upper = np.where(longitudinal == 0, 1, 0), np.where(longitudinal == 2, 1, 2)
     return (longitudinal, lower, upper)[names.index(name)]
@@ -98,8 +102,8 @@ def mode(name: ModeName, wavenumber: float, direction: float, contact: Contact) 
     Raises ValueError for a value out of range, and for RT of spheres that do not turn.
     """
     k = wavevector_of(wavenumber, direction)
-    branch = int(branch_index(name, k, contact))
     frequencies, shapes = real_modes(k, contact)
+    branch = int(branch_among(name, shapes, k))
     parts = np.append(frame(direction) @ shapes[branch, :2], shapes[branch, 2])
     p, q, f = np.where(np.abs(parts) < _ROUNDING, 0.0, parts)  # what a mirror forbids is 0
     return Mode(name, *map(float, (wavenumber, frequencies[branch], p, q, f, direction)))

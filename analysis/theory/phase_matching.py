@@ -21,13 +21,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from analysis.theory.crystal import Crystal, padded
-from analysis.theory.second_order import Mixed, Wave
+from analysis.theory.second_order import Mixed, Wave, branch_of
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 COUNT = 200  # wave numbers on a line
-_FLOPPY = 1e-6  # of the highest frequency: a branch that is lower all along has the frequency 0
+_FLOPPY = 1e-6  # a branch below this share of the highest frequency all along has the frequency 0
 _SILENT = 1e-9  # share of the largest force on any branch that is rounding, or a zero that was found
 _SYMMETRIC = 1e-9  # share of D by which a mirror may miss, and of a mode by which it may not be even or odd
 _REACH = 2  # reciprocal vectors up to this many of each
@@ -111,9 +111,7 @@ class _Line:
     along: Floats
 
     def wave(self, number: ArrayLike, branch: int) -> Wave:
-        k = np.multiply.outer(np.asarray(number, dtype=float), self.along)
-        modes = self.crystal.modes(k)
-        return Wave(k, modes.frequencies[..., branch], modes.shapes[..., branch, :, :])
+        return branch_of(self.crystal, np.multiply.outer(np.asarray(number, dtype=float), self.along), branch)
 
     def doubled(self, number: ArrayLike, branch: int) -> Mixed:
         one = self.wave(number, branch)
@@ -121,9 +119,11 @@ class _Line:
 
     def at(self, numbers: Floats) -> tuple[Floats, Floats, Floats]:
         """Return ω_i(k) (N, J), ω_j(2k) (N, J), and the size of the forces (N, i, j) on the branches at 2k."""
-        pairs = [self.doubled(numbers, branch) for branch in range(len(self.crystal.moving(self.crystal.mass)))]
-        frequencies = np.stack([pair.first.frequency for pair in pairs], axis=1)
-        return frequencies, pairs[0].targets.frequencies, np.stack([np.abs(pair.steady) for pair in pairs], axis=1)
+        k = np.multiply.outer(numbers, self.along)
+        modes = self.crystal.modes(k)
+        every = Wave(k[:, None], modes.frequencies, modes.shapes)
+        pairs = Mixed(self.crystal, every, every)
+        return modes.frequencies, pairs.targets.frequencies[:, 0], np.abs(pairs.steady)
 
     def resonance(self, branch: int, target: int, low: float, high: float) -> Match:
         """Return the resonance between two wave numbers where the detuning has different signs."""

@@ -43,10 +43,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import ModeName, refuse_oblique
 from analysis.theory import second_order
-from analysis.theory.bloch import branch_index
+from analysis.theory.bloch import branch_among, in_plane
 from analysis.theory.bonds import Strain
 from analysis.theory.crystal import Crystal
-from analysis.theory.second_order import branch_of
+from analysis.theory.second_order import chosen
 from analysis.theory.wave import Wave
 
 Floats = NDArray[np.float64]
@@ -109,8 +109,9 @@ def waves(fundamental: Wave) -> Waves:
     folded = np.remainder(m * xi + np.pi, 2 * np.pi) - np.pi
     still = np.where(np.abs(folded) < TRANSLATION, TRANSLATION, 0.0)
     k = np.multiply.outer(m * xi + still, fundamental.linear.wavevector[:2] / xi)
-    branches = [int(branch_index(name, each, contact)) for (_, name), each in zip(labels, k, strict=True)]
-    onward = branch_of(fundamental.crystal, k, branches)
+    modes = fundamental.crystal.modes(k)
+    found = zip(labels, in_plane(modes.shapes), k, strict=True)
+    onward = chosen(modes, k, [int(branch_among(name, shapes, each)) for (_, name), shapes, each in found])
     both = [onward, onward._replace(frequency=-onward.frequency)]  # backward at the same wave vector
     every = [*both, *(each.reversed for each in both)]
     linear = second_order.Wave(*(np.concatenate(parts) for parts in zip(*every, strict=True)))

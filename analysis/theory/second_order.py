@@ -66,8 +66,12 @@ def branch_of(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike) -> Wav
 
     Raises ValueError for a branch that is not there.
     """
+    return chosen(crystal.modes(wavevector), wavevector, branch)
+
+
+def chosen(modes: Modes, wavevector: ArrayLike, branch: ArrayLike) -> Wave:
+    """Return the wave of a branch of the modes at wave vectors (..., 2 or 3); see `branch_of`."""
     k = padded(wavevector)
-    modes = crystal.modes(k)
     count = modes.frequencies.shape[-1]
     index = np.broadcast_to(np.asarray(branch), k.shape[:-1])
     if not np.isin(index, range(count)).all():
@@ -89,8 +93,8 @@ def wave(crystal: Crystal, wavevector: ArrayLike, branch: ArrayLike, *, along: A
         For a branch that is not there, one of several of one frequency without `along`, and an `along` that has
         nothing of them.
     """
-    plain = branch_of(crystal, wavevector, branch)
-    modes = crystal.modes(plain.wavevector)
+    modes = crystal.modes(wavevector)
+    plain = chosen(modes, wavevector, branch)
     same = np.abs(modes.frequencies - plain.frequency[..., None]) < _DEGENERATE * crystal.highest
     if along is None:
         if np.any(same.sum(axis=-1) > 1):

@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Pair = tuple[NDArray[Any], NDArray[Any]]  # real and imaginary part of a field, each with a complex step
 
-_STEP = 1e-30  # of a complex step, relative: nothing is subtracted, so nothing rounds
+_STEP = 1e-30  # relative size of a complex step: nothing is subtracted, so nothing rounds
 _SAME = 1e-9  # squared frequencies within this share of the highest are one
 _MIXED = 1e-9  # share of the highest squared frequency by which branches of one frequency may mix
 _TURNS = 60  # Newton steps to a resonance

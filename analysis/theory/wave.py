@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.second_harmonic import ALONG_Y, Mode, ModeName
 from analysis.theory import bloch, second_order
-from analysis.theory.bloch import branch_index, frame, hexagonal, in_plane, real_modes, wavevector_of
+from analysis.theory.bloch import branch_among, frame, hexagonal, in_plane, wavevector_of
 from analysis.theory.contact import Contact
 from analysis.theory.crystal import Crystal, padded
 from analysis.theory.second_order import Mixed
@@ -104,8 +104,7 @@ class Wave:
     @property
     def longitudinal(self) -> int:
         """Return which branch at 2k the second harmonic is, where a mirror holds k: that which moves along k."""
-        along = self.framed(self.doubled.targets.shapes)[..., 0]
-        return int(np.argmax(np.abs(along)))
+        return int(_longitudinal(self.doubled))
 
     @property
     def free_frequency(self) -> float:
@@ -164,8 +163,7 @@ def generated(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
 
     It is ½ P̃1/i times ε/a: of the closed form, where it holds the contact. Infinite on resonance.
     """
-    k = np.multiply.outer(np.asarray(wavenumbers, dtype=float), wavevector_of(1.0, ALONG_Y))
-    one = second_order.branch_of(hexagonal(contact), k, branch_index(name, k, contact))
+    one = _named(name, wavenumbers, contact)
     return np.asarray(0.5 * Mixed(hexagonal(contact), one, one).forced()[..., 0, 1].imag)
 
 
@@ -190,7 +188,8 @@ def resonance(contact: Contact) -> float | None:
     """Return ξ where the second harmonic of TR along y is a free L wave, 2Ω_TR(ξ) = Ω_L(2ξ); None if there is none."""
 
     def detuning(wavenumbers: ArrayLike) -> Floats:
-        return 2 * _frequency("TR", wavenumbers, contact) - _frequency("L", 2 * np.asarray(wavenumbers), contact)
+        doubled = 2 * np.asarray(wavenumbers)
+        return 2 * _named("TR", wavenumbers, contact).frequency - _named("L", doubled, contact).frequency
 
     return _root(detuning)
 
@@ -202,18 +201,23 @@ def antiresonance(contact: Contact) -> float | None:
     """
 
     def drive(wavenumbers: ArrayLike) -> Floats:
-        xi = np.asarray(wavenumbers, dtype=float)
-        return generated("TR", xi, contact) * (
-            _frequency("L", 2 * xi, contact) ** 2 - 4 * _frequency("TR", xi, contact) ** 2
-        )
+        one = _named("TR", wavenumbers, contact)
+        pair = Mixed(hexagonal(contact), one, one)
+        return np.take_along_axis(pair.steady, _longitudinal(pair)[..., None], axis=-1)[..., 0].imag
 
     return _root(drive)
 
 
-def _frequency(name: str, wavenumbers: ArrayLike, contact: Contact) -> Floats:
+def _named(name: str, wavenumbers: ArrayLike, contact: Contact) -> second_order.Wave:
+    """Return the waves of a name along y, of amplitude 1, at ξ (...)."""
     k = np.multiply.outer(np.asarray(wavenumbers, dtype=float), wavevector_of(1.0, ALONG_Y))
-    frequencies, _ = real_modes(k, contact)
-    return np.take_along_axis(frequencies, branch_index(name, k, contact)[..., None], axis=-1)[..., 0]
+    modes = hexagonal(contact).modes(k)
+    return second_order.chosen(modes, k, branch_among(name, in_plane(modes.shapes), k))
+
+
+def _longitudinal(pair: Mixed) -> NDArray[np.intp]:
+    """Return which mode at K (...) of pairs of waves in the paper's crystal is L."""
+    return branch_among("L", in_plane(pair.targets.shapes), pair.wavevector)
 
 
 def _root(function: Callable[[ArrayLike], Floats]) -> float | None:

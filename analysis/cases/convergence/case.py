@@ -78,8 +78,8 @@ def convergence(waves: Iterable[tuple[ModeName, float]] = WAVES, theory: Ratios 
 @cache  # the same for every theory
 def _exact(name: ModeName, wavenumber: float) -> Floats:
     wave = mode(name, wavenumber, ratios(POISSON_RATIO))
-    # rtol: the smallest reference is p of RT, 1e-5 at a=0.0125, with an error of 5e-6 to be resolved in it. The error
-    # of 21 points is 5e-9 at a=0.2, and falls with the amplitude to the power of ten
+    # rtol: the smallest reference is p of RT, 1e-5 at a=0.0125, with an error of 5e-6 to be resolved in it. With
+    # 21 points the error is 5e-9 at a=0.2, and falls with the amplitude to the power of ten
     return torus_trajectories(wave, AMPLITUDES, Contact(POISSON_RATIO), TAU, points=21, rtol=5e-13)
 
 
